@@ -1,0 +1,40 @@
+"""Impedance controller: the device feels as heavy as the mechanism, in the range space of Λ_h⁻¹.
+
+    u_imp = Λ_d X F - (1 - (1 - β) Π) F + Λ_d a_0 + device bias,      F = F_h + F_c
+
+Together with the hand and the contact channel the device then obeys Λ_d ẍ = Λ_d (X F + a_0) +
+(1 - β) Π F: it accelerates as the operational point does, and what is left is the push along
+constrained directions. X is never inverted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.mechanism.model import Array
+
+
+def impedance_wrench(
+    device_inertia: Array,
+    inverse_inertia: Array,
+    balanced_share: Array,
+    free_acceleration: Array,
+    wrench: Array,
+    feedforward: float,
+    device_bias: Array,
+) -> Array:
+    """Return u_imp (6,): on the hand, by the device, at the point held, world axes, N and N m.
+
+    Args:
+        device_inertia: (6, 6) Λ_d, kg and kg m².
+        inverse_inertia: (6, 6) X.
+        balanced_share: (6, 6) Π.
+        free_acceleration: (6,) a_0, m/s² and rad/s².
+        wrench: (6,) F_h + F_c.
+        feedforward: β in [0, 1], share of Π F that is cancelled ahead.
+        device_bias: (6,) the device's own Coriolis, gravity and friction wrench.
+    """
+    motion = device_inertia @ (inverse_inertia @ wrench + free_acceleration)
+    return np.asarray(
+        motion - wrench + (1.0 - feedforward) * (balanced_share @ wrench) + device_bias
+    )

@@ -1,0 +1,74 @@
+"""The hand that holds the device: a constant wrench, or a spring and damper to a moving target."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.document import ConstantWrenchHand, Hand, SpringDamperHand
+
+# (elapsed s, pose, twist, pose when the hand took hold) -> wrench on the device, world axes.
+HandLaw = Callable[[float, pin.SE3, Array, pin.SE3], Array]
+
+
+def hand_law(hand: Hand) -> HandLaw:
+    """Return the law of a scene's hand.
+
+    The law takes s since engagement, the device's pose and twist, and its pose when the hand took
+    hold; it returns F_h (6,), by the hand on the device, world axes, N and N m. Before the hand's
+    ``start_delay`` it is zero.
+    """
+    return _constant(hand) if isinstance(hand, ConstantWrenchHand) else _spring_damper(hand)
+
+
+def _constant(hand: ConstantWrenchHand) -> HandLaw:
+    pushing = np.array(hand.force + hand.torque)
+    idle = np.zeros(6)
+    pushing.flags.writeable = idle.flags.writeable = False
+    # Half a nanosecond absorbs the rounding of times that are sums of periods.
+    start = hand.start_delay - 5e-10
+
+    def law(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
+        del pose, twist, held
+        return pushing if elapsed >= start else idle
+
+    return law
+
+
+def _spring_damper(hand: SpringDamperHand) -> HandLaw:
+    stiffness = np.array([hand.stiffness] * 3 + [hand.angular_stiffness] * 3)
+    damping = np.array([hand.damping] * 3 + [hand.angular_damping] * 3)
+    times = np.array([waypoint.time for waypoint in hand.waypoints])
+    offsets = np.array([waypoint.xyz + waypoint.rotation for waypoint in hand.waypoints])
+    if times[0] > 0.0:
+        times = np.concatenate(([0.0], times))
+        offsets = np.vstack((np.zeros(6), offsets))
+    idle = np.zeros(6)
+
+    def law(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
+        moving = elapsed - hand.start_delay
+        if moving < -5e-10:
+            return idle
+        offset, rate = _target(times, offsets, moving)
+        goal = held.translation + offset[:3]
+        turned = pin.exp3(offset[3:]) @ held.rotation
+        stretch = np.concatenate((goal - pose.translation, pin.log3(turned @ pose.rotation.T)))
+        return np.asarray(stiffness * stretch + damping * (rate - twist))
+
+    return law
+
+
+def _target(times: Array, offsets: Array, time: float) -> tuple[Array, Array]:
+    """Return offset and rate of the target: minimum-jerk moves from waypoint to waypoint."""
+    if time >= times[-1]:
+        return offsets[-1], np.zeros(6)
+    index = max(int(np.searchsorted(times, time, side="right")) - 1, 0)
+    span = times[index + 1] - times[index]
+    u = min(max((time - times[index]) / span, 0.0), 1.0)
+    way = offsets[index + 1] - offsets[index]
+    share = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+    speed = 30.0 * u**2 * (1.0 - u) ** 2 / span
+    return offsets[index] + share * way, speed * way

@@ -1,0 +1,68 @@
+"""One exception family. Every error carries the offending value and the rule it broke.
+
+Users catch :class:`HapticMechError` to catch all of ours; the attributes are there for programs,
+the message is there for people.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+class HapticMechError(Exception):
+    """Base class of every error that this package raises on purpose."""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneProblem:
+    """One broken rule in a scene.
+
+    Attributes:
+        key_path: where, e.g. ``links[2].inertial.mass``.
+        value: the offending value as it was read.
+        rule: the rule that the value breaks, in words.
+    """
+
+    key_path: str
+    value: object
+    rule: str
+
+    def __str__(self) -> str:
+        shown = repr(self.value)
+        if len(shown) > 80:
+            shown = shown[:77] + "..."
+        return f"{self.key_path}: {self.rule} (got {shown})"
+
+
+class SceneError(HapticMechError):
+    """A scene file or document that breaks rules; lists all problems found, not only the first."""
+
+    def __init__(self, source: str, problems: Sequence[SceneProblem]) -> None:
+        self.source = source
+        self.problems = tuple(problems)
+        lines = "\n".join(f"  {problem}" for problem in self.problems)
+        super().__init__(f"{source}: scene refused\n{lines}")
+
+
+class ClosureError(HapticMechError):
+    """Loop closures that cannot be met: the scene cannot close, or a running loop came apart."""
+
+    def __init__(self, message: str, residual: float, closures: Sequence[str]) -> None:
+        self.residual = residual
+        self.closures = tuple(closures)
+        super().__init__(f"{message} (closures {list(self.closures)}, residual {residual:.3e})")
+
+
+class InvalidInputError(HapticMechError):
+    """A value handed to the library, or received as a message, that breaks a rule."""
+
+    def __init__(self, what: str, value: object, rule: str) -> None:
+        self.what = what
+        self.value = value
+        self.rule = rule
+        super().__init__(f"{what}: {rule} (got {value!r})")
+
+
+class BagError(HapticMechError):
+    """A bag that cannot be read, or does not hold what was asked of it."""

@@ -1,0 +1,135 @@
+"""Loop closures: residual φ, Jacobian W and bias Ẇv of each kind (docs/notation.md).
+
+Each residual is built from two blocks that are exact on the whole configuration manifold:
+
+* point: ``p_a - p_b`` in world axes, 3 rows (x and y only for ``planar_pin``), metres;
+* axes: products of unit axes of the two frames, dimensionless, radians to first order.
+  ``revolute`` has ``[x_b . z_a, y_b . z_a]``; ``weld`` has ``1/2 sum_k b_k x a_k``, which is
+  sin(angle) times the rotation axis.
+
+Rates follow from ȧ = ω_a × a, so that no logarithm has to be differentiated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.mechanism.model import Array, TreeModel
+from hapticmech_ros.scene.document import Closure, ClosureKind
+
+ROWS: dict[ClosureKind, int] = {"spherical": 3, "weld": 6, "revolute": 5, "planar_pin": 2}
+_POINT_ROWS: dict[ClosureKind, int] = {"spherical": 3, "weld": 3, "revolute": 3, "planar_pin": 2}
+
+
+@dataclass(frozen=True)
+class LoopClosure:
+    """One closure bound to its two frames in the Pinocchio model."""
+
+    name: str
+    kind: ClosureKind
+    frame_a: int
+    frame_b: int
+    latch_distance: float | None
+
+    @property
+    def rows(self) -> int:
+        """Number m of scalar constraints."""
+        return ROWS[self.kind]
+
+    def row_lengths(self, length: float) -> Array:
+        """Return (m,) the unit of each row: ``length`` (m) for points, 1 for axes."""
+        points = _POINT_ROWS[self.kind]
+        return np.array([length] * points + [1.0] * (self.rows - points))
+
+    def residual(self, data: pin.Data) -> Array:
+        """Return (m,) φ from placements already in ``data.oMf``: m, then rad to first order."""
+        a, b = data.oMf[self.frame_a], data.oMf[self.frame_b]
+        points = (a.translation - b.translation)[: _POINT_ROWS[self.kind]]
+        if self.kind == "weld":
+            return np.concatenate((points, _misalignment(a.rotation, b.rotation)))
+        if self.kind == "revolute":
+            return np.concatenate((points, b.rotation[:, :2].T @ a.rotation[:, 2]))
+        return points
+
+    def on_wrong_branch(self, data: pin.Data) -> bool:
+        """Return whether the axes are more than 90° apart, where φ no longer measures the angle."""
+        a, b = data.oMf[self.frame_a].rotation, data.oMf[self.frame_b].rotation
+        if self.kind == "weld":
+            return bool(np.trace(b.T @ a) <= 1.0)
+        if self.kind == "revolute":
+            return bool(b[:, 2] @ a[:, 2] <= 0.0)
+        return False
+
+    def jacobian(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return (m, nv) W = ∂φ/∂q, from ``computeJointJacobians`` and placements in ``data``."""
+        world_axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        jacobian_a = pin.getFrameJacobian(model, data, self.frame_a, world_axes)
+        jacobian_b = pin.getFrameJacobian(model, data, self.frame_b, world_axes)
+        points = (jacobian_a[:3] - jacobian_b[:3])[: _POINT_ROWS[self.kind]]
+        if self.rows == len(points):
+            return points
+        a, b = data.oMf[self.frame_a].rotation, data.oMf[self.frame_b].rotation
+        if self.kind == "revolute":
+            normals = _revolute_normals(a, b)
+            return np.vstack((points, normals @ (jacobian_a[3:] - jacobian_b[3:])))
+        turn_a, turn_b = _weld_gains(a, b)
+        return np.vstack((points, turn_a @ jacobian_a[3:] + turn_b @ jacobian_b[3:]))
+
+    def bias(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return (m,) γ = Ẇv, from ``forwardKinematics(q, v, 0)`` in ``data``; m/s², 1/s²."""
+        world_axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        motion = pin.getFrameClassicalAcceleration
+        accel_a = motion(model, data, self.frame_a, world_axes)
+        accel_b = motion(model, data, self.frame_b, world_axes)
+        points = (accel_a.linear - accel_b.linear)[: _POINT_ROWS[self.kind]]
+        if self.rows == len(points):
+            return points
+        a, b = data.oMf[self.frame_a].rotation, data.oMf[self.frame_b].rotation
+        rate_a = pin.getFrameVelocity(model, data, self.frame_a, world_axes).angular
+        rate_b = pin.getFrameVelocity(model, data, self.frame_b, world_axes).angular
+        # Second derivative of each unit axis at zero joint acceleration: α×a + ω×(ω×a).
+        speed_a, speed_b = np.cross(rate_a, a.T), np.cross(rate_b, b.T)
+        second_a = np.cross(accel_a.angular, a.T) + np.cross(rate_a, speed_a)
+        second_b = np.cross(accel_b.angular, b.T) + np.cross(rate_b, speed_b)
+        if self.kind == "revolute":
+            turning = (
+                second_b[:2] @ a[:, 2] + 2.0 * speed_b[:2] @ speed_a[2] + b[:, :2].T @ second_a[2]
+            )
+        else:
+            turning = 0.5 * (
+                np.cross(second_b, a.T) + 2.0 * np.cross(speed_b, speed_a) + np.cross(b.T, second_a)
+            ).sum(axis=0)
+        return np.concatenate((points, turning))
+
+
+def bind_closure(closure: Closure, tree: TreeModel) -> LoopClosure:
+    """Add the closure's frames to the model and return it bound to them."""
+    frame_a = tree.add_frame(f"{closure.name}/a", closure.a.link, closure.a.origin)
+    frame_b = tree.add_frame(f"{closure.name}/b", closure.b.link, closure.b.origin)
+    return LoopClosure(closure.name, closure.kind, frame_a, frame_b, closure.latch_distance)
+
+
+def _misalignment(a: Array, b: Array) -> Array:
+    """Return 1/2 sum_k b_k x a_k = sin(angle) axis of the rotation from b to a, world axes."""
+    skew = a @ b.T
+    return 0.5 * np.array(
+        [skew[2, 1] - skew[1, 2], skew[0, 2] - skew[2, 0], skew[1, 0] - skew[0, 1]]
+    )
+
+
+def _revolute_normals(a: Array, b: Array) -> Array:
+    """Return (2, 3): rows z_a x x_b and z_a x y_b, so that φ̇ = rows (ω_a - ω_b)."""
+    return np.cross(a[:, 2], b[:, :2].T)
+
+
+def _weld_gains(a: Array, b: Array) -> tuple[Array, Array]:
+    """Return (3, 3) gains G_a, G_b with φ̇ = G_a ω_a + G_b ω_b for the weld's axes block.
+
+    b×(ω×a) = ((a·b) 1 - a bᵀ) ω, summed over the three axes and halved; likewise for b.
+    """
+    relative = a @ b.T
+    trace = float(np.trace(relative))
+    return 0.5 * (trace * np.eye(3) - relative), -0.5 * (trace * np.eye(3) - relative.T)

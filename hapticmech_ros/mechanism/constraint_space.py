@@ -1,0 +1,116 @@
+"""Rank-revealing factorisation of the loop closures in the mass metric.
+
+With D = L Lᵀ, the columns of A = L⁻¹Wᵀ span the forces that the loops can transmit. The thin SVD
+A = U diag(σ) Vᵀ, cut at the solver's rank tolerance, gives every constrained quantity without ever
+forming W D⁻¹ Wᵀ, whose condition number is the square of A's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg.lapack import dgesdd, dpotrf, dtrtrs
+
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.model import Array
+
+# Singular values of A below this fraction of the largest carry no force: redundant closures.
+# This is a numerical tolerance; which directions a user feels as rigid is another question.
+SOLVER_RANK_TOLERANCE = 1e-8
+
+
+class SingularInertiaError(HapticMechError):
+    """D is not positive definite: some joint moves no mass."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConstraintSpace:
+    """Orthonormal description of the closures' forces in the mass metric.
+
+    Attributes:
+        factor: (nv, nv) lower Cholesky factor L of D.
+        basis: (nv, r) U, orthonormal basis of range(L⁻¹Wᵀ).
+        sigma: (r,) singular values kept, of rows scaled by ``row_lengths``.
+        rows: (m, r) V / row length: maps coordinates in U back to the rows of W.
+    """
+
+    factor: Array
+    basis: Array
+    sigma: Array
+    rows: Array
+
+    @property
+    def rank(self) -> int:
+        """Number r of independent closure rows."""
+        return int(self.sigma.size)
+
+    def to_mass_metric(self, force: Array) -> Array:
+        """Return L⁻¹ force, for a joint force (nv,) or the columns of (nv, k)."""
+        return solve_lower(self.factor, force)
+
+    def from_mass_metric(self, rate: Array) -> Array:
+        """Return L⁻ᵀ rate: joint rates from coordinates of the mass metric."""
+        return np.asarray(dtrtrs(self.factor, rate, lower=1, trans=1)[0])
+
+    def without_closure_part(self, columns: Array) -> Array:
+        """Return (1 - U Uᵀ) columns: what the closures leave free."""
+        if self.rank == 0:
+            return columns
+        return np.asarray(columns - self.basis @ (self.basis.T @ columns))
+
+    def correction(self, rows: Array) -> Array:
+        """Return D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ rows: the smallest change, in the mass metric, with W change = rows."""
+        return self.from_mass_metric(self.basis @ ((self.rows.T @ rows) / self.sigma))
+
+    def multipliers(self, along_basis: Array) -> Array:
+        """Return the smallest (scaled) λ with L⁻¹Wᵀ λ = U along_basis."""
+        return np.asarray(self.rows @ (along_basis / self.sigma))
+
+
+def cholesky_of_upper(inertia_upper: Array) -> Array:
+    """Return the lower factor L of D given D's upper triangle.
+
+    Raises:
+        SingularInertiaError: D is not positive definite.
+    """
+    upper, info = dpotrf(inertia_upper, lower=0, clean=1)
+    if info != 0:
+        raise SingularInertiaError(
+            f"joint-space inertia is not positive definite at degree of freedom {info - 1}: "
+            "every joint must move some mass"
+        )
+    return np.asarray(upper.T)
+
+
+def solve_lower(factor: Array, columns: Array) -> Array:
+    """Return factor⁻¹ columns for a lower triangular factor."""
+    return np.asarray(dtrtrs(factor, columns, lower=1)[0])
+
+
+def constraint_space(
+    factor: Array,
+    jacobian: Array,
+    row_lengths: Array,
+    tolerance: float = SOLVER_RANK_TOLERANCE,
+) -> ConstraintSpace:
+    """Factor the active closures.
+
+    Args:
+        factor: (nv, nv) L with D = L Lᵀ.
+        jacobian: (m, nv) W; m may be 0.
+        row_lengths: (m,) unit of each row, so that the rank does not depend on metres or radians.
+        tolerance: singular values below this fraction of the largest are dropped.
+    """
+    nv = factor.shape[0]
+    rows = jacobian.shape[0]
+    if rows == 0:
+        return ConstraintSpace(factor, np.zeros((nv, 0)), np.zeros(0), np.zeros((0, 0)))
+    scaled = solve_lower(factor, (jacobian / row_lengths[:, None]).T)
+    left, sigma, right, info = dgesdd(scaled, full_matrices=0)
+    if info != 0:
+        raise HapticMechError(f"SVD of the loop closures did not converge (LAPACK info {info})")
+    rank = int(np.count_nonzero(sigma > tolerance * sigma[0])) if sigma[0] > 0.0 else 0
+    return ConstraintSpace(
+        factor, left[:, :rank], sigma[:rank], right[:rank].T / row_lengths[:, None]
+    )

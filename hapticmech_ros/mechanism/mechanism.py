@@ -1,0 +1,231 @@
+"""Eq. 1 evaluated at a state: D, h, J, W and what follows from them.
+
+D(q) v̇ + h(q, v) = τ + Σ Jᵀ F - Wᵀ λ,      W v̇ + Ẇ v = 0
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.closures import LoopClosure, bind_closure
+from hapticmech_ros.mechanism.constraint_space import (
+    ConstraintSpace,
+    cholesky_of_upper,
+    constraint_space,
+)
+from hapticmech_ros.mechanism.model import Array, TreeModel, build_tree
+from hapticmech_ros.scene.document import Scene
+
+Active = tuple[bool, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PointKinematics:
+    """An operational point at a state, axes of the world, origin at the point.
+
+    Attributes:
+        pose: point frame in the world.
+        jacobian: (6, nv) J_h, linear rows first.
+        twist: (6,) J_h v, m/s and rad/s.
+        drift: (6,) J̇_h v, acceleration of the point at v̇ = 0, m/s² and rad/s².
+    """
+
+    pose: pin.SE3
+    jacobian: Array
+    twist: Array
+    drift: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """All terms of Eq. 1 at one state.
+
+    Attributes:
+        inertia: (nv, nv) D, symmetric.
+        bias_force: (nv,) h, Coriolis, centripetal and gravity terms.
+        passive_force: (nv,) joint damping, -damping * v.
+        closure_residual: (m,) φ of the active closures, m and rad.
+        closure_jacobian: (m, nv) W of the active closures.
+        closure_bias: (m,) Ẇv.
+        space: factorisation of D and W.
+        points: operational points in the scene's order.
+    """
+
+    inertia: Array
+    bias_force: Array
+    passive_force: Array
+    closure_residual: Array
+    closure_jacobian: Array
+    closure_bias: Array
+    space: ConstraintSpace
+    points: tuple[PointKinematics, ...]
+
+    def acceleration(self, joint_force: Array) -> tuple[Array, Array]:
+        """Solve Eq. 1 for joint forces τ + Σ Jᵀ F.
+
+        Returns:
+            v̇ (nv,) and closure forces λ (m,), the smallest ones where closures are redundant.
+        """
+        space = self.space
+        free = space.to_mass_metric(joint_force + self.passive_force - self.bias_force)
+        if space.rank == 0:
+            return space.from_mass_metric(free), np.zeros(self.closure_bias.size)
+        needed = -(space.rows.T @ self.closure_bias) / space.sigma
+        surplus = space.basis.T @ free - needed
+        acceleration = space.from_mass_metric(free - space.basis @ surplus)
+        return acceleration, space.multipliers(surplus)
+
+
+class Mechanism:
+    """A scene's tree, closures and operational points, evaluated at states.
+
+    The only mutable part is Pinocchio's scratch data; every result is a copy.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.tree: TreeModel = build_tree(scene)
+        self.closures: tuple[LoopClosure, ...] = tuple(
+            bind_closure(closure, self.tree) for closure in scene.closures
+        )
+        self.point_names = tuple(point.name for point in scene.operational_points)
+        self._point_frames = tuple(
+            self.tree.add_frame(f"point/{point.name}", point.link, point.origin)
+            for point in scene.operational_points
+        )
+        self.model: pin.Model = self.tree.pinocchio
+        self.data: pin.Data = self.model.createData()
+        self.length = self._characteristic_length()
+        self._zero = np.zeros(self.model.nv)
+        self._row_lengths = [closure.row_lengths(self.length) for closure in self.closures]
+        self.initially_active: Active = tuple(closure.active for closure in scene.closures)
+
+    @property
+    def nv(self) -> int:
+        """Number of degrees of freedom of the open tree."""
+        return int(self.model.nv)
+
+    @property
+    def nq(self) -> int:
+        """Length of the configuration vector."""
+        return int(self.model.nq)
+
+    def evaluate(self, q: Array, v: Array, active: Active) -> Evaluation:
+        """Evaluate every term of Eq. 1 at (q, v) with the given closures active.
+
+        Raises:
+            SingularInertiaError: D is not positive definite.
+        """
+        model, data = self.model, self.data
+        upper = pin.crba(model, data, q)
+        factor = cholesky_of_upper(upper)
+        bias = pin.nonLinearEffects(model, data, q, v).copy()
+        pin.computeJointJacobians(model, data, q)
+        pin.forwardKinematics(model, data, q, v, self._zero)
+        pin.updateFramePlacements(model, data)
+        residual, jacobian, drift, lengths = self._closure_terms(active, with_motion=True)
+        return Evaluation(
+            inertia=factor @ factor.T,
+            bias_force=bias,
+            passive_force=-self.tree.damping * v,
+            closure_residual=residual,
+            closure_jacobian=jacobian,
+            closure_bias=drift,
+            space=constraint_space(factor, jacobian, lengths),
+            points=tuple(self._point(frame, v) for frame in self._point_frames),
+        )
+
+    def closing_terms(self, q: Array, active: Active) -> tuple[Array, ConstraintSpace]:
+        """Return φ of the active closures and the factorisation at q: what projections need."""
+        model, data = self.model, self.data
+        factor = cholesky_of_upper(pin.crba(model, data, q))
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        residual, jacobian, _, lengths = self._closure_terms(active, with_motion=False)
+        return residual, constraint_space(factor, jacobian, lengths)
+
+    def residual_of(self, index: int, q: Array) -> Array:
+        """Return φ of closure ``index`` at q, active or not."""
+        pin.framesForwardKinematics(self.model, self.data, q)
+        return self.closures[index].residual(self.data)
+
+    def names_of(self, active: Active) -> list[str]:
+        """Return the names of the active closures."""
+        return [c.name for c, on in zip(self.closures, active, strict=True) if on]
+
+    def integrate(self, q: Array, change: Array) -> Array:
+        """Return q ⊕ change on the configuration manifold."""
+        return np.asarray(pin.integrate(self.model, q, change))
+
+    def energy(self, q: Array, v: Array) -> tuple[float, float]:
+        """Return kinetic and potential energy, J."""
+        kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
+        return float(kinetic), float(pin.computePotentialEnergy(self.model, self.data, q))
+
+    def point_index(self, name: str = "") -> int:
+        """Return the index of an operational point; the first one if ``name`` is empty.
+
+        Raises:
+            InvalidInputError: no such point.
+        """
+        return self.point_names.index(self.scene.operational_point(name).name)
+
+    def closure_index(self, name: str) -> int:
+        """Return the index of a closure.
+
+        Raises:
+            InvalidInputError: no such closure.
+        """
+        names = [closure.name for closure in self.closures]
+        if name not in names:
+            raise InvalidInputError("closure", name, f"must be one of {names}")
+        return names.index(name)
+
+    def check_state(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return copies of (q, v) after checking sizes and finiteness.
+
+        Raises:
+            InvalidInputError: wrong size, NaN or infinity.
+        """
+        checked = []
+        for what, value, size in (("q", q, self.nq), ("v", v, self.nv)):
+            array = np.array(value, dtype=float)
+            if array.shape != (size,) or not np.isfinite(array).all():
+                raise InvalidInputError(what, value, f"must be {size} finite numbers")
+            checked.append(array)
+        return checked[0], checked[1]
+
+    def _point(self, frame: int, v: Array) -> PointKinematics:
+        model, data = self.model, self.data
+        world_axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        jacobian = pin.getFrameJacobian(model, data, frame, world_axes)
+        drift = pin.getFrameClassicalAcceleration(model, data, frame, world_axes).vector
+        return PointKinematics(data.oMf[frame].copy(), jacobian, jacobian @ v, drift)
+
+    def _closure_terms(
+        self, active: Active, with_motion: bool
+    ) -> tuple[Array, Array, Array, Array]:
+        chosen = [index for index, on in enumerate(active) if on]
+        if not chosen:
+            return np.zeros(0), np.zeros((0, self.nv)), np.zeros(0), np.zeros(0)
+        model, data = self.model, self.data
+        loops = [self.closures[index] for index in chosen]
+        lengths = np.concatenate([self._row_lengths[index] for index in chosen])
+        residual = np.concatenate([loop.residual(data) for loop in loops])
+        jacobian = np.vstack([loop.jacobian(model, data) for loop in loops])
+        if not with_motion:
+            return residual, jacobian, np.zeros(0), lengths
+        bias = np.concatenate([loop.bias(model, data) for loop in loops])
+        return residual, jacobian, bias, lengths
+
+    def _characteristic_length(self) -> float:
+        """Return the largest distance (m) between a joint and anything placed in its link."""
+        placements = [frame.placement.translation for frame in self.model.frames]
+        placements += [placement.translation for placement in self.model.jointPlacements]
+        placements += [inertia.lever for inertia in self.model.inertias]
+        length = max(float(np.linalg.norm(placement)) for placement in placements)
+        return length if length > 0.0 else 1.0

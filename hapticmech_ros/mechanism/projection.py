@@ -1,0 +1,41 @@
+"""Projection of a state onto the closures in the mass metric, after every integration step.
+
+q ← q ⊖ D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ φ,      v ← v - D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ W v
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.errors import ClosureError
+from hapticmech_ros.mechanism.mechanism import Active, Mechanism
+from hapticmech_ros.mechanism.model import Array
+
+# The loop stops once φ is this fraction of the mechanism's length (rad for axes)...
+PROJECTION_TOLERANCE = 1e-11
+# ...and a loop that is still open by this fraction after all iterations has come apart.
+PROJECTION_FAILURE = 1e-6
+PROJECTION_ITERATIONS = 10
+
+
+def project(mechanism: Mechanism, q: Array, v: Array, active: Active) -> tuple[Array, Array, float]:
+    """Return (q, v) on the active closures and the largest residual left (m or rad).
+
+    Raises:
+        ClosureError: the residual stays above 1e-6 of the mechanism's length.
+    """
+    tolerance = PROJECTION_TOLERANCE * mechanism.length
+    for _ in range(PROJECTION_ITERATIONS):
+        residual, space = mechanism.closing_terms(q, active)
+        if not residual.size:
+            return q, v, 0.0
+        worst = float(np.abs(residual).max())
+        if worst <= tolerance:
+            break
+        q = mechanism.integrate(q, -space.correction(residual))
+    else:
+        if not worst <= PROJECTION_FAILURE * mechanism.length:
+            names = mechanism.names_of(active)
+            raise ClosureError("a closed loop came apart", worst, names)
+    rate = space.without_closure_part(space.factor.T @ v)
+    return q, space.from_mass_metric(rate), worst

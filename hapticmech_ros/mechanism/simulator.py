@@ -1,0 +1,161 @@
+"""The mechanism in time: one fixed step after another, closures switched and latched on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.integrator import INTEGRATORS, Rates
+from hapticmech_ros.mechanism.mechanism import Active, Evaluation, Mechanism
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.scene.document import Scene
+
+# A closure without latch_distance may be closed by hand up to this fraction of the mechanism's length.
+CLOSE_BY_HAND = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyAccount:
+    """Energies since the start, J: work by wrenches, loss in damping, loss when loops latched."""
+
+    work_in: float = 0.0
+    damping_loss: float = 0.0
+    latch_loss: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class MechanismState:
+    """Everything that evolves. Arrays are read-only; a step returns a new state.
+
+    Attributes:
+        time: s since the start.
+        q, v: configuration (nq,) and rates (nv,).
+        active: per closure of the scene, whether it is closed.
+        closure_error: largest residual of the active closures, m or rad.
+        account: energy account.
+    """
+
+    time: float
+    q: Array
+    v: Array
+    active: Active
+    closure_error: float = 0.0
+    account: EnergyAccount = EnergyAccount()
+
+
+class Simulator:
+    """Steps a :class:`Mechanism` under wrenches at its operational points."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.mechanism = Mechanism(scene)
+        self.period = scene.simulation.period
+        self._integrate = INTEGRATORS[scene.simulation.integrator]
+        self._can_latch = [
+            index for index, loop in enumerate(self.mechanism.closures) if loop.latch_distance
+        ]
+
+    def initial_state(self) -> MechanismState:
+        """Return the scene's initial state with its closures met.
+
+        Raises:
+            ClosureError: the scene cannot close.
+        """
+        q, v = consistent_initial_state(self.mechanism)
+        active = self.mechanism.initially_active
+        residual, _ = self.mechanism.closing_terms(q, active)
+        error = float(np.abs(residual).max()) if residual.size else 0.0
+        return MechanismState(0.0, _frozen(q), _frozen(v), active, error)
+
+    def evaluate(self, state: MechanismState) -> Evaluation:
+        """Return every term of Eq. 1 at ``state``."""
+        return self.mechanism.evaluate(state.q, state.v, state.active)
+
+    def step(self, state: MechanismState, wrenches: Array) -> MechanismState:
+        """Advance by one period with wrenches held.
+
+        Args:
+            state: where to start.
+            wrenches: (points, 6) on the mechanism at each operational point, world axes, N and N m.
+
+        Raises:
+            ClosureError: a closed loop came apart.
+            InvalidInputError: the state is no longer finite.
+        """
+        active = state.active
+
+        def motion(q: Array, v: Array) -> Rates:
+            terms = self.mechanism.evaluate(q, v, active)
+            force = np.zeros(v.size)
+            power = 0.0
+            for point, wrench in zip(terms.points, wrenches, strict=True):
+                force += point.jacobian.T @ wrench
+                power += float(point.twist @ wrench)
+            acceleration, _ = terms.acceleration(force)
+            return Rates(acceleration, power, -float(terms.passive_force @ v))
+
+        advance = self._integrate(self.mechanism.model, motion, state.q, state.v, self.period)
+        q, v, error = project(self.mechanism, advance.q, advance.v, active)
+        if not (np.isfinite(q).all() and np.isfinite(v).all()):
+            raise InvalidInputError("mechanism state", q.tolist(), "must stay finite")
+        account = EnergyAccount(
+            state.account.work_in + advance.work_in,
+            state.account.damping_loss + advance.energy_lost,
+            state.account.latch_loss,
+        )
+        stepped = MechanismState(
+            state.time + self.period, _frozen(q), _frozen(v), active, error, account
+        )
+        return self._latch(stepped)
+
+    def switch(self, state: MechanismState, closures: Mapping[str, bool]) -> MechanismState:
+        """Open or close loops by name at once; closing takes an impulse in the mass metric.
+
+        Raises:
+            InvalidInputError: unknown closure, or one whose frames are too far apart to close.
+        """
+        active = list(state.active)
+        for name, on in closures.items():
+            index = self.mechanism.closure_index(name)
+            if on and not active[index]:
+                self._refuse_far(index, state.q)
+            active[index] = bool(on)
+        return self._activated(state, tuple(active))
+
+    def _latch(self, state: MechanismState) -> MechanismState:
+        active = list(state.active)
+        for index in self._can_latch:
+            limit = self.mechanism.closures[index].latch_distance
+            if not active[index] and limit is not None:
+                residual = self.mechanism.residual_of(index, state.q)
+                active[index] = bool(np.linalg.norm(residual) < limit)
+        if tuple(active) == state.active:
+            return state
+        return self._activated(state, tuple(active))
+
+    def _activated(self, state: MechanismState, active: Active) -> MechanismState:
+        before = sum(self.mechanism.energy(state.q, state.v))
+        q, v, error = project(self.mechanism, state.q, state.v, active)
+        after = sum(self.mechanism.energy(q, v))
+        account = replace(state.account, latch_loss=state.account.latch_loss + before - after)
+        return replace(
+            state, q=_frozen(q), v=_frozen(v), active=active, closure_error=error, account=account
+        )
+
+    def _refuse_far(self, index: int, q: Array) -> None:
+        loop = self.mechanism.closures[index]
+        limit = loop.latch_distance or CLOSE_BY_HAND * self.mechanism.length
+        distance = float(np.linalg.norm(self.mechanism.residual_of(index, q)))
+        if distance > limit:
+            rule = f"can be closed only within {limit:.4g} (m, rad) of its frames meeting"
+            raise InvalidInputError(f"distance of closure {loop.name}", distance, rule)
+
+
+def _frozen(array: Array) -> Array:
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,5 @@
+"""Λ_h⁻¹, its spectrum and its null space (Eqs. 2 to 12, corrected)."""
+
+from hapticmech_ros.operational.analysis import Analyser, OperationalAnalysis, analyse
+
+__all__ = ["Analyser", "OperationalAnalysis", "analyse"]

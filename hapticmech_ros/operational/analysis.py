@@ -1,0 +1,112 @@
+"""Everything that rendering needs to know of a mechanism at an operational point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticmech_ros.mechanism.mechanism import Active, Evaluation, Mechanism
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.operational.inverse_inertia import (
+    PLANAR_ROWS,
+    SPATIAL_ROWS,
+    embed,
+    inverse_inertia,
+    root,
+)
+from hapticmech_ros.operational.metric import TaskMetric
+from hapticmech_ros.operational.projector import balanced_share, constraint_projector, rigidity
+from hapticmech_ros.operational.spectrum import Spectrum, spectrum
+
+
+@dataclass(frozen=True, slots=True)
+class OperationalAnalysis:
+    """Λ_h⁻¹ and what follows from it; world axes, origin at the operational point, force first.
+
+    Attributes:
+        inverse_inertia: (6, 6) X; zero in rows a planar scene does not have.
+        spectrum: s, μ, rank and directions, on the task's rows only.
+        weights: (t,) rigidity w(s_i).
+        constraint_projector: (6, 6) P_c.
+        balanced_share: (6, 6) Π.
+        free_acceleration: (6,) a_0, acceleration of the point with no wrench on it; m/s², rad/s².
+        rows: (t,) rows of a six-vector that the task space has.
+    """
+
+    inverse_inertia: Array
+    spectrum: Spectrum
+    weights: Array
+    constraint_projector: Array
+    balanced_share: Array
+    free_acceleration: Array
+    rows: Array
+
+    @property
+    def rank(self) -> int:
+        """Rank of X."""
+        return self.spectrum.rank
+
+    @property
+    def constraint_wrenches(self) -> Array:
+        """Return N_c (6, k): wrenches at the hand that the joints balance entirely."""
+        full = np.zeros((6, self.spectrum.s.size - self.rank))
+        full[self.rows] = self.spectrum.constraint_wrenches
+        return full
+
+
+class Analyser:
+    """Analyses one operational point of a mechanism."""
+
+    def __init__(self, mechanism: Mechanism, point: str = "") -> None:
+        scene = mechanism.scene
+        self.mechanism = mechanism
+        self.point = scene.operational_point(point)
+        self.index = mechanism.point_index(point)
+        self.rows = PLANAR_ROWS if scene.task_space == "planar" else SPATIAL_ROWS
+        self.metric = TaskMetric(scene, self.point)
+
+    def analyse(self, terms: Evaluation) -> OperationalAnalysis:
+        """Analyse the point from the terms of Eq. 1 at a state."""
+        point = terms.points[self.index]
+        jacobian = point.jacobian if self.rows.size == 6 else point.jacobian[self.rows]
+        perception = self.mechanism.scene.perception
+        root_matrix = root(terms.space, jacobian)
+        found = spectrum(root_matrix, self.metric.factor(point.pose.rotation, self.rows))
+        weights = rigidity(found.s, perception.s_on, perception.s_off)
+        free_rates, _ = terms.acceleration(np.zeros(self.mechanism.nv))
+        return OperationalAnalysis(
+            inverse_inertia=embed(inverse_inertia(root_matrix), self.rows),
+            spectrum=found,
+            weights=weights,
+            constraint_projector=embed(
+                constraint_projector(found, weights, self.metric.mass), self.rows
+            ),
+            balanced_share=embed(balanced_share(found, weights), self.rows),
+            free_acceleration=point.jacobian @ free_rates + point.drift,
+            rows=self.rows,
+        )
+
+
+def analyse(
+    mechanism: Mechanism,
+    q: Array,
+    point: str = "",
+    v: Array | None = None,
+    active: Active | None = None,
+) -> OperationalAnalysis:
+    """Return Λ_h⁻¹ and its spectrum at configuration q and the named operational point.
+
+    Args:
+        mechanism: from :func:`Mechanism`.
+        q: (nq,) configuration; closures are taken as met there.
+        point: name of an operational point; the scene's first one if empty.
+        v: (nv,) rates; at rest if left out. Only the free acceleration depends on them.
+        active: which closures are closed; as the scene starts if left out.
+
+    Raises:
+        InvalidInputError: unknown point, wrong size, NaN.
+    """
+    q, v = mechanism.check_state(q, np.zeros(mechanism.nv) if v is None else v)
+    terms = mechanism.evaluate(q, v, mechanism.initially_active if active is None else active)
+    return Analyser(mechanism, point).analyse(terms)

@@ -1,0 +1,47 @@
+"""Number of joint constraints a user is told of: a Schmitt trigger with dwell on each s_i."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.document import Perception
+
+
+@dataclass(frozen=True, slots=True)
+class CountState:
+    """Per direction (s descending): reported as rigid or not, and since when s disagrees (s)."""
+
+    rigid: tuple[bool, ...]
+    disagrees_since: tuple[float | None, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of directions reported as rigid."""
+        return sum(self.rigid)
+
+
+def first_count(s: Array, perception: Perception) -> CountState:
+    """Return the state at the start: rigid where s is at most s_on."""
+    return CountState(tuple(bool(value <= perception.s_on) for value in s), (None,) * len(s))
+
+
+def next_count(state: CountState, s: Array, time: float, perception: Perception) -> CountState:
+    """Return the state after seeing s at ``time`` (s).
+
+    A direction turns rigid once s has stayed at or below s_on for the dwell time, and free once it
+    has stayed at or above s_off for it; in between nothing changes.
+    """
+    rigid: list[bool] = []
+    since: list[float | None] = []
+    for was_rigid, start, value in zip(state.rigid, state.disagrees_since, s, strict=True):
+        disagrees = value >= perception.s_off if was_rigid else value <= perception.s_on
+        begun = (time if start is None else start) if disagrees else None
+        # Half a nanosecond absorbs the rounding of times that are sums of periods.
+        if begun is not None and time - begun >= perception.dwell - 5e-10:
+            rigid.append(not was_rigid)
+            since.append(None)
+        else:
+            rigid.append(was_rigid)
+            since.append(begun)
+    return CountState(tuple(rigid), tuple(since))

@@ -1,0 +1,60 @@
+"""Spectrum of Λ_h⁻¹ in the link's metric: which directions are free and which are rigid.
+
+With I_ℓ = G Gᵀ the SVD  S G = Q diag(s) Vᵀ  gives s_i = sqrt(μ_i) in [0, 1] and the wrenches
+n_i = G v_i, normalised so that n_iᵀ I_ℓ⁻¹ n_j = δ_ij. X n_i = s_i² I_ℓ⁻¹ n_i: where s_i = 0 the
+joints balance n_i entirely.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg.lapack import dgesdd, dtrtrs
+
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.model import Array
+
+# Singular values of S G are exact to a few machine epsilons; below this a direction carries nothing.
+RANK_TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Attributes:
+    s: (t,) sqrt(μ), descending; t is 6, or 3 in the plane.
+    wrenches: (t, t) columns n_i, world axes at the operational point, sqrt(kg) scaled.
+    duals: (t, t) columns I_ℓ⁻¹ n_i, so that dualsᵀ wrenches = 1.
+    """
+
+    s: Array
+    wrenches: Array
+    duals: Array
+
+    @property
+    def mu(self) -> Array:
+        """Return (t,) μ = s²: 0 rigid, 1 as free as the link alone."""
+        return self.s**2
+
+    @property
+    def rank(self) -> int:
+        """Numerical rank of X, decided on s."""
+        return int(np.count_nonzero(self.s > RANK_TOLERANCE))
+
+    @property
+    def constraint_wrenches(self) -> Array:
+        """Return N_c (t, k): a basis of ker X."""
+        return self.wrenches[:, self.rank :]
+
+
+def spectrum(root_matrix: Array, metric_factor: Array) -> Spectrum:
+    """Return the spectrum of S (nv, t) in the metric I_ℓ = G Gᵀ with G (t, t) lower."""
+    size = metric_factor.shape[0]
+    _, values, right, info = dgesdd(root_matrix @ metric_factor, full_matrices=1)
+    if info != 0:
+        raise HapticMechError(f"SVD of S did not converge (LAPACK info {info})")
+    s = np.zeros(size)
+    s[: values.size] = values[:size]
+    vectors = right.T
+    duals = np.asarray(dtrtrs(metric_factor, vectors, lower=1, trans=1)[0])
+    return Spectrum(s, metric_factor @ vectors, duals)

@@ -1,0 +1,11 @@
+"""What is modelled: files and documents become a validated, frozen :class:`Scene`."""
+
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.loader import (
+    document_of,
+    load_scene,
+    scene_from_document,
+    shipped_scenes,
+)
+
+__all__ = ["Scene", "document_of", "load_scene", "scene_from_document", "shipped_scenes"]

@@ -1,0 +1,197 @@
+"""Rules that concern more than one value of a scene: names, tree, plane, sizes, physics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from hapticmech_ros.errors import SceneProblem
+from hapticmech_ros.scene.document import Inertia, Joint, Link, Origin, Scene
+
+POSITION_SIZE = {
+    "revolute": 1,
+    "prismatic": 1,
+    "fixed": 0,
+    "spherical": 4,
+    "free": 7,
+    "planar": 4,
+}
+VELOCITY_SIZE = {
+    "revolute": 1,
+    "prismatic": 1,
+    "fixed": 0,
+    "spherical": 3,
+    "free": 6,
+    "planar": 3,
+}
+# Slice of the configuration vector that is a unit quaternion or (cos, sin) pair.
+UNIT_PART = {"spherical": slice(0, 4), "free": slice(3, 7), "planar": slice(2, 4)}
+UNIT_TOLERANCE = 1e-6
+ALIGNMENT_TOLERANCE = 1e-9
+
+
+def broken_rules(scene: Scene) -> list[SceneProblem]:
+    """Return every rule across values that ``scene`` breaks; an empty list if none."""
+    return [
+        *_names(scene),
+        *_tree(scene),
+        *_bodies(scene),
+        *_references(scene),
+        *_initial_state(scene),
+        *_plane(scene),
+        *_thresholds(scene),
+    ]
+
+
+def _names(scene: Scene) -> Iterator[SceneProblem]:
+    groups: tuple[tuple[str, Sequence[str]], ...] = (
+        ("links[{}].name", [link.name for link in scene.links]),
+        ("links[{}].joint.name", [link.joint.name for link in scene.links]),
+        ("closures[{}].name", [closure.name for closure in scene.closures]),
+        ("operational_points[{}].name", [point.name for point in scene.operational_points]),
+    )
+    for key, names in groups:
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                yield SceneProblem(key.format(index), name, "names must be unique")
+    for index, link in enumerate(scene.links):
+        if link.name == "world":
+            yield SceneProblem(f"links[{index}].name", "world", "'world' is the fixed root")
+
+
+def _tree(scene: Scene) -> Iterator[SceneProblem]:
+    known = {"world"}
+    for index, link in enumerate(scene.links):
+        if link.parent not in known:
+            rule = f"parent must be 'world' or a link listed before, one of {sorted(known)}"
+            yield SceneProblem(f"links[{index}].parent", link.parent, rule)
+        if link.parent == "world" and link.joint.type == "fixed":
+            rule = "a link fixed to the world does not move: leave it out"
+            yield SceneProblem(f"links[{index}].joint.type", "fixed", rule)
+        known.add(link.name)
+
+
+def _bodies(scene: Scene) -> Iterator[SceneProblem]:
+    for index, link in enumerate(scene.links):
+        axis = np.linalg.norm(link.joint.axis)
+        if link.joint.type in ("revolute", "prismatic") and abs(axis - 1.0) > UNIT_TOLERANCE:
+            key = f"links[{index}].joint.axis"
+            yield SceneProblem(key, link.joint.axis, "must be a unit vector")
+        moments = np.linalg.eigvalsh(inertia_matrix(link.inertial.inertia))
+        key = f"links[{index}].inertial.inertia"
+        slack = 1e-9 * max(moments.max(), 0.0)
+        if moments.min() < -slack:
+            yield SceneProblem(key, moments.tolist(), "principal moments must not be negative")
+        elif not _is_planar(scene) and moments[0] + moments[1] < moments[2] - slack:
+            rule = "each principal moment must not exceed the sum of the other two"
+            yield SceneProblem(key, moments.tolist(), rule)
+        if link.inertial.mass == 0.0 and moments.max() > 0.0:
+            rule = "a link without mass cannot have rotational inertia"
+            yield SceneProblem(f"links[{index}].inertial.mass", 0.0, rule)
+
+
+def _references(scene: Scene) -> Iterator[SceneProblem]:
+    links = {link.name: link for link in scene.links}
+    for index, closure in enumerate(scene.closures):
+        for side, frame in (("a", closure.a), ("b", closure.b)):
+            if frame.link not in links and frame.link != "world":
+                rule = f"unknown frame: must be 'world' or one of {sorted(links)}"
+                yield SceneProblem(f"closures[{index}].{side}.link", frame.link, rule)
+        if closure.a.link == closure.b.link:
+            rule = "a closure joins two different links"
+            yield SceneProblem(f"closures[{index}].b.link", closure.b.link, rule)
+        if closure.kind == "planar_pin" and not _is_planar(scene):
+            rule = "planar_pin needs task_space: planar; use spherical or revolute"
+            yield SceneProblem(f"closures[{index}].kind", closure.kind, rule)
+        if closure.active and closure.latch_distance is not None:
+            rule = "only a closure with active: false can latch"
+            yield SceneProblem(f"closures[{index}].latch_distance", closure.latch_distance, rule)
+    for index, point in enumerate(scene.operational_points):
+        key = f"operational_points[{index}]"
+        if point.link not in links:
+            rule = f"unknown frame: must be one of {sorted(links)}"
+            yield SceneProblem(f"{key}.link", point.link, rule)
+        elif point.metric is None and not _has_own_metric(links[point.link]):
+            rule = "the link has no full inertia of its own: give metric: {mass, length}"
+            yield SceneProblem(f"{key}.metric", None, rule)
+
+
+def _initial_state(scene: Scene) -> Iterator[SceneProblem]:
+    joints = {link.joint.name: link.joint for link in scene.links}
+    fields = (
+        ("q", scene.initial_state.q, POSITION_SIZE),
+        ("v", scene.initial_state.v, VELOCITY_SIZE),
+    )
+    for field, given, sizes in fields:
+        for name, value in given.items():
+            key = f"initial_state.{field}.{name}"
+            if name not in joints:
+                yield SceneProblem(key, value, f"unknown joint: must be one of {sorted(joints)}")
+                continue
+            size = sizes[joints[name].type]
+            length = len(value) if isinstance(value, tuple) else 1
+            if length != size:
+                rule = f"a {joints[name].type} joint takes {size} number(s) here"
+                yield SceneProblem(key, value, rule)
+            elif field == "q" and not _unit_part_ok(joints[name], value):
+                rule = "the quaternion or (cos, sin) part must have unit length"
+                yield SceneProblem(key, value, rule)
+
+
+def _plane(scene: Scene) -> Iterator[SceneProblem]:
+    if not _is_planar(scene):
+        return
+    rule = "a planar scene moves in the world's x-y plane: "
+    for index, link in enumerate(scene.links):
+        joint = link.joint
+        key = f"links[{index}].joint"
+        if joint.type in ("spherical", "free"):
+            yield SceneProblem(f"{key}.type", joint.type, rule + "use a planar joint")
+        if joint.type == "revolute" and abs(abs(joint.axis[2]) - 1.0) > ALIGNMENT_TOLERANCE:
+            yield SceneProblem(f"{key}.axis", joint.axis, rule + "revolute axes are along z")
+        if joint.type == "prismatic" and abs(joint.axis[2]) > ALIGNMENT_TOLERANCE:
+            yield SceneProblem(f"{key}.axis", joint.axis, rule + "prismatic axes have no z part")
+        if not _turns_about_z(joint.origin):
+            yield SceneProblem(f"{key}.origin.rpy", joint.origin.rpy, rule + "roll = pitch = 0")
+    if scene.gravity[2] != 0.0:
+        yield SceneProblem("gravity[2]", scene.gravity[2], rule + "gravity has no z part")
+
+
+def _thresholds(scene: Scene) -> Iterator[SceneProblem]:
+    perception = scene.perception
+    if perception.s_on >= perception.s_off:
+        rule = f"must be above s_on = {perception.s_on}"
+        yield SceneProblem("perception.s_off", perception.s_off, rule)
+    if scene.hand.kind == "spring_damper":
+        times = [waypoint.time for waypoint in scene.hand.waypoints]
+        for index, (before, after) in enumerate(zip(times, times[1:], strict=False), start=1):
+            if after <= before:
+                rule = f"waypoint times must increase; the one before is {before}"
+                yield SceneProblem(f"hand.waypoints[{index}].time", after, rule)
+
+
+def inertia_matrix(inertia: Inertia) -> np.ndarray:
+    """Return the symmetric 3 x 3 matrix (kg m^2) of the six written moments."""
+    i = inertia
+    return np.array([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]])
+
+
+def _is_planar(scene: Scene) -> bool:
+    return scene.task_space == "planar"
+
+
+def _has_own_metric(link: Link) -> bool:
+    moments = np.linalg.eigvalsh(inertia_matrix(link.inertial.inertia))
+    return link.inertial.mass > 0.0 and bool(moments.min() > 0.0)
+
+
+def _turns_about_z(origin: Origin) -> bool:
+    return abs(origin.rpy[0]) < ALIGNMENT_TOLERANCE and abs(origin.rpy[1]) < ALIGNMENT_TOLERANCE
+
+
+def _unit_part_ok(joint: Joint, value: float | tuple[float, ...]) -> bool:
+    part = UNIT_PART.get(joint.type)
+    if part is None or not isinstance(value, tuple):
+        return True
+    return bool(abs(np.linalg.norm(value[part]) - 1.0) <= UNIT_TOLERANCE)

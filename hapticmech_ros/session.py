@@ -1,0 +1,162 @@
+"""Device, mechanism, analysis and control in one process, one tick at a time, without ROS.
+
+The reference for the graph of nodes: same core objects, same order, no clock. Bitwise repeatable.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticmech_ros.control import (
+    ControlArchitecture,
+    ControlOutput,
+    DeviceMeasurement,
+    Engagement,
+    PointMeasurement,
+    RenderingModel,
+)
+from hapticmech_ros.device import DeviceState, ImpedanceDevice, hand_law
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.operational import Analyser, OperationalAnalysis
+from hapticmech_ros.operational.counter import CountState, first_count, next_count
+from hapticmech_ros.scene.document import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """All that was measured and commanded in one tick, at its start.
+
+    Attributes:
+        time: s since the session's start; the device is engaged at time 0.
+        device, mechanism: states at ``time``.
+        point: the operational point's kinematics.
+        hand_wrench: (6,) F_h on the device.
+        external_wrench: (6,) on the mechanism at the operational point, by others.
+        analysis: Λ_h⁻¹ and what follows.
+        count: joint constraints reported.
+        output: the controllers' wrenches computed from these measurements.
+    """
+
+    time: float
+    device: DeviceState
+    mechanism: MechanismState
+    point: PointKinematics
+    hand_wrench: Array
+    external_wrench: Array
+    analysis: OperationalAnalysis
+    count: int
+    output: ControlOutput
+
+
+class Session:
+    """A scene, running.
+
+    Args:
+        scene: what to run.
+        point: operational point that the device holds; the scene's first one if empty.
+        command_delay: whole periods between measuring and acting. One is what the graph of nodes
+            has: a command computed from this tick's measurements acts from the next tick on.
+    """
+
+    def __init__(self, scene: Scene, point: str = "", command_delay: int = 1) -> None:
+        if command_delay < 0:
+            raise InvalidInputError("command_delay", command_delay, "must be 0 or more periods")
+        self.scene = scene
+        self.simulator = Simulator(scene)
+        self.period = self.simulator.period
+        self._analyser = Analyser(self.simulator.mechanism, point)
+        self._index = self._analyser.index
+        self._points = len(self.simulator.mechanism.point_names)
+        self._control = ControlArchitecture(scene)
+        self._hand = hand_law(scene.hand)
+        self._device = ImpedanceDevice(scene.device, self.period, scene.task_space == "planar")
+        self._mechanism_state = self.simulator.initial_state()
+        start = self.simulator.evaluate(self._mechanism_state).points[self._index].pose
+        self._held = start
+        self._device_state = self._device.at_rest(start)
+        self._engagement: Engagement = self._control.engage(0.0, start, start)
+        self._pending: deque[tuple[Array, Array]] = deque(
+            [(np.zeros(6), np.zeros(6))] * command_delay
+        )
+        self._count: CountState | None = None
+        self._tick = 0
+
+    @property
+    def time(self) -> float:
+        """Time of the next tick, s."""
+        return self._tick * self.period
+
+    def tick(self, external_wrench: Array | None = None) -> Sample:
+        """Measure, analyse, control, and advance mechanism and device by one period.
+
+        Args:
+            external_wrench: (6,) wrench on the mechanism at the operational point, world axes, held
+                over the period; none if left out.
+
+        Raises:
+            ClosureError: a closed loop came apart.
+            InvalidInputError: the state is no longer finite.
+        """
+        time = self.time
+        external = np.zeros(6) if external_wrench is None else np.asarray(external_wrench, float)
+        device, mechanism = self._device_state, self._mechanism_state
+        terms = self.simulator.evaluate(mechanism)
+        point = terms.points[self._index]
+        analysis = self._analyser.analyse(terms)
+        self._count = self._next_count(analysis.spectrum.s, time)
+        hand = self._hand(time, device.pose, device.twist, self._held)
+        output = self._control.compute(
+            time,
+            self._engagement,
+            DeviceMeasurement(device.measured_pose, device.measured_twist, hand),
+            PointMeasurement(point.pose, point.twist, external),
+            rendering_model(analysis),
+        )
+        sample = Sample(
+            time,
+            device,
+            mechanism,
+            point,
+            hand,
+            external,
+            analysis,
+            self._count.count,
+            output,
+        )
+        self._pending.append((output.device, output.mechanism))
+        to_device, to_mechanism = self._pending.popleft()
+        wrenches = np.zeros((self._points, 6))
+        wrenches[self._index] = to_mechanism + external
+        self._mechanism_state = self.simulator.step(mechanism, wrenches)
+        self._device_state = self._device.step(device, to_device, self._hand, time, self._held)
+        self._tick += 1
+        return sample
+
+    def switch_closure(self, name: str, closed: bool) -> None:
+        """Open or close a loop between two ticks.
+
+        Raises:
+            InvalidInputError: unknown closure, or one too far open to be closed.
+        """
+        self._mechanism_state = self.simulator.switch(self._mechanism_state, {name: closed})
+
+    def _next_count(self, s: Array, time: float) -> CountState:
+        perception = self.scene.perception
+        if self._count is None:
+            return first_count(s, perception)
+        return next_count(self._count, s, time, perception)
+
+
+def rendering_model(analysis: OperationalAnalysis) -> RenderingModel:
+    """Return the part of an analysis that the controllers use."""
+    return RenderingModel(
+        analysis.inverse_inertia,
+        analysis.constraint_projector,
+        analysis.balanced_share,
+        analysis.free_acceleration,
+    )

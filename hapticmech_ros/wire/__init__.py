@@ -1,0 +1,4 @@
+"""What travels between nodes, without ROS: topic names and layouts of multi-array messages.
+
+Nodes, bags, experiments and docs/topics.md all take names and layouts from here.
+"""

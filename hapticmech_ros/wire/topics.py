@@ -1,0 +1,287 @@
+"""Every topic of the graph: name, type, rate, direction of the wrench, and why its QoS is as it is.
+
+Names are relative, so that namespaces and remapping work; ``{point}`` stands for the name of an
+operational point of the scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Rate = Literal["control", "view", "change", "1 Hz", "caller's"]
+Qos = Literal["control", "stream", "latched", "command"]
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One topic.
+
+    Attributes:
+        name: relative name, with ``{point}`` where an operational point's name goes.
+        type: ROS message type.
+        publisher: node that publishes it, or ``any``.
+        subscribers: nodes that subscribe.
+        rate: ``control`` is the scene's control rate, ``view`` is for people and slower.
+        qos: name of the profile in nodes/qos.py.
+        meaning: what it carries; for wrenches by whom, on whom, at which point, in which axes.
+    """
+
+    name: str
+    type: str
+    publisher: str
+    subscribers: tuple[str, ...]
+    rate: Rate
+    qos: Qos
+    meaning: str
+
+    def of(self, point: str) -> str:
+        """Return the relative name for an operational point."""
+        return self.name.format(point=point)
+
+
+POSE, TWIST, WRENCH = (
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/TwistStamped",
+    "geometry_msgs/msg/WrenchStamped",
+)
+ARRAY = "std_msgs/msg/Float64MultiArray"
+DEVICE, MECHANISM = "haptic_device", "mechanism_simulator"
+ANALYSER, CONTROLLER = "nullspace_analyser", "teleoperation_controller"
+
+DEVICE_POSE = Topic(
+    "device/measured_cp",
+    POSE,
+    DEVICE,
+    (CONTROLLER,),
+    "control",
+    "stream",
+    "pose of the point held, in `world`",
+)
+DEVICE_TWIST = Topic(
+    "device/measured_cv",
+    TWIST,
+    DEVICE,
+    (CONTROLLER,),
+    "control",
+    "stream",
+    "twist of the point held, at that point, axes of `world`",
+)
+DEVICE_FORCE = Topic(
+    "device/measured_cf",
+    WRENCH,
+    DEVICE,
+    (CONTROLLER,),
+    "control",
+    "stream",
+    "F_h: by the hand, on the device, at the point held, axes of `world`",
+)
+DEVICE_COMMAND = Topic(
+    "device/servo_cf",
+    WRENCH,
+    CONTROLLER,
+    (DEVICE,),
+    "control",
+    "stream",
+    "by the device, on the hand, at the point held, axes of `world`; stamp of the device "
+    "measurement it answers",
+)
+HAND_WRENCH = Topic(
+    "device/hand_cf",
+    WRENCH,
+    "any",
+    (DEVICE,),
+    "caller's",
+    "command",
+    "extra hand wrench: by the hand, on the simulated device, at the point held, axes of `world`",
+)
+JOINT_STATES = Topic(
+    "mechanism/measured_js",
+    "sensor_msgs/msg/JointState",
+    MECHANISM,
+    (ANALYSER,),
+    "control",
+    "stream",
+    "positions and velocities of every joint, passive ones included",
+)
+POINT_POSE = Topic(
+    "mechanism/{point}/measured_cp",
+    POSE,
+    MECHANISM,
+    (CONTROLLER,),
+    "control",
+    "stream",
+    "pose of the operational point, in `world`",
+)
+POINT_TWIST = Topic(
+    "mechanism/{point}/measured_cv",
+    TWIST,
+    MECHANISM,
+    (CONTROLLER,),
+    "control",
+    "stream",
+    "twist of the operational point, at that point, axes of `world`",
+)
+CONTACT_FORCE = Topic(
+    "mechanism/{point}/contact_cf",
+    WRENCH,
+    MECHANISM,
+    (CONTROLLER,),
+    "control",
+    "stream",
+    "F_c: by the environment (contacts and `external_cf`), on the mechanism, at the operational "
+    "point, axes of `world`",
+)
+POINT_COMMAND = Topic(
+    "mechanism/{point}/servo_cf",
+    WRENCH,
+    CONTROLLER,
+    (MECHANISM,),
+    "control",
+    "stream",
+    "by the hand through the controller, on the mechanism, at the operational point, axes of `world`",
+)
+EXTERNAL_WRENCH = Topic(
+    "mechanism/{point}/external_cf",
+    WRENCH,
+    "any",
+    (MECHANISM,),
+    "caller's",
+    "command",
+    "by anyone, on the mechanism, at the operational point, axes of `world`",
+)
+CLOSURES = Topic(
+    "mechanism/closures",
+    "std_msgs/msg/UInt8MultiArray",
+    MECHANISM,
+    (ANALYSER,),
+    "change",
+    "latched",
+    "1 where a loop closure is closed; names in the layout's labels",
+)
+ENERGY = Topic(
+    "mechanism/energy",
+    ARRAY,
+    MECHANISM,
+    (),
+    "view",
+    "stream",
+    "stamp, kinetic and potential energy, work by wrenches, losses (J), closure error (m, rad)",
+)
+RENDERING = Topic(
+    "analysis/{point}/rendering",
+    ARRAY,
+    ANALYSER,
+    (CONTROLLER,),
+    "control",
+    "stream",
+    "all that the controller needs in one message: stamp, count, s, Λ_h⁻¹, P_c, Π, a_0; axes of "
+    "`world`, at the operational point",
+)
+INVERSE_INERTIA = Topic(
+    "analysis/{point}/inverse_inertia",
+    ARRAY,
+    ANALYSER,
+    (),
+    "view",
+    "stream",
+    "Λ_h⁻¹, 6 x 6, force rows first; 1/kg, 1/(kg m), 1/(kg m²)",
+)
+PROJECTOR = Topic(
+    "analysis/{point}/constraint_projector",
+    ARRAY,
+    ANALYSER,
+    (),
+    "view",
+    "stream",
+    "P_c, 6 x 6: stiffness per N/m along constrained directions",
+)
+CONSTRAINT_WRENCHES = Topic(
+    "analysis/{point}/constraint_wrenches",
+    ARRAY,
+    ANALYSER,
+    (),
+    "view",
+    "stream",
+    "6 x count: wrenches at the hand that the joints balance, a column each",
+)
+SPECTRUM = Topic(
+    "analysis/{point}/spectrum",
+    ARRAY,
+    ANALYSER,
+    (),
+    "view",
+    "stream",
+    "μ, descending: 0 is rigid, 1 as free as the link alone",
+)
+COUNT = Topic(
+    "analysis/{point}/constraint_count",
+    "std_msgs/msg/UInt8",
+    ANALYSER,
+    (),
+    "view",
+    "stream",
+    "number of joint constraints felt",
+)
+IMPEDANCE_PART = Topic(
+    "controller/impedance_cf",
+    WRENCH,
+    CONTROLLER,
+    (),
+    "view",
+    "stream",
+    "impedance controller's part of `device/servo_cf`",
+)
+CONSTRAINT_PART = Topic(
+    "controller/joint_constraint_cf",
+    WRENCH,
+    CONTROLLER,
+    (),
+    "view",
+    "stream",
+    "joint-constraint controller's part of `device/servo_cf`",
+)
+CHANNEL_PART = Topic(
+    "controller/four_channel_cf",
+    WRENCH,
+    CONTROLLER,
+    (),
+    "view",
+    "stream",
+    "four-channel controller's part of `device/servo_cf`",
+)
+DIAGNOSTICS = Topic(
+    "/diagnostics",
+    "diagnostic_msgs/msg/DiagnosticArray",
+    "every node",
+    (),
+    "1 Hz",
+    "stream",
+    "periods, missed deadlines, message ages, latency percentiles, refused messages",
+)
+
+TOPICS: tuple[Topic, ...] = (
+    DEVICE_POSE,
+    DEVICE_TWIST,
+    DEVICE_FORCE,
+    DEVICE_COMMAND,
+    HAND_WRENCH,
+    JOINT_STATES,
+    POINT_POSE,
+    POINT_TWIST,
+    CONTACT_FORCE,
+    POINT_COMMAND,
+    EXTERNAL_WRENCH,
+    CLOSURES,
+    ENERGY,
+    RENDERING,
+    INVERSE_INERTIA,
+    PROJECTOR,
+    CONSTRAINT_WRENCHES,
+    SPECTRUM,
+    COUNT,
+    IMPEDANCE_PART,
+    CONSTRAINT_PART,
+    CHANNEL_PART,
+    DIAGNOSTICS,
+)
