@@ -1,19 +1,41 @@
 """Feel virtual mechanisms: their inertia, their joints and their contacts.
 
-The names below are the public API of the numerical core; none of them needs ROS or a clock.
+The names in ``__all__`` are the public API of the numerical core; none of them needs ROS or a clock.
+They are loaded when first used, so that commands answer at once.
 """
 
-from hapticmech_ros.errors import (
-    BagError,
-    ClosureError,
-    HapticMechError,
-    InvalidInputError,
-    SceneError,
-)
-from hapticmech_ros.mechanism import Mechanism, MechanismState, Simulator
-from hapticmech_ros.operational import OperationalAnalysis, analyse
-from hapticmech_ros.scene import Scene, load_scene
-from hapticmech_ros.session import Sample, Session
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hapticmech_ros.errors import (
+        BagError,
+        ClosureError,
+        HapticMechError,
+        InvalidInputError,
+        SceneError,
+    )
+    from hapticmech_ros.mechanism import Mechanism, MechanismState, Simulator
+    from hapticmech_ros.operational import OperationalAnalysis, analyse
+    from hapticmech_ros.scene import Scene, load_scene
+    from hapticmech_ros.session import Sample, Session
+
+_HOMES = {
+    "BagError": "errors",
+    "ClosureError": "errors",
+    "HapticMechError": "errors",
+    "InvalidInputError": "errors",
+    "Mechanism": "mechanism",
+    "MechanismState": "mechanism",
+    "OperationalAnalysis": "operational",
+    "Sample": "session",
+    "Scene": "scene",
+    "SceneError": "errors",
+    "Session": "session",
+    "Simulator": "mechanism",
+    "analyse": "operational",
+    "load_scene": "scene",
+}
 
 __all__ = [
     "BagError",
@@ -31,3 +53,9 @@ __all__ = [
     "analyse",
     "load_scene",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -10,7 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dgesdd, dpotrf, dtrtrs
+from scipy.linalg.blas import dtrsm, dtrsv
+from scipy.linalg.lapack import dgesdd, dpotrf
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.model import Array
@@ -47,11 +48,13 @@ class ConstraintSpace:
 
     def to_mass_metric(self, force: Array) -> Array:
         """Return L⁻¹ force, for a joint force (nv,) or the columns of (nv, k)."""
+        if force.ndim == 1:
+            return np.asarray(dtrsv(self.factor, force, lower=1))
         return solve_lower(self.factor, force)
 
     def from_mass_metric(self, rate: Array) -> Array:
-        """Return L⁻ᵀ rate: joint rates from coordinates of the mass metric."""
-        return np.asarray(dtrtrs(self.factor, rate, lower=1, trans=1)[0])
+        """Return L⁻ᵀ rate for (nv,): joint rates from coordinates of the mass metric."""
+        return np.asarray(dtrsv(self.factor, rate, lower=1, trans=1))
 
     def without_closure_part(self, columns: Array) -> Array:
         """Return (1 - U Uᵀ) columns: what the closures leave free."""
@@ -84,8 +87,11 @@ def cholesky_of_upper(inertia_upper: Array) -> Array:
 
 
 def solve_lower(factor: Array, columns: Array) -> Array:
-    """Return factor⁻¹ columns for a lower triangular factor."""
-    return np.asarray(dtrtrs(factor, columns, lower=1)[0])
+    """Return factor⁻¹ columns for a lower triangular factor and a matrix of columns.
+
+    BLAS's trsm rather than LAPACK's trtrs: the latter starts threads for the smallest matrices.
+    """
+    return np.asarray(dtrsm(1.0, factor, columns, lower=1))
 
 
 def constraint_space(
@@ -110,7 +116,7 @@ def constraint_space(
     left, sigma, right, info = dgesdd(scaled, full_matrices=0)
     if info != 0:
         raise HapticMechError(f"SVD of the loop closures did not converge (LAPACK info {info})")
-    rank = int(np.count_nonzero(sigma > tolerance * sigma[0])) if sigma[0] > 0.0 else 0
+    rank = int((sigma > tolerance * sigma[0]).sum()) if sigma[0] > 0.0 else 0
     return ConstraintSpace(
         factor, left[:, :rank], sigma[:rank], right[:rank].T / row_lengths[:, None]
     )

@@ -21,6 +21,7 @@ from hapticmech_ros.mechanism.model import Array, TreeModel, build_tree
 from hapticmech_ros.scene.document import Scene
 
 Active = tuple[bool, ...]
+_NOTHING = np.zeros(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,6 @@ class Evaluation:
     """All terms of Eq. 1 at one state.
 
     Attributes:
-        inertia: (nv, nv) D, symmetric.
         bias_force: (nv,) h, Coriolis, centripetal and gravity terms.
         passive_force: (nv,) joint damping, -damping * v.
         closure_residual: (m,) φ of the active closures, m and rad.
@@ -55,7 +55,6 @@ class Evaluation:
         points: operational points in the scene's order.
     """
 
-    inertia: Array
     bias_force: Array
     passive_force: Array
     closure_residual: Array
@@ -63,6 +62,11 @@ class Evaluation:
     closure_bias: Array
     space: ConstraintSpace
     points: tuple[PointKinematics, ...]
+
+    @property
+    def inertia(self) -> Array:
+        """Return D (nv, nv) = L Lᵀ, symmetric."""
+        return np.asarray(self.space.factor @ self.space.factor.T)
 
     def acceleration(self, joint_force: Array) -> tuple[Array, Array]:
         """Solve Eq. 1 for joint forces τ + Σ Jᵀ F.
@@ -101,7 +105,7 @@ class Mechanism:
         self.data: pin.Data = self.model.createData()
         self.length = self._characteristic_length()
         self._zero = np.zeros(self.model.nv)
-        self._row_lengths = [closure.row_lengths(self.length) for closure in self.closures]
+        self._choices: dict[Active, tuple[list[LoopClosure], Array]] = {}
         self.initially_active: Active = tuple(closure.active for closure in scene.closures)
 
     @property
@@ -129,7 +133,6 @@ class Mechanism:
         pin.updateFramePlacements(model, data)
         residual, jacobian, drift, lengths = self._closure_terms(active, with_motion=True)
         return Evaluation(
-            inertia=factor @ factor.T,
             bias_force=bias,
             passive_force=-self.tree.damping * v,
             closure_residual=residual,
@@ -209,18 +212,27 @@ class Mechanism:
     def _closure_terms(
         self, active: Active, with_motion: bool
     ) -> tuple[Array, Array, Array, Array]:
-        chosen = [index for index, on in enumerate(active) if on]
-        if not chosen:
-            return np.zeros(0), np.zeros((0, self.nv)), np.zeros(0), np.zeros(0)
         model, data = self.model, self.data
-        loops = [self.closures[index] for index in chosen]
-        lengths = np.concatenate([self._row_lengths[index] for index in chosen])
+        loops, lengths = self._chosen(active)
+        if len(loops) == 1:
+            bias = loops[0].bias(model, data) if with_motion else _NOTHING
+            return loops[0].residual(data), loops[0].jacobian(model, data), bias, lengths
+        if not loops:
+            return _NOTHING, np.zeros((0, self.nv)), _NOTHING, lengths
         residual = np.concatenate([loop.residual(data) for loop in loops])
         jacobian = np.vstack([loop.jacobian(model, data) for loop in loops])
         if not with_motion:
-            return residual, jacobian, np.zeros(0), lengths
+            return residual, jacobian, _NOTHING, lengths
         bias = np.concatenate([loop.bias(model, data) for loop in loops])
         return residual, jacobian, bias, lengths
+
+    def _chosen(self, active: Active) -> tuple[list[LoopClosure], Array]:
+        """Return the active closures and their row units; found once per set of closures."""
+        if active not in self._choices:
+            loops = [loop for loop, on in zip(self.closures, active, strict=True) if on]
+            lengths = [loop.row_lengths(self.length) for loop in loops]
+            self._choices[active] = (loops, np.concatenate(lengths) if lengths else _NOTHING)
+        return self._choices[active]
 
     def _characteristic_length(self) -> float:
         """Return the largest distance (m) between a joint and anything placed in its link."""

@@ -10,7 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dgesdd, dtrtrs
+from scipy.linalg.blas import dtrsm
+from scipy.linalg.lapack import dgesdd
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.model import Array
@@ -56,5 +57,5 @@ def spectrum(root_matrix: Array, metric_factor: Array) -> Spectrum:
     s = np.zeros(size)
     s[: values.size] = values[:size]
     vectors = right.T
-    duals = np.asarray(dtrtrs(metric_factor, vectors, lower=1, trans=1)[0])
+    duals = np.asarray(dtrsm(1.0, metric_factor, vectors, lower=1, trans_a=1))
     return Spectrum(s, metric_factor @ vectors, duals)

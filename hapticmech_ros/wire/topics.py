@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Rate = Literal["control", "view", "change", "1 Hz", "caller's"]
-Qos = Literal["control", "stream", "latched", "command"]
+Qos = Literal["stream", "latched", "command"]
 
 
 @dataclass(frozen=True, slots=True)

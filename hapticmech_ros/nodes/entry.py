@@ -1,0 +1,75 @@
+"""Executables of the package: what `ros2 run hapticmech_ros <name>` and `bin/<name>` start.
+
+Looks at the arguments before rclpy is imported, so that `--help` and a missing rclpy answer at once.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import sys
+from collections.abc import Sequence
+
+NODES = {
+    "haptic_device": "simulated impedance-type haptic device and the hand that holds it",
+    "mechanism_simulator": "the virtual mechanism in time, under wrenches at its operational points",
+    "nullspace_analyser": "Λ_h⁻¹, its spectrum and its null space, at the mechanism's state",
+    "teleoperation_controller": "impedance, joint-constraint and four-channel controllers (Fig. 3)",
+}
+USAGE = """usage: {name} [--ros-args -p scene:=SCENE -p NAME:=VALUE -r FROM:=TO ...]
+
+{purpose}.
+
+SCENE is the name of a shipped scene ({scenes})
+or a YAML file. Topics, parameters and their meaning: docs/topics.md and
+`ros2 param describe /{name} NAME`.
+"""
+NO_RCLPY = """{name}: rclpy cannot be imported.
+Source a ROS 2 Jazzy installation, or install ROS 2 from PyPI: pip install 'hapticmech_ros[ros]'
+"""
+
+
+def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
+    """Run nodes of :data:`NODES` in this process until SIGINT or SIGTERM; return the exit code."""
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    title = names[0] if len(names) == 1 else "composed"
+    if any(argument in ("-h", "--help") for argument in arguments):
+        from hapticmech_ros.scene import shipped_scenes
+
+        purpose = "; ".join(NODES[name] for name in names)
+        scenes = ", ".join(shipped_scenes())
+        print(USAGE.format(name=title, purpose=purpose, scenes=scenes))
+        return 0
+    if importlib.util.find_spec("rclpy") is None:
+        sys.stderr.write(NO_RCLPY.format(name=title))
+        return 1
+    # Matrices are small and cores few: a second BLAS thread only adds delays. Read when numpy loads.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    runtime = importlib.import_module("hapticmech_ros.nodes.runtime")
+    return int(runtime.run(names, arguments))
+
+
+def haptic_device() -> None:
+    """Run the haptic device alone."""
+    sys.exit(start(["haptic_device"]))
+
+
+def mechanism_simulator() -> None:
+    """Run the mechanism simulator alone."""
+    sys.exit(start(["mechanism_simulator"]))
+
+
+def nullspace_analyser() -> None:
+    """Run the null-space analyser alone."""
+    sys.exit(start(["nullspace_analyser"]))
+
+
+def teleoperation_controller() -> None:
+    """Run the teleoperation controller alone."""
+    sys.exit(start(["teleoperation_controller"]))
+
+
+if __name__ == "__main__":
+    # python -m hapticmech_ros.nodes.entry NAME[,NAME...] [--ros-args ...]
+    sys.exit(start(sys.argv[1].split(","), sys.argv[2:]))

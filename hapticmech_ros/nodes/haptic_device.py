@@ -1,0 +1,151 @@
+"""Simulated haptic device driver: what a real device's ROS driver would be, with a hand on it.
+
+CRTK: publishes measured_cp, measured_cv, measured_cf; obeys servo_cf.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+
+from hapticmech_ros.device import DeviceState, ImpedanceDevice, hand_law
+from hapticmech_ros.mechanism import Simulator
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.nodes.base import NANOSECONDS, ClockedNode
+from hapticmech_ros.nodes.inputs import ExpiringWrench, Latest
+from hapticmech_ros.nodes.messages import (
+    checked_stamp,
+    read_wrench,
+    write_pose,
+    write_twist,
+    write_wrench,
+)
+from hapticmech_ros.nodes.period_clock import Backlog
+from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, CONTROL_SUBSCRIBER
+from hapticmech_ros.nodes.statistics import DurationHistogram
+from hapticmech_ros.wire.topics import (
+    DEVICE_COMMAND,
+    DEVICE_FORCE,
+    DEVICE_POSE,
+    DEVICE_TWIST,
+    HAND_WRENCH,
+)
+
+
+class HapticDeviceNode(ClockedNode):
+    """Drives an :class:`ImpedanceDevice` at the control rate.
+
+    The hand takes hold when commands arrive and lets go when they stop; without commands the
+    actuators are at zero.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("haptic_device")
+        scene = self.scene
+        timeout = self.number_parameter(
+            "command_timeout", 0.05, "servo_cf older than this counts as lost, s", 0.001, 1.0
+        )
+        hand_timeout = self.number_parameter(
+            "hand_timeout", 0.2, "hand_cf stands this long, s; 0 for ever", 0.0, 3600.0
+        )
+        delay = self.number_parameter(
+            "hand_start_delay",
+            -1.0,
+            "s from taking hold to pushing; negative: the scene's",
+            -1.0,
+            60.0,
+        )
+        hand = scene.hand if delay < 0.0 else scene.hand.model_copy(update={"start_delay": delay})
+        self.timeout_ns = round(timeout * NANOSECONDS)
+        self._device = ImpedanceDevice(
+            scene.device, scene.simulation.period, scene.task_space == "planar"
+        )
+        self._hand = hand_law(hand)
+        self._push = np.zeros(6)
+        self._extra = ExpiringWrench(round(hand_timeout * NANOSECONDS), NANOSECONDS // 20)
+        self._command: Latest[Array] = Latest()
+        self._state: DeviceState = self._device.at_rest(self._start_pose())
+        # A real device would not have waited for a stall to pass: its motion is caught up.
+        self._backlog = Backlog()
+        self._held: pin.SE3 | None = None
+        self._ticks_held = 0
+        self.times_held = 0
+        self.latency = DurationHistogram()
+        self._pose, self._twist, self._force = PoseStamped(), TwistStamped(), WrenchStamped()
+        self._publish_force = self.output(DEVICE_FORCE, WrenchStamped)
+        self._publish_twist = self.output(DEVICE_TWIST, TwistStamped)
+        self._publish_pose = self.output(DEVICE_POSE, PoseStamped)
+        self.input(DEVICE_COMMAND.name, WrenchStamped, CONTROL_SUBSCRIBER, self._on_command)
+        self.input(HAND_WRENCH.name, WrenchStamped, COMMAND_SUBSCRIBER, self._on_hand_wrench)
+
+    def tick(self, periods: int, deadline_ns: int) -> None:
+        """Move the device on under the command that stands, and publish what it measures."""
+        command = self._standing_command(deadline_ns)
+        self._push = self._extra.at(deadline_ns)
+        for _ in range(self._backlog.steps(periods)):
+            held = self._state.pose if self._held is None else self._held
+            elapsed = self._ticks_held * self.period_s
+            self._state = self._device.step(self._state, command, self._hand_now, elapsed, held)
+            self._ticks_held += self._held is not None
+        state = self._state
+        write_wrench(self._force, self._hand_wrench(), deadline_ns)
+        write_twist(self._twist, state.measured_twist, deadline_ns)
+        write_pose(self._pose, state.measured_pose, deadline_ns)
+        self._publish_force.publish(self._force)
+        self._publish_twist.publish(self._twist)
+        self._publish_pose.publish(self._pose)
+
+    def status(self) -> tuple[bool, str, dict[str, str]]:
+        """Return the device's state and figures."""
+        held = self._held is not None
+        sentence = "rendering" if held else "no commands: actuators at zero"
+        return (
+            held,
+            sentence,
+            {
+                **self.clock_figures(self._backlog),
+                "times_held": str(self.times_held),
+                **self.latency.summary("loop_latency"),
+            },
+        )
+
+    def _standing_command(self, now_ns: int) -> Array:
+        """Return servo_cf, or zero when it is stale; the hand takes hold and lets go with it."""
+        command = self._command.value
+        if command is None or not self._command.fresh(now_ns, self.timeout_ns):
+            if self._held is not None:
+                self.get_logger().warning("servo_cf is lost: actuators at zero")
+            self._held = None
+            return np.zeros(6)
+        if self._held is None:
+            self._held = self._state.pose
+            self._ticks_held = 0
+            self.times_held += 1
+        return command
+
+    def _hand_now(self, elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
+        if self._held is None:
+            return self._push
+        return self._push + self._hand(elapsed, pose, twist, held)
+
+    def _hand_wrench(self) -> Array:
+        state = self._state
+        held = state.pose if self._held is None else self._held
+        return self._hand_now(self._ticks_held * self.period_s, state.pose, state.twist, held)
+
+    def _on_command(self, message: WrenchStamped, now_ns: int) -> None:
+        measured = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
+        self._command.put(read_wrench(message), now_ns)
+        self.latency.add(now_ns - measured)
+        self.ages.add(now_ns - measured)
+
+    def _on_hand_wrench(self, message: WrenchStamped, now_ns: int) -> None:
+        checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
+        self._extra.put(read_wrench(message), now_ns)
+
+    def _start_pose(self) -> pin.SE3:
+        """Return where the device stands at the start: at the operational point."""
+        simulator = Simulator(self.scene)
+        terms = simulator.evaluate(simulator.initial_state())
+        return terms.points[simulator.mechanism.point_index(self.point)].pose

@@ -1,0 +1,62 @@
+"""Values that arrive by message: how old they are, and what they are worth after some time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from hapticmech_ros.mechanism.model import Array
+
+T = TypeVar("T")
+NEVER = -(1 << 62)
+
+
+@dataclass(slots=True)
+class Latest(Generic[T]):
+    """The last accepted value of an input, and the time it stands for (ns of the node's clock)."""
+
+    value: T | None = None
+    stamp_ns: int = NEVER
+
+    def put(self, value: T, stamp_ns: int) -> None:
+        """Keep a new value."""
+        self.value = value
+        self.stamp_ns = stamp_ns
+
+    def fresh(self, now_ns: int, timeout_ns: int) -> bool:
+        """Return whether there is a value no older than ``timeout_ns``."""
+        return now_ns - self.stamp_ns <= timeout_ns
+
+
+@dataclass(slots=True)
+class ExpiringWrench:
+    """A wrench command that is ramped to zero when it is not renewed.
+
+    Attributes:
+        timeout_ns: how long a command stands; 0 keeps it for ever.
+        ramp_ns: how long it then takes to reach zero.
+    """
+
+    timeout_ns: int
+    ramp_ns: int
+    _latest: Latest[Array] = field(default_factory=Latest)
+
+    def put(self, wrench: Array, now_ns: int) -> None:
+        """Take a new command (6,)."""
+        self._latest.put(wrench, now_ns)
+
+    def at(self, now_ns: int) -> Array:
+        """Return the wrench (6,) that stands at ``now_ns``."""
+        wrench = self._latest.value
+        if wrench is None:
+            return np.zeros(6)
+        if self.timeout_ns == 0:
+            return wrench
+        over = now_ns - self._latest.stamp_ns - self.timeout_ns
+        if over <= 0:
+            return wrench
+        if over >= self.ramp_ns:
+            return np.zeros(6)
+        return np.asarray(wrench * (1.0 - over / self.ramp_ns))

@@ -1,0 +1,158 @@
+"""Messages to numbers and back, with every rule that an incoming message has to keep.
+
+Reading raises :class:`InvalidInputError` naming value and rule; writing fills a message in place.
+"""
+
+from __future__ import annotations
+
+import array
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, WrenchStamped
+from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.model import Array
+
+WORLD = "world"
+QUATERNION_TOLERANCE = 1e-3
+NANOSECONDS = 1_000_000_000
+
+
+def stamp_ns(header: Header) -> int:
+    """Return a header's stamp in ns."""
+    return int(header.stamp.sec) * NANOSECONDS + int(header.stamp.nanosec)
+
+
+def set_stamp(stamp: Time, time_ns: int) -> None:
+    """Write a time in ns into a stamp."""
+    stamp.sec, stamp.nanosec = divmod(time_ns, NANOSECONDS)
+
+
+def checked_stamp(header: Header, now_ns: int, limit_ns: int, unstamped_is_now: bool) -> int:
+    """Return the header's time, ns.
+
+    Raises:
+        InvalidInputError: further than ``limit_ns`` from now; or zero where that is not allowed to
+            mean now.
+    """
+    time_ns = stamp_ns(header)
+    if time_ns == 0 and unstamped_is_now:
+        return now_ns
+    if abs(now_ns - time_ns) > limit_ns:
+        rule = f"must be within {limit_ns / NANOSECONDS:g} s of this node's clock"
+        raise InvalidInputError("age of stamp, s", (now_ns - time_ns) / NANOSECONDS, rule)
+    return time_ns
+
+
+def read_wrench(message: WrenchStamped) -> Array:
+    """Return (6,) force and torque, N and N m, given in ``world``.
+
+    Raises:
+        InvalidInputError: another frame, or not finite.
+    """
+    check_frame(message.header)
+    return _six("wrench", message.wrench.force, message.wrench.torque)
+
+
+def read_twist(message: TwistStamped) -> Array:
+    """Return (6,) linear and angular velocity, m/s and rad/s, given in ``world``.
+
+    Raises:
+        InvalidInputError: another frame, or not finite.
+    """
+    check_frame(message.header)
+    return _six("twist", message.twist.linear, message.twist.angular)
+
+
+def read_pose(message: PoseStamped) -> pin.SE3:
+    """Return the pose in ``world``.
+
+    Raises:
+        InvalidInputError: another frame, not finite, or a quaternion that is not of unit length.
+    """
+    check_frame(message.header)
+    p, o = message.pose.position, message.pose.orientation
+    values = np.array((p.x, p.y, p.z, o.x, o.y, o.z, o.w))
+    if not np.isfinite(values).all():
+        raise InvalidInputError("pose", values.tolist(), "must be finite")
+    quaternion = values[3:]
+    length = float(np.sqrt(quaternion @ quaternion))
+    if abs(length - 1.0) > QUATERNION_TOLERANCE:
+        rule = f"quaternion must have unit length within {QUATERNION_TOLERANCE:g}"
+        raise InvalidInputError("length of quaternion", length, rule)
+    return pin.SE3(pin.Quaternion(quaternion / length).matrix(), values[:3])
+
+
+def check_frame(header: Header) -> None:
+    """Refuse any frame but ``world``.
+
+    Raises:
+        InvalidInputError: unknown frame.
+    """
+    if header.frame_id != WORLD:
+        raise InvalidInputError("frame_id", header.frame_id, f"must be '{WORLD}'")
+
+
+def write_wrench(message: WrenchStamped, wrench: Array, time_ns: int) -> None:
+    """Fill a stamped wrench, axes of ``world``."""
+    _write_header(message.header, time_ns)
+    _write_six(message.wrench.force, message.wrench.torque, wrench)
+
+
+def write_twist(message: TwistStamped, twist: Array, time_ns: int) -> None:
+    """Fill a stamped twist, axes of ``world``."""
+    _write_header(message.header, time_ns)
+    _write_six(message.twist.linear, message.twist.angular, twist)
+
+
+def write_pose(message: PoseStamped, pose: pin.SE3, time_ns: int) -> None:
+    """Fill a stamped pose in ``world``."""
+    _write_header(message.header, time_ns)
+    position, orientation = message.pose.position, message.pose.orientation
+    position.x, position.y, position.z = pose.translation.tolist()
+    quaternion = pin.Quaternion(pose.rotation).coeffs().tolist()
+    orientation.x, orientation.y, orientation.z, orientation.w = quaternion
+
+
+def matrix_message(row_label: str, column_label: str, rows: int, columns: int) -> Float64MultiArray:
+    """Return an empty row-major matrix message with labelled dimensions."""
+    message = Float64MultiArray()
+    message.layout.dim = [
+        MultiArrayDimension(label=row_label, size=rows, stride=rows * columns),
+        MultiArrayDimension(label=column_label, size=columns, stride=columns),
+    ]
+    return message
+
+
+def fields_message(fields: Mapping[str, int]) -> Float64MultiArray:
+    """Return an empty message whose layout names the fields of one flat array, in order."""
+    message = Float64MultiArray()
+    total = sum(fields.values())
+    label = ",".join(f"{name}:{size}" for name, size in fields.items())
+    message.layout.dim = [MultiArrayDimension(label=label, size=total, stride=total)]
+    return message
+
+
+def write_array(message: Float64MultiArray, values: Array) -> None:
+    """Fill the data of a multi-array message."""
+    message.data = array.array("d", np.ascontiguousarray(values, dtype=float).tobytes())
+
+
+def _write_header(header: Header, time_ns: int) -> None:
+    header.frame_id = WORLD
+    set_stamp(header.stamp, time_ns)
+
+
+def _write_six(first: Vector3, second: Vector3, values: Array) -> None:
+    first.x, first.y, first.z, second.x, second.y, second.z = values.tolist()
+
+
+def _six(what: str, first: Vector3, second: Vector3) -> Array:
+    values = np.array((first.x, first.y, first.z, second.x, second.y, second.z))
+    if not np.isfinite(values).all():
+        raise InvalidInputError(what, values.tolist(), "must be finite")
+    return values

@@ -1,0 +1,28 @@
+"""Quality of service of every topic, each with its reason."""
+
+from __future__ import annotations
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+# Publishers are reliable: a reliable subscriber (CRTK clients, bags, `ros2 topic`) would silently
+# not match a best-effort publisher. A few samples of history ride out a reader's hiccup.
+STREAM_PUBLISHER = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE
+)
+# The control path wants the newest sample only, and never waits for a lost one.
+CONTROL_SUBSCRIBER = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT
+)
+# Commands of other people's nodes: best effort connects to reliable and best-effort publishers.
+COMMAND_SUBSCRIBER = CONTROL_SUBSCRIBER
+# State that changes rarely: whoever comes late gets the last value.
+LATCHED = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+# Recording loses nothing that arrives.
+RECORDER_SUBSCRIBER = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.RELIABLE
+)

@@ -1,0 +1,137 @@
+"""Records the graph's topics as they are on the wire into a rosbag2 bag.
+
+A process of its own, so that a slow disk delays nobody. Tells its parent how it goes by lines of
+JSON on standard output: ready, started (the hand pushes), progress, done or failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from geometry_msgs.msg import WrenchStamped
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
+
+from hapticmech_ros.bag.writer import BagWriter
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
+from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
+from hapticmech_ros.scene import load_scene
+from hapticmech_ros.wire.topics import DEVICE_FORCE, TOPICS, Topic
+
+# Nodes publish diagnostics once a second: recording goes on this long so that the last are in.
+TAIL_S = 1.2
+PROGRESS_PERIOD_S = 0.1
+
+
+class RecorderNode(Node):
+    """Writes every message of the table's topics to a bag, and sees when the hand starts."""
+
+    def __init__(self, writer: BagWriter, point: str) -> None:
+        super().__init__("recorder")
+        self._writer = writer
+        self.messages = 0
+        self.started_ns: int | None = None
+        self._watched = self.resolve_topic_name(DEVICE_FORCE.of(point))
+        for topic in TOPICS:
+            self._record(topic, point)
+
+    def _record(self, topic: Topic, point: str) -> None:
+        name = self.resolve_topic_name(topic.of(point))
+        self._writer.add_topic(name, topic.type, topic.qos)
+        qos = LATCHED if topic.qos == "latched" else RECORDER_SUBSCRIBER
+
+        def callback(data: bytes) -> None:
+            now = time.time_ns()
+            self._writer.write(name, now, data)
+            self.messages += 1
+            if name == self._watched and self.started_ns is None:
+                self._look_for_start(data, now)
+
+        self.create_subscription(_message_class(topic.type), name, callback, qos, raw=True)
+
+    def _look_for_start(self, data: bytes, now_ns: int) -> None:
+        wrench: Any = deserialize_message(data, WrenchStamped).wrench
+        parts = (wrench.force, wrench.torque)
+        if any(value != 0.0 for part in parts for value in (part.x, part.y, part.z)):
+            self.started_ns = now_ns
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Record until the experiment is over, a signal, or a timeout; return the exit code."""
+    parser = argparse.ArgumentParser(prog="recorder", description=__doc__)
+    parser.add_argument("--out", type=Path, required=True, help="bag folder to make")
+    parser.add_argument("--storage", choices=("mcap", "sqlite3"), default="mcap")
+    parser.add_argument("--scene", required=True)
+    parser.add_argument("--duration", type=float, required=True, help="s after the hand starts")
+    parser.add_argument("--start-timeout", type=float, default=30.0, help="s to wait for the hand")
+    options, ros_arguments = parser.parse_known_args(list(arguments))
+    stop = StopRequest()
+    rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        point = load_scene(options.scene).operational_point().name
+        with BagWriter(options.out, options.storage) as writer:
+            node = RecorderNode(writer, point)
+            failure = _record_until_done(node, stop, options)
+            messages = node.messages
+            node.destroy_node()
+        if failure:
+            _tell("failed", reason=failure)
+            return 1
+        _tell("done", messages=messages)
+        return 0
+    except HapticMechError as error:
+        _tell("failed", reason=str(error))
+        return 1
+    finally:
+        rclpy.try_shutdown()
+
+
+def _record_until_done(
+    node: RecorderNode, stop: StopRequest, options: argparse.Namespace
+) -> str | None:
+    """Return None when all is recorded, or why not."""
+    executor = EventsExecutor()
+    executor.add_node(node)
+    _tell("ready")
+    begun = time.monotonic()
+    started = last_told = 0.0
+    while rclpy.ok() and not stop.asked:
+        wait_for_messages(executor, LONGEST_WAIT_S)
+        now = time.monotonic()
+        if node.started_ns is None:
+            if now - begun > options.start_timeout:
+                return f"the hand did not start within {options.start_timeout:g} s"
+            continue
+        if not started:
+            started = now
+            _tell("started")
+        if now - last_told >= PROGRESS_PERIOD_S:
+            last_told = now
+            _tell("progress", elapsed_s=min(now - started, options.duration))
+        if now - started >= options.duration + TAIL_S:
+            return None
+    return "stopped by a signal before the experiment was over"
+
+
+def _tell(event: str, **facts: object) -> None:
+    print(json.dumps({"event": event, **facts}), flush=True)
+
+
+def _message_class(name: str) -> Any:
+    package, _, kind = name.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), kind)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,43 @@
+"""Counts and percentiles that cost next to nothing per message: a histogram of durations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+BIN_NS = 10_000
+BINS = 20_000
+
+
+class DurationHistogram:
+    """Durations in bins of 10 µs up to 200 ms; longer ones are in the last bin."""
+
+    def __init__(self) -> None:
+        self._counts = [0] * BINS
+        self.count = 0
+        self.max_ns = 0
+
+    def add(self, duration_ns: int) -> None:
+        """Count one duration; negative ones count as zero."""
+        index = min(max(duration_ns, 0) // BIN_NS, BINS - 1)
+        self._counts[index] += 1
+        self.count += 1
+        self.max_ns = max(self.max_ns, duration_ns)
+
+    def percentiles_us(self, *shares: float) -> tuple[float, ...]:
+        """Return percentiles (0 to 100) in µs, upper edge of the bin; 0 if nothing was counted."""
+        if self.count == 0:
+            return (0.0,) * len(shares)
+        totals = np.cumsum(self._counts)
+        needed = [np.ceil(share / 100.0 * self.count) for share in shares]
+        indices = [int(np.searchsorted(totals, max(need, 1.0))) for need in needed]
+        return tuple((index + 1) * BIN_NS / 1000.0 for index in indices)
+
+    def summary(self, name: str) -> dict[str, str]:
+        """Return the figures for diagnostics, keys ``<name>_p50_us`` and so on."""
+        p50, p90, p99 = self.percentiles_us(50.0, 90.0, 99.0)
+        return {
+            f"{name}_p50_us": f"{p50:.0f}",
+            f"{name}_p90_us": f"{p90:.0f}",
+            f"{name}_p99_us": f"{p99:.0f}",
+            f"{name}_max_us": f"{self.max_ns / 1000.0:.0f}",
+        }

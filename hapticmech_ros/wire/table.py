@@ -1,0 +1,40 @@
+"""The table of topics as Markdown; docs/topics.md holds it, and a test holds the two together."""
+
+from __future__ import annotations
+
+from hapticmech_ros.wire.topics import TOPICS
+
+RATES = {
+    "control": "control rate (1 kHz)",
+    "view": "`view_rate` (100 Hz)",
+    "change": "on change",
+    "1 Hz": "1 Hz",
+    "caller's": "caller's",
+}
+PROFILES = {
+    "stream": "reliable, keep last 10; nodes subscribe best effort, depth 1",
+    "latched": "reliable, transient local, depth 1",
+    "command": "subscribed best effort, depth 1",
+}
+
+
+def markdown() -> str:
+    """Return one table row per topic of the graph."""
+    lines = [
+        "| topic | type | from | to | rate | QoS | meaning |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for topic in TOPICS:
+        kind = topic.type.replace("/msg/", "/")
+        readers = ", ".join(topic.subscribers) or "people, bags"
+        cells = (
+            f"`{topic.name}`",
+            kind,
+            topic.publisher,
+            readers,
+            RATES[topic.rate],
+            PROFILES[topic.qos],
+            topic.meaning,
+        )
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
