@@ -13,6 +13,7 @@ from types import TracebackType
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.share import shared
 
 # A node answers a signal within its longest wait; what does not end by then is killed.
 STOP_TIMEOUT_S = 5.0
@@ -121,14 +122,22 @@ def stop_process(process: subprocess.Popen[str]) -> int:
     return process.wait()
 
 
-def private_environment() -> dict[str, str]:
-    """Return an environment whose ROS graph stays on this machine, away from other graphs.
+def private_environment(domain: int | None = None) -> dict[str, str]:
+    """Return an environment for a ROS graph of its own: on this machine, away from other graphs.
 
-    A ROS_DOMAIN_ID or discovery range that the user has set is kept.
+    Fast DDS then talks UDP over loopback, unless the user has chosen profiles of his own.
+
+    Args:
+        domain: ROS_DOMAIN_ID; if left out, the user's, or else one that is probably free.
     """
     environment = dict(os.environ)
-    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    environment.setdefault("ROS_DOMAIN_ID", str(1 + (os.getpid() + time.time_ns() // 1000) % 100))
+    profiles = shared("config/dds/loopback_udp.xml")
+    if profiles is not None:
+        environment.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(profiles))
+    guess = 1 + (os.getpid() + time.time_ns() // 1000) % 100
+    environment.setdefault("ROS_DOMAIN_ID", str(guess))
+    if domain is not None:
+        environment["ROS_DOMAIN_ID"] = str(domain)
     return environment
 
 

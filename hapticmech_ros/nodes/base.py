@@ -28,7 +28,8 @@ REFUSAL_LOG_PERIOD_S = 1.0
 class HapticNode(Node):
     """A thin shell around core objects of one scene.
 
-    Parameters common to all nodes: ``scene``, ``operational_point``, ``view_rate``, ``message_age_limit``.
+    Parameters common to all nodes: ``scene``, ``operational_point``, ``view_rate``,
+    ``message_age_limit``, ``diagnostics_period``.
     """
 
     def __init__(self, name: str) -> None:
@@ -47,13 +48,16 @@ class HapticNode(Node):
             "message_age_limit", 0.25, "oldest stamp that is accepted, s", 0.001, 3600.0
         )
         self.age_limit_ns = round(limit * NANOSECONDS)
+        period = self.number_parameter(
+            "diagnostics_period", 1.0, "time between diagnostics, s", 0.01, 60.0
+        )
         self.refused = 0
         self.ages = DurationHistogram()
         self._last_refusal_log: dict[str, int] = {}
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS.name, STREAM_PUBLISHER
         )
-        self.create_timer(1.0, self._publish_diagnostics)
+        self.create_timer(period, self._publish_diagnostics)
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return whether all is well, a sentence, and figures, for diagnostics."""

@@ -46,6 +46,9 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
         return 1
     # Matrices are small and cores few: a second BLAS thread only adds delays. Read when numpy loads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # UDP also on one machine: whoever is killed while it holds a lock in shared memory would stop
+    # its peers for seconds. Fast DDS reads this where the discovery range is not LOCALHOST.
+    os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     runtime = importlib.import_module("hapticmech_ros.nodes.runtime")
     return int(runtime.run(names, arguments))
 

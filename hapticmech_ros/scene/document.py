@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, StringConstraints, Tag
 
 from hapticmech_ros.errors import InvalidInputError
 
@@ -19,6 +19,11 @@ NonNegative = Annotated[Real, Field(ge=0.0)]
 Name = Annotated[str, StringConstraints(strict=True, pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 Flag = Annotated[bool, Field(strict=True)]
 Vector3 = tuple[Real, Real, Real]
+# One number or a list; told apart by what is written, so that an error is about one of the two.
+Coordinates = Annotated[
+    Annotated[Real, Tag("number")] | Annotated[tuple[Real, ...], Tag("list")],
+    Discriminator(lambda given: "list" if isinstance(given, list | tuple) else "number"),
+]
 
 JointType = Literal["revolute", "prismatic", "fixed", "spherical", "free", "planar"]
 ClosureKind = Literal["spherical", "weld", "revolute", "planar_pin"]
@@ -109,10 +114,7 @@ class Closure(Part):
 
 
 class Metric(Part):
-    """Inertia that measures directions at an operational point whose link has no mass.
-
-    ``mass`` in kg and ``length`` (characteristic length, radius of gyration) in m.
-    """
+    """Inertia that measures directions where a link has none: mass (kg), radius of gyration (m)."""
 
     mass: Positive
     length: Positive
@@ -130,12 +132,12 @@ class OperationalPoint(Part):
 class InitialState(Part):
     """Authored joint positions and velocities by joint name; joints left out start at zero.
 
-    A revolute or prismatic joint takes one number; ``spherical``, ``free`` and ``planar`` joints take
-    Pinocchio's configuration vector (quaternion x, y, z, w; position then quaternion; x, y, cos, sin).
+    A revolute or prismatic joint takes one number, the others take Pinocchio's configuration:
+    ``spherical`` x, y, z, w; ``free`` position, then x, y, z, w; ``planar`` x, y, cos, sin.
     """
 
-    q: dict[Name, Real | tuple[Real, ...]] = {}
-    v: dict[Name, Real | tuple[Real, ...]] = {}
+    q: dict[Name, Coordinates] = {}
+    v: dict[Name, Coordinates] = {}
 
 
 class Simulation(Part):
@@ -195,7 +197,7 @@ class ConstantWrenchHand(Part):
 
 
 class Waypoint(Part):
-    """Target of the hand relative to where it took hold: displacement (m) and rotation vector (rad)."""
+    """Target of the hand from where it took hold: displacement (m) and rotation vector (rad)."""
 
     time: NonNegative
     xyz: Vector3 = (0.0, 0.0, 0.0)
@@ -203,7 +205,7 @@ class Waypoint(Part):
 
 
 class SpringDamperHand(Part):
-    """Hand as a spring and damper between the point held and a target that moves between waypoints."""
+    """Hand as a spring and damper between the point held and a target that visits waypoints."""
 
     kind: Literal["spring_damper"]
     stiffness: Positive = 300.0
@@ -222,8 +224,7 @@ class JointConstraintGains(Part):
 
     Along a constrained direction n, normalised in the metric, the gain is per unit of the metric's
     mass: pure translation of the link meets ``stiffness`` N/m and ``damping`` N s/m.
-    ``feedforward`` is beta of the impedance controller: the share of the hand's push along
-    constrained directions that is cancelled ahead of the spring.
+    ``feedforward`` is beta, the share of what the hand pushes along n that is cancelled ahead.
     """
 
     stiffness: NonNegative = 2000.0
@@ -234,7 +235,7 @@ class JointConstraintGains(Part):
 
 
 class PositionChannelGains(Part):
-    """Local position controllers C_m = C_s of the four-channel architecture: a spring and a damper."""
+    """Local position controllers C_m = C_s of the four-channel architecture: spring and damper."""
 
     stiffness: NonNegative = 300.0
     damping: NonNegative = 10.0
@@ -243,7 +244,7 @@ class PositionChannelGains(Part):
 
 
 class ForceChannelGains(Part):
-    """Force channels: ``contact`` (C2, contact wrench to the hand), ``hand`` (C3, hand to mechanism)."""
+    """Force channels: ``contact`` (C2, contact to hand), ``hand`` (C3, hand to mechanism)."""
 
     contact: Annotated[Real, Field(ge=0.0, le=1.0)] = 1.0
     hand: Annotated[Real, Field(ge=0.0, le=1.0)] = 1.0

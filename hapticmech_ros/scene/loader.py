@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.rules import broken_rules
+from hapticmech_ros.share import shared
 
-PACKAGE = "hapticmech_ros"
 FILE_SIZE_LIMIT = 4_000_000
+# Values in a document with its aliases written out: a short file can alias its way to billions.
+VALUE_LIMIT = 200_000
 
 
 def load_scene(scene: str | os.PathLike[str]) -> Scene:
@@ -41,6 +43,15 @@ def load_scene(scene: str | os.PathLike[str]) -> Scene:
         ) from None
     except (OSError, UnicodeDecodeError, YAMLError) as error:
         raise SceneError(str(path), [SceneProblem("file", str(error), "cannot be read")]) from None
+    except ValueError as error:  # such as !!int or a date that is none
+        problem = SceneProblem("file", str(error), "not valid YAML")
+        raise SceneError(str(path), [problem]) from None
+    except RecursionError:
+        problem = SceneProblem("file", str(path), "nested too deeply")
+        raise SceneError(str(path), [problem]) from None
+    if not _values_within(document, VALUE_LIMIT):
+        rule = f"at most {VALUE_LIMIT} values with all aliases written out"
+        raise SceneError(str(path), [SceneProblem("file", str(path), rule)])
     return scene_from_document(document, source=str(path))
 
 
@@ -56,7 +67,7 @@ def scene_from_document(document: object, source: str = "<document>") -> Scene:
         scene = Scene.model_validate(document)
     except ValidationError as error:
         problems = [
-            SceneProblem(_key_path(item["loc"]), item["input"], _rule(item["type"], item["msg"]))
+            SceneProblem(_key_path(item["loc"]), _value(item), _rule(item["type"], item["msg"]))
             for item in error.errors()
         ]
         raise SceneError(source, problems) from None
@@ -84,33 +95,48 @@ def find_scene(scene: str | os.PathLike[str]) -> Path:
 
 def shipped_scenes() -> dict[str, Path]:
     """Return the scenes that come with the package, by name."""
-    for folder in _scene_folders():
-        if folder.is_dir():
-            return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
-    return {}
-
-
-def _scene_folders() -> list[Path]:
-    """Return where scenes may be: the source tree, this prefix's share, ament prefixes' shares."""
-    here = Path(__file__).resolve()
-    share = Path("share") / PACKAGE / "config" / "scenes"
-    folders = [here.parents[2] / "config" / "scenes"]
-    # lib/pythonX.Y/site-packages/hapticmech_ros/scene/loader.py: five levels below the prefix.
-    folders += [parent / share for parent in here.parents[3:7]]
-    folders.append(Path(sys.prefix) / share)
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    folders += [Path(prefix) / share for prefix in prefixes if prefix]
-    return folders
+    folder = shared("config/scenes")
+    if folder is None:
+        return {}
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
 
 
 def _key_path(location: tuple[int | str, ...]) -> str:
+    """Return the path as a scene's author would write it, without pydantic's names of variants."""
+    parts = list(location)
+    if parts[:1] == ["hand"]:
+        del parts[1:2]
+    elif parts[:1] == ["initial_state"]:
+        del parts[3:4]
     path = ""
-    for part in location:
+    for part in parts:
         if isinstance(part, int):
             path += f"[{part}]"
-        elif part not in ("constant_wrench", "spring_damper") or not path.endswith("hand"):
+        else:
             path += f".{part}" if path else part
     return path or "<root>"
+
+
+def _value(item: ErrorDetails) -> object:
+    """Return what was read; for a missing key pydantic gives the whole mapping around it."""
+    if item["type"] == "missing" and isinstance(item["input"], Mapping):
+        return None
+    return item["input"]
+
+
+def _values_within(document: object, limit: int) -> bool:
+    """Return whether ``document`` holds at most ``limit`` values, aliases counted at each use."""
+    pending, count = [document], 0
+    while pending:
+        value = pending.pop()
+        count += 1
+        if isinstance(value, Mapping):
+            pending.extend(value.values())
+        elif isinstance(value, list | tuple | set):
+            pending.extend(value)
+        if count + len(pending) > limit:
+            return False
+    return True
 
 
 def _rule(kind: str, message: str) -> str:

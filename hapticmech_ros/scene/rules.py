@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from hapticmech_ros.errors import SceneProblem
-from hapticmech_ros.scene.document import Inertia, Joint, Link, Origin, Scene
+from hapticmech_ros.scene.document import Inertia, Joint, Link, Origin, Scene, Vector3
 
 POSITION_SIZE = {
     "revolute": 1,
@@ -156,6 +157,10 @@ def _plane(scene: Scene) -> Iterator[SceneProblem]:
             yield SceneProblem(f"{key}.origin.rpy", joint.origin.rpy, rule + "roll = pitch = 0")
     if scene.gravity[2] != 0.0:
         yield SceneProblem("gravity[2]", scene.gravity[2], rule + "gravity has no z part")
+    for key, linear, angular in _hand_vectors(scene):
+        if linear[2] != 0.0 or angular[0] != 0.0 or angular[1] != 0.0:
+            given = (*linear, *angular)
+            yield SceneProblem(key, given, rule + "the hand has x, y and turns about z only")
 
 
 def _thresholds(scene: Scene) -> Iterator[SceneProblem]:
@@ -165,10 +170,20 @@ def _thresholds(scene: Scene) -> Iterator[SceneProblem]:
         yield SceneProblem("perception.s_off", perception.s_off, rule)
     if scene.hand.kind == "spring_damper":
         times = [waypoint.time for waypoint in scene.hand.waypoints]
-        for index, (before, after) in enumerate(zip(times, times[1:], strict=False), start=1):
+        for index, (before, after) in enumerate(pairwise(times), start=1):
             if after <= before:
                 rule = f"waypoint times must increase; the one before is {before}"
                 yield SceneProblem(f"hand.waypoints[{index}].time", after, rule)
+
+
+def _hand_vectors(scene: Scene) -> Iterator[tuple[str, Vector3, Vector3]]:
+    """Yield key, linear and angular part of what the hand does."""
+    hand = scene.hand
+    if hand.kind == "constant_wrench":
+        yield "hand", hand.force, hand.torque
+    else:
+        for index, waypoint in enumerate(hand.waypoints):
+            yield f"hand.waypoints[{index}]", waypoint.xyz, waypoint.rotation
 
 
 def inertia_matrix(inertia: Inertia) -> np.ndarray:

@@ -1,0 +1,165 @@
+"""What graph tests share: a domain of their own, processes that always end, waits that time out."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.qos import QoSProfile
+from rclpy.task import Future
+
+from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_process
+
+RELIABLE = QoSProfile(depth=1000)
+WAIT_S = 20.0
+_counter = itertools.count()
+
+
+def next_domain() -> int:
+    """Return a domain id that no other test of this run uses: 1 to 100 are safe on Linux."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
+    return 1 + (os.getpid() + 40 * worker + next(_counter)) % 100
+
+
+class Peer:
+    """A node of the test's own: publishes, listens, and waits for conditions."""
+
+    def __init__(self, domain: int) -> None:
+        os.environ.update(private_environment(domain))
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = rclpy.create_node("peer", context=self.context)
+        self.executor = EventsExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self._never: Future[None] = Future()
+
+    def listen(self, topic: str, kind: Any, qos: QoSProfile = RELIABLE) -> list[Any]:
+        """Return a list that grows by every message."""
+        messages: list[Any] = []
+        self.node.create_subscription(kind, topic, messages.append, qos)
+        return messages
+
+    def publisher(self, topic: str, kind: Any, qos: QoSProfile = RELIABLE) -> Any:
+        """Return a publisher that has met a subscriber."""
+        publisher = self.node.create_publisher(kind, topic, qos)
+        self.until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
+        return publisher
+
+    def run(self, duration: float) -> None:
+        """Handle messages for a while."""
+        end = time.monotonic() + duration
+        while (left := end - time.monotonic()) > 0.0:
+            self.executor.spin_until_future_complete(self._never, timeout_sec=min(left, 0.05))
+
+    def until(self, condition: Callable[[], object], what: str, timeout: float = WAIT_S) -> None:
+        """Handle messages until the condition holds."""
+        end = time.monotonic() + timeout
+        while not condition():
+            if time.monotonic() > end:
+                raise TimeoutError(f"waited {timeout:g} s in vain for {what}")
+            self.executor.spin_until_future_complete(self._never, timeout_sec=0.01)
+
+    def statuses(self) -> dict[str, Any]:
+        """Return a mapping that always holds the last status of every node, by name."""
+        found: dict[str, Any] = {}
+
+        def keep(message: DiagnosticArray) -> None:
+            for status in message.status:
+                found[status.name] = status
+
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", keep, RELIABLE)
+        return found
+
+    def now(self) -> Any:
+        """Return the present time as a message stamp."""
+        return self.node.get_clock().now().to_msg()
+
+    def wrench(self, *values: float, frame: str = "world") -> WrenchStamped:
+        """Return a wrench stamped now."""
+        message = WrenchStamped()
+        message.header.frame_id = frame
+        message.header.stamp = self.now()
+        _fill(message.wrench.force, message.wrench.torque, values)
+        return message
+
+    def twist(self, *values: float, frame: str = "world") -> TwistStamped:
+        """Return a twist stamped now."""
+        message = TwistStamped()
+        message.header.frame_id = frame
+        message.header.stamp = self.now()
+        _fill(message.twist.linear, message.twist.angular, values)
+        return message
+
+    def pose(self, x: float = 0.0, y: float = 0.0, w: float = 1.0, z: float = 0.0) -> PoseStamped:
+        """Return a pose stamped now, turned about z by the quaternion (0, 0, z, w)."""
+        message = PoseStamped()
+        message.header.frame_id = "world"
+        message.header.stamp = self.now()
+        message.pose.position.x, message.pose.position.y = x, y
+        message.pose.orientation.w, message.pose.orientation.z = w, z
+        return message
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+def refuses(peer: Peer, statuses: dict[str, Any], node: str, publisher: Any, message: Any) -> None:
+    """Publish a message until the node's diagnostics count a refusal that was not there before.
+
+    Needs a short ``diagnostics_period``.
+    """
+    peer.until(lambda: node in statuses, f"diagnostics of {node}")
+    peer.run(0.1)
+    before = int(figures(statuses[node])["refused_messages"])
+
+    def refused() -> bool:
+        publisher.publish(message)
+        return int(figures(statuses[node])["refused_messages"]) > before
+
+    peer.until(refused, f"a refusal of {message}")
+
+
+def figures(status: Any) -> dict[str, str]:
+    """Return the key-value pairs of a status."""
+    return {pair.key: pair.value for pair in status.values}
+
+
+def six(wrench_or_twist: Any) -> list[float]:
+    """Return the six numbers of a wrench or twist message."""
+    body = getattr(wrench_or_twist, "wrench", None)
+    if body is not None:
+        parts: Sequence[Any] = (body.force, body.torque)
+    else:
+        parts = (wrench_or_twist.twist.linear, wrench_or_twist.twist.angular)
+    return [value for part in parts for value in (part.x, part.y, part.z)]
+
+
+@contextmanager
+def running(
+    name: str, domain: int, scene: str = "five_bar", **parameters: object
+) -> Iterator[subprocess.Popen[str]]:
+    """Run one node, or several joined by commas, in a process that ends with the block."""
+    arguments = ros_arguments({"scene": scene, **parameters})
+    command = [sys.executable, "-m", "hapticmech_ros.nodes.entry", name, *arguments]
+    process = start_process(command, private_environment(domain))
+    try:
+        yield process
+    finally:
+        stop_process(process)
+
+
+def _fill(first: Any, second: Any, values: Sequence[float]) -> None:
+    first.x, first.y, first.z, second.x, second.y, second.z = values

@@ -1,0 +1,154 @@
+"""The controller alone: the core's answer to the measurements, and silence when any is missing."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from std_msgs.msg import Float64MultiArray
+
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.nodes.messages import write_array, write_pose
+from hapticmech_ros.session import rendering_model
+from hapticmech_ros.wire.layouts import Rendering, pack_rendering
+from ros.harness import Peer, refuses, running, six
+
+pytestmark = pytest.mark.ros
+SCENE = load_scene("five_bar")
+HAND = (-0.5, 0.2, 0.0, 0.0, 0.0, -0.0025)
+
+
+class World:
+    """Publishes everything the controller needs: device and mechanism at the scene's start."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        self.sample = Session(SCENE).tick()
+        self.model = rendering_model(self.sample.analysis)
+        self.pose = self.sample.point.pose
+        self.device_force = peer.publisher("device/measured_cf", WrenchStamped)
+        self.device_twist = peer.publisher("device/measured_cv", TwistStamped)
+        self.device_pose = peer.publisher("device/measured_cp", PoseStamped)
+        self.point_pose = peer.publisher("mechanism/handle/measured_cp", PoseStamped)
+        self.point_twist = peer.publisher("mechanism/handle/measured_cv", TwistStamped)
+        self.contact = peer.publisher("mechanism/handle/contact_cf", WrenchStamped)
+        self.rendering = peer.publisher("analysis/handle/rendering", Float64MultiArray)
+        self.commands = peer.listen("device/servo_cf", WrenchStamped)
+        self.to_mechanism = peer.listen("mechanism/handle/servo_cf", WrenchStamped)
+
+    def send(self, offset: float = 0.0, mechanism: bool = True) -> None:
+        """Publish one round of measurements, the device ``offset`` m aside in y; wait a little."""
+        peer = self.peer
+        now = peer.node.get_clock().now().nanoseconds
+        if mechanism:
+            self.point_pose.publish(_pose(self.pose, now))
+            self.point_twist.publish(peer.twist(*[0.0] * 6))
+            self.contact.publish(peer.wrench(*[0.0] * 6))
+            message = Float64MultiArray()
+            s = self.sample.analysis.spectrum.s
+            write_array(message, pack_rendering(Rendering(now, 1, s, self.model)))
+            self.rendering.publish(message)
+        self.device_force.publish(peer.wrench(*HAND))
+        self.device_twist.publish(peer.twist(*[0.0] * 6))
+        # The pose triggers the answer: the rest has to be there before it.
+        peer.run(0.002)
+        moved = pin.SE3(self.pose.rotation, self.pose.translation + np.array([0.0, offset, 0.0]))
+        self.device_pose.publish(_pose(moved, now))
+        peer.run(0.003)
+
+
+def test_answers_as_the_core_does(domain: int, peer: Peer) -> None:
+    with running("teleoperation_controller", domain):
+        world = World(peer)
+
+        def engaged_and_ramped() -> bool:
+            world.send(0.0)
+            return len(world.commands) > 60
+
+        peer.until(engaged_and_ramped, "the controller to engage")
+        for _ in range(20):
+            world.send(2e-4)
+    control = ControlArchitecture(SCENE)
+    engagement = control.engage(0.0, world.pose, world.pose)
+    moved = pin.SE3(world.pose.rotation, world.pose.translation + np.array([0.0, 2e-4, 0.0]))
+    expected = control.compute(
+        10.0,
+        engagement,
+        DeviceMeasurement(moved, np.zeros(6), np.array(HAND)),
+        PointMeasurement(world.pose, np.zeros(6), np.zeros(6)),
+        world.model,
+    )
+    # Poses travel as quaternions: rounding of 1e-16 in angle times stiffnesses of thousands.
+    assert np.abs(np.array(six(world.commands[-1])) - expected.device).max() < 1e-10
+    assert np.abs(np.array(six(world.to_mechanism[-1])) - expected.mechanism).max() < 1e-10
+
+
+def test_falls_silent_without_the_mechanism_and_comes_back_without_a_jump(
+    domain: int, peer: Peer
+) -> None:
+    statuses = peer.statuses()
+    with running("teleoperation_controller", domain):
+        world = World(peer)
+
+        def engaged() -> bool:
+            world.send()
+            return len(world.commands) > 60
+
+        peer.until(engaged, "the controller to engage")
+        for _ in range(30):
+            world.send(0.0, mechanism=False)
+        silent = len(world.commands)
+        for _ in range(10):
+            world.send(0.0, mechanism=False)
+        assert len(world.commands) == silent
+        peer.until(
+            lambda: "waiting" in statuses.get("teleoperation_controller", _none()).message,
+            "the status to say so",
+        )
+
+        # The device is elsewhere when the mechanism comes back: 10 mm would be 3 N and more.
+        def back() -> bool:
+            world.send(0.01)
+            return len(world.commands) > silent + 60
+
+        peer.until(back, "the controller to engage anew")
+    control = ControlArchitecture(SCENE)
+    still = control.compute(
+        10.0,
+        control.engage(0.0, world.pose, world.pose),
+        DeviceMeasurement(world.pose, np.zeros(6), np.array(HAND)),
+        PointMeasurement(world.pose, np.zeros(6), np.zeros(6)),
+        world.model,
+    )
+    first = np.array(six(world.commands[silent]))
+    assert np.abs(first).max() < 0.1 * np.abs(still.device).max()
+    assert np.abs(np.array(six(world.commands[-1])) - still.device).max() < 1e-9
+
+
+def test_bad_measurements_are_refused(domain: int, peer: Peer) -> None:
+    statuses = peer.statuses()
+    with running("teleoperation_controller", domain, diagnostics_period=0.02) as process:
+        world = World(peer)
+        stale = peer.pose()
+        stale.header.stamp.sec -= 2
+        unknown = peer.pose()
+        unknown.header.frame_id = "tool0"
+        for bad in (peer.pose(math.nan), peer.pose(w=0.5), stale, unknown, PoseStamped()):
+            refuses(peer, statuses, "teleoperation_controller", world.device_pose, bad)
+        for bad_data in ([1.0, 2.0], [math.nan] * 124):
+            bad = Float64MultiArray(data=bad_data)
+            refuses(peer, statuses, "teleoperation_controller", world.rendering, bad)
+        assert process.poll() is None
+    assert not world.commands
+
+
+def _pose(pose: pin.SE3, now: int) -> PoseStamped:
+    message = PoseStamped()
+    write_pose(message, pose, now)
+    return message
+
+
+class _none:
+    message = ""

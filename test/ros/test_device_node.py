@@ -1,0 +1,97 @@
+"""The simulated device alone: CRTK topics, obedience, and zero force when commands stop."""
+
+import math
+import time
+
+import pytest
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+
+from hapticmech_ros import Session, load_scene
+from ros.harness import Peer, refuses, running, six
+
+pytestmark = pytest.mark.ros
+MASS = load_scene("five_bar").device.mass
+STILL = {"hand_start_delay": 60.0}
+
+
+def test_measures_pose_twist_and_hand_wrench_in_world(domain: int, peer: Peer) -> None:
+    poses = peer.listen("device/measured_cp", PoseStamped)
+    twists = peer.listen("device/measured_cv", TwistStamped)
+    forces = peer.listen("device/measured_cf", WrenchStamped)
+    with running("haptic_device", domain, **STILL):
+        peer.until(lambda: min(len(poses), len(twists), len(forces)) > 50, "measurements")
+    start = Session(load_scene("five_bar")).tick().point.pose.translation
+    position = poses[-1].pose.position
+    # The device starts at the operational point and nothing pushes it: equal to the last bit but
+    # for the scene's own closing to 1e-12.
+    assert math.dist((position.x, position.y, position.z), start) < 1e-11
+    for message in (poses[-1], twists[-1], forces[-1]):
+        assert message.header.frame_id == "world"
+        assert message.header.stamp == poses[-1].header.stamp or len(poses) != len(twists)
+    assert six(twists[-1]) == [0.0] * 6
+    assert six(forces[-1]) == [0.0] * 6
+
+
+def test_accelerates_under_servo_cf_and_coasts_when_it_stops(domain: int, peer: Peer) -> None:
+    twists = peer.listen("device/measured_cv", TwistStamped)
+    with running("haptic_device", domain, **STILL):
+        command = peer.publisher("device/servo_cf", WrenchStamped)
+        peer.until(lambda: twists, "twists")
+        for _ in range(40):
+            command.publish(peer.wrench(0.06, 0.0, 0.0, 0.0, 0.0, 0.0))
+            peer.run(0.005)
+        pushed_until = time.time()
+        peer.run(0.3)
+        after = [m for m in twists if _time(m) > pushed_until + 0.1]
+    speeds = [six(m)[0] for m in after]
+    # 0.06 N on 0.3 kg for about 0.2 s gives about 0.04 m/s; then nothing pushes and nothing brakes.
+    assert 0.01 < speeds[0] < 0.2
+    assert len(speeds) > 50
+    assert max(speeds) == min(speeds)
+
+
+def test_hand_lets_go_and_takes_hold_with_the_commands(domain: int, peer: Peer) -> None:
+    forces = peer.listen("device/measured_cf", WrenchStamped)
+    with running("haptic_device", domain, hand_start_delay=0.0):
+        command = peer.publisher("device/servo_cf", WrenchStamped)
+        peer.until(lambda: forces, "forces")
+        assert six(forces[-1]) == [0.0] * 6
+        for _ in range(2):
+            command.publish(peer.wrench(0.5, 0.0, 0.0, 0.0, 0.0, 0.0025))
+            peer.until(lambda: six(forces[-1])[0] == -0.5, "the hand pushing")
+            peer.until(lambda: six(forces[-1]) == [0.0] * 6, "the hand letting go")
+
+
+def test_bad_commands_are_refused_and_counted(domain: int, peer: Peer) -> None:
+    twists = peer.listen("device/measured_cv", TwistStamped)
+    statuses = peer.statuses()
+    with running("haptic_device", domain, diagnostics_period=0.02, **STILL) as process:
+        command = peer.publisher("device/servo_cf", WrenchStamped)
+        stale = peer.wrench(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        stale.header.stamp.sec -= 10
+        for bad in (
+            peer.wrench(math.nan, 0.0, 0.0, 0.0, 0.0, 0.0),
+            peer.wrench(0.0, 0.0, 0.0, 0.0, 0.0, math.inf),
+            peer.wrench(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, frame="base_link"),
+            peer.wrench(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, frame=""),
+            stale,
+        ):
+            refuses(peer, statuses, "haptic_device", command, bad)
+        assert process.poll() is None
+    assert all(six(m) == [0.0] * 6 for m in twists)
+
+
+def test_hand_wrench_topic_pushes_and_expires(domain: int, peer: Peer) -> None:
+    forces = peer.listen("device/measured_cf", WrenchStamped)
+    with running("haptic_device", domain, hand_timeout=0.1, **STILL):
+        push = peer.publisher("device/hand_cf", WrenchStamped)
+        unstamped = WrenchStamped()
+        unstamped.header.frame_id = "world"
+        unstamped.wrench.force.y = 0.25
+        push.publish(unstamped)
+        peer.until(lambda: forces and six(forces[-1])[1] == 0.25, "the push")
+        peer.until(lambda: six(forces[-1]) == [0.0] * 6, "its end")
+
+
+def _time(message: TwistStamped) -> float:
+    return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec

@@ -1,0 +1,132 @@
+"""All four nodes: they find each other in any order, render, and survive each other's deaths."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from std_msgs.msg import Float64MultiArray, UInt8
+
+from hapticmech_ros.graph import Graph, private_environment, stop_process
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.wire.layouts import unpack_rendering
+from ros.harness import Peer, figures, running, six
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.mark.parametrize("composed", [False, True], ids=["four_processes", "composed"])
+def test_the_hand_moves_the_mechanism(domain: int, peer: Peer, composed: bool) -> None:
+    device = peer.listen("device/measured_cp", PoseStamped)
+    point = peer.listen("mechanism/handle/measured_cp", PoseStamped)
+    counts = peer.listen("analysis/handle/constraint_count", UInt8)
+    statuses = peer.statuses()
+    with Graph("five_bar", composed, environment=private_environment(domain)) as graph:
+        peer.until(lambda: device and point and _travel(device) > 0.01, "the device to move 10 mm")
+        peer.until(lambda: set(NODES) <= set(statuses), "diagnostics of all nodes")
+        assert _travel(point) > 0.008
+        assert counts[-1].data == 1
+        graph.check()
+        codes = graph.stop()
+    assert set(codes.values()) == {0}
+    assert float(figures(statuses["haptic_device"])["loop_latency_p50_us"]) > 0.0
+
+
+@pytest.mark.parametrize("victim", list(NODES))
+def test_a_node_dies_and_comes_back(domain: int, peer: Peer, victim: str) -> None:
+    commands = peer.listen("device/servo_cf", WrenchStamped)
+    forces = peer.listen("device/measured_cf", WrenchStamped)
+    renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)
+    with Graph("five_bar", environment=private_environment(domain)) as graph:
+        peer.until(lambda: forces and six(forces[-1])[0] == -0.5, "the hand pushing")
+        graph.processes[victim].kill()
+        graph.processes[victim].wait()
+        if victim != "haptic_device":
+            # No commands, so the hand lets go, and the actuators are at zero.
+            peer.until(lambda: six(forces[-1]) == [0.0] * 6, "the hand letting go", 3.0)
+        with running(victim, domain):
+            seen = len(commands)
+            peer.until(lambda: len(commands) > seen + 200, "commands again")
+            peer.until(lambda: six(forces[-1])[0] == -0.5, "the hand pushing again")
+    assert all(np.isfinite(six(m)).all() for m in commands)
+    assert unpack_rendering(renderings[-1].data).count >= 1
+
+
+def test_nodes_start_in_any_order(domain: int, peer: Peer) -> None:
+    commands = peer.listen("device/servo_cf", WrenchStamped)
+    with running("teleoperation_controller", domain), running("nullspace_analyser", domain):
+        peer.run(0.5)
+        with running("haptic_device", domain):
+            peer.run(0.5)
+            assert not commands
+            with running("mechanism_simulator", domain):
+                peer.until(lambda: len(commands) > 100, "commands")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("name", list(NODES))
+def test_signals_end_a_node_with_exit_code_zero(
+    domain: int, peer: Peer, name: str, number: signal.Signals
+) -> None:
+    statuses = peer.statuses()
+    with running(name, domain) as process:
+        peer.until(lambda: name in statuses, "the node")
+        process.send_signal(number)
+        process.send_signal(number)
+        assert process.wait(10.0) == 0
+
+
+def test_two_graphs_in_namespaces_do_not_mix(domain: int, peer: Peer) -> None:
+    left = peer.listen("/left/device/measured_cp", PoseStamped)
+    right = peer.listen("/right/device/measured_cp", PoseStamped)
+    rest = peer.listen("/device/measured_cp", PoseStamped)
+    one = Graph("five_bar", True, "left", environment=private_environment(domain))
+    try:
+        with Graph("two_link", True, "right", environment=private_environment(domain)):
+            peer.until(lambda: left and right, "both devices")
+    finally:
+        one.stop()
+    assert not rest
+
+
+def test_a_bad_scene_ends_the_node_with_a_clear_message(domain: int) -> None:
+    with running("haptic_device", domain, scene="no_such_scene") as process:
+        assert process.wait(20.0) == 1
+
+
+def test_a_graph_ends_with_its_parent(domain: int, peer: Peer) -> None:
+    statuses = peer.statuses()
+    script = (
+        "import os, time\n"
+        "from hapticmech_ros.graph import Graph\n"
+        "graph = Graph('five_bar', True)\n"
+        "print(next(iter(graph.processes.values())).pid, flush=True)\n"
+        "time.sleep(60)\n"
+    )
+    parent = subprocess.Popen(
+        [sys.executable, "-c", script], env=private_environment(domain), stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert parent.stdout is not None
+        child = int(parent.stdout.readline())
+        peer.until(lambda: "haptic_device" in statuses, "the graph")
+        parent.kill()
+        peer.until(lambda: not _alive(child), "the graph's end")
+    finally:
+        stop_process(parent)
+
+
+def _travel(poses: list[PoseStamped]) -> float:
+    first, last = poses[0].pose.position, poses[-1].pose.position
+    return float(np.hypot(last.x - first.x, last.y - first.y))
+
+
+def _alive(pid: int) -> bool:
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    return status.rsplit(")", 1)[1].split()[0] != "Z"

@@ -1,0 +1,73 @@
+"""The mechanism alone: anyone may push it, bad pushes are refused, lost ones run out."""
+
+import math
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, UInt8MultiArray
+
+from hapticmech_ros import Simulator, load_scene
+from hapticmech_ros.wire.layouts import unpack_energy
+from ros.harness import Peer, refuses, running, six
+
+pytestmark = pytest.mark.ros
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def test_publishes_joint_states_pose_and_closures(domain: int, peer: Peer) -> None:
+    joints = peer.listen("mechanism/measured_js", JointState)
+    poses = peer.listen("mechanism/handle/measured_cp", PoseStamped)
+    with running("mechanism_simulator", domain):
+        peer.until(lambda: len(joints) > 20 and len(poses) > 20, "state")
+        closures = peer.listen("mechanism/closures", UInt8MultiArray, LATCHED)
+        peer.until(lambda: closures, "the latched closures")
+    start = Simulator(load_scene("five_bar")).initial_state()
+    assert list(joints[-1].name) == ["joint1", "joint2", "joint3", "joint4"]
+    assert list(joints[-1].position) == start.q.tolist()
+    assert list(closures[-1].data) == [1]
+    assert closures[-1].layout.dim[0].label == "ground_pin"
+    assert poses[-1].header.frame_id == "world"
+
+
+def test_external_wrench_moves_it_then_expires(domain: int, peer: Peer) -> None:
+    contacts = peer.listen("mechanism/handle/contact_cf", WrenchStamped)
+    energies = peer.listen("mechanism/energy", Float64MultiArray)
+    with running("mechanism_simulator", domain, external_timeout=0.1):
+        push = peer.publisher("mechanism/handle/external_cf", WrenchStamped)
+        for _ in range(30):
+            push.publish(peer.wrench(-0.4, 0.1, 0.0, 0.0, 0.0, 0.0))
+            peer.run(0.01)
+        peer.until(lambda: contacts and six(contacts[-1])[:2] == [-0.4, 0.1], "the push")
+        peer.until(lambda: six(contacts[-1]) == [0.0] * 6, "its end")
+        peer.until(lambda: len(energies) > 3, "energies")
+    last = unpack_energy(energies[-1].data)
+    assert last.work_in > 1e-5
+    # The account closes to rounding: work in is kinetic energy or was lost in the joints.
+    assert abs(last.balance) < 1e-9 * last.work_in + 1e-15
+
+
+@pytest.mark.parametrize("topic", ["external_cf", "servo_cf"])
+def test_bad_wrenches_are_refused_and_it_lives_on(domain: int, peer: Peer, topic: str) -> None:
+    joints = peer.listen("mechanism/measured_js", JointState)
+    statuses = peer.statuses()
+    with running("mechanism_simulator", domain, diagnostics_period=0.02) as process:
+        push = peer.publisher(f"mechanism/handle/{topic}", WrenchStamped)
+        peer.until(lambda: joints, "joint states")
+        stale = peer.wrench(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        stale.header.stamp.sec -= 5
+        future = peer.wrench(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        future.header.stamp.sec += 5
+        for bad in (
+            peer.wrench(0.0, math.nan, 0.0, 0.0, 0.0, 0.0),
+            peer.wrench(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, frame="map"),
+            stale,
+            future,
+        ):
+            refuses(peer, statuses, "mechanism_simulator", push, bad)
+        seen = len(joints)
+        peer.until(lambda: len(joints) > seen + 20, "more joint states")
+        assert process.poll() is None
+    assert np.ptp([m.position for m in joints], axis=0).max() == 0.0
