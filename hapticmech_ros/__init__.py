@@ -1,7 +1,7 @@
 """Feel virtual mechanisms: their inertia, their joints and their contacts.
 
-The names in ``__all__`` are the public API of the numerical core; none of them needs ROS or a clock.
-They are loaded when first used, so that commands answer at once.
+The names in ``__all__`` are the public API of the numerical core; none of them needs ROS or a
+clock. They are loaded when first used, so that commands answer at once.
 """
 
 from importlib import import_module

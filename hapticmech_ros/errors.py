@@ -6,8 +6,19 @@ the message is there for people.
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+_BRIEF = reprlib.Repr()
+_BRIEF.maxstring = _BRIEF.maxother = 80
+_BRIEF.maxlist = _BRIEF.maxtuple = _BRIEF.maxdict = 12
+_BRIEF.maxlevel = 3
+
+
+def shown(value: object) -> str:
+    """Return ``value`` for a message, cut short before it is written out in full."""
+    return _BRIEF.repr(value)
 
 
 class HapticMechError(Exception):
@@ -29,10 +40,7 @@ class SceneProblem:
     rule: str
 
     def __str__(self) -> str:
-        shown = repr(self.value)
-        if len(shown) > 80:
-            shown = shown[:77] + "..."
-        return f"{self.key_path}: {self.rule} (got {shown})"
+        return f"{self.key_path}: {self.rule} (got {shown(self.value)})"
 
 
 class SceneError(HapticMechError):
@@ -61,7 +69,7 @@ class InvalidInputError(HapticMechError):
         self.what = what
         self.value = value
         self.rule = rule
-        super().__init__(f"{what}: {rule} (got {value!r})")
+        super().__init__(f"{what}: {rule} (got {shown(value)})")
 
 
 class BagError(HapticMechError):

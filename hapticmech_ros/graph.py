@@ -89,7 +89,7 @@ def ros_arguments(parameters: Mapping[str, object], namespace: str = "") -> list
     arguments = ["--ros-args"]
     for name, value in parameters.items():
         node, _, parameter = name.rpartition(".")
-        text = f"'{value}'" if isinstance(value, str) else str(value)
+        text = f"'{value}'" if isinstance(value, str) else str(value).lower()
         arguments += ["-p", f"{node + ':' if node else ''}{parameter}:={text}"]
     if namespace:
         arguments += ["-r", f"__ns:=/{namespace.strip('/')}"]

@@ -1,4 +1,4 @@
-"""Where the package's own files are: in the source tree, or in ``share/hapticmech_ros`` of a prefix."""
+"""Where the package's own files are: in the source tree, or in the share folder of a prefix."""
 
 from __future__ import annotations
 

@@ -10,14 +10,15 @@ import pinocchio as pin
 from hapticmech_ros.control.engagement import Engagement, engage, pose_error
 from hapticmech_ros.control.four_channel import FourChannel
 from hapticmech_ros.control.impedance import impedance_wrench
-from hapticmech_ros.control.joint_constraint import joint_constraint_wrench, limited
+from hapticmech_ros.control.joint_constraint import joint_constraint_wrench
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.document import Device, Scene
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceMeasurement:
-    """What the device reports: pose, twist (6,) and hand wrench F_h (6,) on the device, world axes."""
+    """What the device reports, world axes: pose, twist (6,), hand wrench F_h (6,) on the device."""
 
     pose: pin.SE3
     twist: Array

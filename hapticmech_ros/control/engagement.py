@@ -17,10 +17,12 @@ from hapticmech_ros.mechanism.model import Array
 
 @dataclass(frozen=True, slots=True)
 class Engagement:
-    """Attributes:
-    time: s, when rendering started.
-    displacement: (3,) m, from device to operational point at that time.
-    turn: (3, 3) rotation, R_device R_turn = R_point at that time.
+    """The tie between the device's pose and the operational point's.
+
+    Attributes:
+        time: s, when rendering started.
+        displacement: (3,) m, from device to operational point at that time.
+        turn: (3, 3) rotation, R_device R_turn = R_point at that time.
     """
 
     time: float

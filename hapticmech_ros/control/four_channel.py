@@ -17,10 +17,11 @@ from hapticmech_ros.scene.document import ForceChannelGains, PositionChannelGain
 
 @dataclass(frozen=True, slots=True)
 class ChannelWrenches:
-    """Attributes:
-    device: (6,) on the hand, by the device, at the point held.
-    mechanism: (6,) on the mechanism, by the hand, at the operational point.
-    Both in world axes, N and N m.
+    """Wrenches of the channels on both sides, world axes, N and N m.
+
+    Attributes:
+        device: (6,) on the hand, by the device, at the point held.
+        mechanism: (6,) on the mechanism, by the hand, at the operational point.
     """
 
     device: Array

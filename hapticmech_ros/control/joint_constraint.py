@@ -1,6 +1,6 @@
 """Joint-constraint controller: limited stiffness in the null space of Λ_h⁻¹.
 
-    u_jc = -(k P_c e + b P_c ė), limited in force and torque
+    u_jc = -(k P_c e + b P_c ė), limited in force and torque as a whole
 
 P_c is smooth (see operational/projector.py), so u_jc has no step when a constraint comes or goes.
 Its spring does store 1/2 k eᵀ P_c e, so switching a direction on with an error there adds energy;
@@ -9,9 +9,8 @@ Its spring does store 1/2 k eᵀ P_c e, so switching a direction on with an erro
 
 from __future__ import annotations
 
-import numpy as np
-
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.saturation import scaled_within
 from hapticmech_ros.scene.document import JointConstraintGains
 
 
@@ -27,23 +26,9 @@ def joint_constraint_wrench(
         error_rate: (6,) ė, device twist less the point's.
     """
     pull = -(projector @ (gains.stiffness * error + gains.damping * error_rate))
-    return limited(pull, gains.force_limit, gains.torque_limit)
+    return scaled_within(pull, gains.force_limit, gains.torque_limit)
 
 
 def spring_energy(gains: JointConstraintGains, projector: Array, error: Array) -> float:
     """Return 1/2 k eᵀ P_c e in J."""
     return 0.5 * gains.stiffness * float(error @ projector @ error)
-
-
-def limited(wrench: Array, force_limit: float, torque_limit: float) -> Array:
-    """Return ``wrench`` with force and torque each shortened to its limit, directions kept."""
-    force = float(np.sqrt(wrench[:3] @ wrench[:3]))
-    torque = float(np.sqrt(wrench[3:] @ wrench[3:]))
-    if force <= force_limit and torque <= torque_limit:
-        return wrench
-    shortened = wrench.copy()
-    if force > force_limit:
-        shortened[:3] *= force_limit / force
-    if torque > torque_limit:
-        shortened[3:] *= torque_limit / torque
-    return shortened

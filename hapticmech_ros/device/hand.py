@@ -55,6 +55,8 @@ def _spring_damper(hand: SpringDamperHand) -> HandLaw:
         offset, rate = _target(times, offsets, moving)
         goal = held.translation + offset[:3]
         turned = pin.exp3(offset[3:]) @ held.rotation
+        # Left Jacobian of exp: from the rate of a rotation vector to angular velocity, world axes.
+        rate = np.concatenate((rate[:3], pin.Jexp3(-offset[3:]) @ rate[3:]))
         stretch = np.concatenate((goal - pose.translation, pin.log3(turned @ pose.rotation.T)))
         return np.asarray(stiffness * stretch + damping * (rate - twist))
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.control.joint_constraint import limited
 from hapticmech_ros.device.hand import HandLaw
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.document import Device
 
 

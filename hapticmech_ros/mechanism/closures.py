@@ -47,7 +47,7 @@ class LoopClosure:
     def residual(self, data: pin.Data) -> Array:
         """Return (m,) φ from placements already in ``data.oMf``: m, then rad to first order."""
         a, b = data.oMf[self.frame_a], data.oMf[self.frame_b]
-        points = (a.translation - b.translation)[: _POINT_ROWS[self.kind]]
+        points: Array = (a.translation - b.translation)[: _POINT_ROWS[self.kind]]
         if self.kind == "weld":
             return np.concatenate((points, _misalignment(a.rotation, b.rotation)))
         if self.kind == "revolute":
@@ -66,9 +66,11 @@ class LoopClosure:
     def jacobian(self, model: pin.Model, data: pin.Data) -> Array:
         """Return (m, nv) W = ∂φ/∂q, from ``computeJointJacobians`` and placements in ``data``."""
         world_axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        jacobian_a = pin.getFrameJacobian(model, data, self.frame_a, world_axes)
-        jacobian_b = pin.getFrameJacobian(model, data, self.frame_b, world_axes)
-        points = (jacobian_a[:3] - jacobian_b[:3])[: _POINT_ROWS[self.kind]]
+        # Pinocchio gives a vector instead of a matrix where there is one degree of freedom.
+        shape = (6, model.nv)
+        jacobian_a = pin.getFrameJacobian(model, data, self.frame_a, world_axes).reshape(shape)
+        jacobian_b = pin.getFrameJacobian(model, data, self.frame_b, world_axes).reshape(shape)
+        points: Array = (jacobian_a[:3] - jacobian_b[:3])[: _POINT_ROWS[self.kind]]
         if self.rows == len(points):
             return points
         a, b = data.oMf[self.frame_a].rotation, data.oMf[self.frame_b].rotation
@@ -84,7 +86,7 @@ class LoopClosure:
         motion = pin.getFrameClassicalAcceleration
         accel_a = motion(model, data, self.frame_a, world_axes)
         accel_b = motion(model, data, self.frame_b, world_axes)
-        points = (accel_a.linear - accel_b.linear)[: _POINT_ROWS[self.kind]]
+        points: Array = (accel_a.linear - accel_b.linear)[: _POINT_ROWS[self.kind]]
         if self.rows == len(points):
             return points
         a, b = data.oMf[self.frame_a].rotation, data.oMf[self.frame_b].rotation

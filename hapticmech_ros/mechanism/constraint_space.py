@@ -19,6 +19,12 @@ from hapticmech_ros.mechanism.model import Array
 # Singular values of A below this fraction of the largest carry no force: redundant closures.
 # This is a numerical tolerance; which directions a user feels as rigid is another question.
 SOLVER_RANK_TOLERANCE = 1e-8
+# Off the closures by a residual δ (relative to the mechanism's length), as the inner stages of a
+# step are, rows that depend on each other on the closures differ by the order of δ: 0.2 δ was
+# measured on duplicated spatial loops. Singular values below this many δ say nothing; the cap keeps
+# far-off poses, from which a loop is being closed, from losing rows that they need.
+DRIFT_FACTOR = 10.0
+DRIFT_CAP = 1e-4
 
 
 class SingularInertiaError(HapticMechError):
@@ -63,7 +69,7 @@ class ConstraintSpace:
         return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
     def correction(self, rows: Array) -> Array:
-        """Return D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ rows: the smallest change, in the mass metric, with W change = rows."""
+        """Return D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ rows: of all changes with W change = rows the smallest."""
         return self.from_mass_metric(self.basis @ ((self.rows.T @ rows) / self.sigma))
 
     def multipliers(self, along_basis: Array) -> Array:
@@ -98,7 +104,7 @@ def constraint_space(
     factor: Array,
     jacobian: Array,
     row_lengths: Array,
-    tolerance: float = SOLVER_RANK_TOLERANCE,
+    residual: Array,
 ) -> ConstraintSpace:
     """Factor the active closures.
 
@@ -106,7 +112,7 @@ def constraint_space(
         factor: (nv, nv) L with D = L Lᵀ.
         jacobian: (m, nv) W; m may be 0.
         row_lengths: (m,) unit of each row, so that the rank does not depend on metres or radians.
-        tolerance: singular values below this fraction of the largest are dropped.
+        residual: (m,) φ, which bounds how far the rows can be trusted.
     """
     nv = factor.shape[0]
     rows = jacobian.shape[0]
@@ -116,6 +122,8 @@ def constraint_space(
     left, sigma, right, info = dgesdd(scaled, full_matrices=0)
     if info != 0:
         raise HapticMechError(f"SVD of the loop closures did not converge (LAPACK info {info})")
+    drift = DRIFT_FACTOR * float(np.abs(residual / row_lengths).max())
+    tolerance = max(SOLVER_RANK_TOLERANCE, min(drift, DRIFT_CAP))
     rank = int((sigma > tolerance * sigma[0]).sum()) if sigma[0] > 0.0 else 0
     return ConstraintSpace(
         factor, left[:, :rank], sigma[:rank], right[:rank].T / row_lengths[:, None]

@@ -85,4 +85,4 @@ def _local_rate(model: pin.Model, q: Array, theta: Array, speed: Array) -> Array
     if model.nq == model.nv:
         return speed
     right_jacobian = pin.dIntegrate(model, q, theta, pin.ArgumentPosition.ARG1)
-    return np.asarray(np.linalg.solve(right_jacobian, speed))
+    return np.asarray(np.linalg.solve(np.atleast_2d(right_jacobian), speed))

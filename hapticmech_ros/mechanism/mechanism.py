@@ -125,8 +125,7 @@ class Mechanism:
             SingularInertiaError: D is not positive definite.
         """
         model, data = self.model, self.data
-        upper = pin.crba(model, data, q)
-        factor = cholesky_of_upper(upper)
+        factor = cholesky_of_upper(pin.crba(model, data, q).reshape(self.nv, self.nv))
         bias = pin.nonLinearEffects(model, data, q, v).copy()
         pin.computeJointJacobians(model, data, q)
         pin.forwardKinematics(model, data, q, v, self._zero)
@@ -138,23 +137,27 @@ class Mechanism:
             closure_residual=residual,
             closure_jacobian=jacobian,
             closure_bias=drift,
-            space=constraint_space(factor, jacobian, lengths),
+            space=constraint_space(factor, jacobian, lengths, residual),
             points=tuple(self._point(frame, v) for frame in self._point_frames),
         )
 
     def closing_terms(self, q: Array, active: Active) -> tuple[Array, ConstraintSpace]:
         """Return φ of the active closures and the factorisation at q: what projections need."""
         model, data = self.model, self.data
-        factor = cholesky_of_upper(pin.crba(model, data, q))
+        factor = cholesky_of_upper(pin.crba(model, data, q).reshape(self.nv, self.nv))
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
         residual, jacobian, _, lengths = self._closure_terms(active, with_motion=False)
-        return residual, constraint_space(factor, jacobian, lengths)
+        return residual, constraint_space(factor, jacobian, lengths, residual)
 
-    def residual_of(self, index: int, q: Array) -> Array:
-        """Return φ of closure ``index`` at q, active or not."""
-        pin.framesForwardKinematics(self.model, self.data, q)
-        return self.closures[index].residual(self.data)
+    def distance_of(self, index: int, q: Array, v: Array) -> tuple[float, float]:
+        """Return |φ| of closure ``index``, active or not, and the rate at which it grows."""
+        pin.computeJointJacobians(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+        residual = self.closures[index].residual(self.data)
+        distance = float(np.sqrt(residual @ residual))
+        rate = residual @ (self.closures[index].jacobian(self.model, self.data) @ v)
+        return distance, float(rate) / distance if distance > 0.0 else 0.0
 
     def names_of(self, active: Active) -> list[str]:
         """Return the names of the active closures."""
@@ -205,7 +208,7 @@ class Mechanism:
     def _point(self, frame: int, v: Array) -> PointKinematics:
         model, data = self.model, self.data
         world_axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        jacobian = pin.getFrameJacobian(model, data, frame, world_axes)
+        jacobian = pin.getFrameJacobian(model, data, frame, world_axes).reshape(6, self.nv)
         drift = pin.getFrameClassicalAcceleration(model, data, frame, world_axes).vector
         return PointKinematics(data.oMf[frame].copy(), jacobian, jacobian @ v, drift)
 

@@ -26,7 +26,7 @@ class TreeModel:
         pinocchio: the model; gravity as in the scene.
         joint_names: moving joints in model order.
         joint_types: their types, as the scene says.
-        link_joint: link name -> (Pinocchio joint index, placement of the link frame in the joint's).
+        link_joint: link name -> (Pinocchio joint index, placement of the link in the joint).
         damping: (nv,) viscous damping, N m s/rad or N s/m.
     """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -15,7 +16,7 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene.document import Scene
 
-# A closure without latch_distance may be closed by hand up to this fraction of the mechanism's length.
+# A closure without latch_distance can be closed from this fraction of the mechanism's length.
 CLOSE_BY_HAND = 0.02
 
 
@@ -90,6 +91,8 @@ class Simulator:
         active = state.active
 
         def motion(q: Array, v: Array) -> Rates:
+            if not math.isfinite(v @ v):
+                raise InvalidInputError("mechanism rates", v.tolist(), "must stay finite")
             terms = self.mechanism.evaluate(q, v, active)
             force = np.zeros(v.size)
             power = 0.0
@@ -100,9 +103,9 @@ class Simulator:
             return Rates(acceleration, power, -float(terms.passive_force @ v))
 
         advance = self._integrate(self.mechanism.model, motion, state.q, state.v, self.period)
+        if not (np.isfinite(advance.q).all() and math.isfinite(advance.v @ advance.v)):
+            raise InvalidInputError("mechanism state", advance.q.tolist(), "must stay finite")
         q, v, error = project(self.mechanism, advance.q, advance.v, active)
-        if not (np.isfinite(q).all() and np.isfinite(v).all()):
-            raise InvalidInputError("mechanism state", q.tolist(), "must stay finite")
         account = EnergyAccount(
             state.account.work_in + advance.work_in,
             state.account.damping_loss + advance.energy_lost,
@@ -128,12 +131,15 @@ class Simulator:
         return self._activated(state, tuple(active))
 
     def _latch(self, state: MechanismState) -> MechanismState:
+        """Close open loops that are within reach, where their frames come nearest to each other."""
         active = list(state.active)
         for index in self._can_latch:
-            limit = self.mechanism.closures[index].latch_distance
+            loop = self.mechanism.closures[index]
+            limit = loop.latch_distance
             if not active[index] and limit is not None:
-                residual = self.mechanism.residual_of(index, state.q)
-                active[index] = bool(np.linalg.norm(residual) < limit)
+                distance, speed = self.mechanism.distance_of(index, state.q, state.v)
+                near = distance < limit and (speed >= 0.0 or distance < 0.1 * limit)
+                active[index] = near and not loop.on_wrong_branch(self.mechanism.data)
         if tuple(active) == state.active:
             return state
         return self._activated(state, tuple(active))
@@ -150,9 +156,9 @@ class Simulator:
     def _refuse_far(self, index: int, q: Array) -> None:
         loop = self.mechanism.closures[index]
         limit = loop.latch_distance or CLOSE_BY_HAND * self.mechanism.length
-        distance = float(np.linalg.norm(self.mechanism.residual_of(index, q)))
-        if distance > limit:
-            rule = f"can be closed only within {limit:.4g} (m, rad) of its frames meeting"
+        distance = self.mechanism.distance_of(index, q, np.zeros(self.mechanism.nv))[0]
+        if distance > limit or loop.on_wrong_branch(self.mechanism.data):
+            rule = f"can be closed only within {limit:.4g} (m, rad) of its frames, axes alike"
             raise InvalidInputError(f"distance of closure {loop.name}", distance, rule)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -78,15 +78,10 @@ class HapticNode(Node):
         )
         return float(self.declare_parameter(name, default, descriptor).value)
 
-    def count_parameter(
-        self, name: str, default: int, description: str, low: int, high: int
-    ) -> int:
-        """Declare a read-only whole number with a range and return its value."""
-        bounds = IntegerRange(from_value=low, to_value=high, step=1)
-        descriptor = ParameterDescriptor(
-            description=description, read_only=True, integer_range=[bounds]
-        )
-        return int(self.declare_parameter(name, default, descriptor).value)
+    def flag_parameter(self, name: str, default: bool, description: str) -> bool:
+        """Declare a read-only flag and return its value."""
+        descriptor = ParameterDescriptor(description=description, read_only=True)
+        return bool(self.declare_parameter(name, default, descriptor).value)
 
     def output(
         self, topic: Topic, message_type: Any, qos: QoSProfile = STREAM_PUBLISHER
@@ -101,7 +96,7 @@ class HapticNode(Node):
         qos: QoSProfile,
         accept: Callable[[M, int], None],
     ) -> None:
-        """Subscribe; ``accept(message, now_ns)`` may refuse with InvalidInputError, which is counted."""
+        """Subscribe; what ``accept(message, now_ns)`` refuses with InvalidInputError is counted."""
 
         def callback(message: M) -> None:
             now = self.now_ns()

@@ -1,6 +1,6 @@
 """Executables of the package: what `ros2 run hapticmech_ros <name>` and `bin/<name>` start.
 
-Looks at the arguments before rclpy is imported, so that `--help` and a missing rclpy answer at once.
+Arguments are read before rclpy is imported: `--help` and a missing rclpy are answered at once.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 NODES = {
     "haptic_device": "simulated impedance-type haptic device and the hand that holds it",
-    "mechanism_simulator": "the virtual mechanism in time, under wrenches at its operational points",
+    "mechanism_simulator": "the virtual mechanism, moving under wrenches at its operational points",
     "nullspace_analyser": "Λ_h⁻¹, its spectrum and its null space, at the mechanism's state",
     "teleoperation_controller": "impedance, joint-constraint and four-channel controllers (Fig. 3)",
 }
@@ -31,7 +31,7 @@ Source a ROS 2 Jazzy installation, or install ROS 2 from PyPI: pip install 'hapt
 
 
 def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
-    """Run nodes of :data:`NODES` in this process until SIGINT or SIGTERM; return the exit code."""
+    """Run nodes of :data:`NODES` in this process until a signal ends them; return the exit code."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     title = names[0] if len(names) == 1 else "composed"
     if any(argument in ("-h", "--help") for argument in arguments):
@@ -44,7 +44,7 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
     if importlib.util.find_spec("rclpy") is None:
         sys.stderr.write(NO_RCLPY.format(name=title))
         return 1
-    # Matrices are small and cores few: a second BLAS thread only adds delays. Read when numpy loads.
+    # Matrices are small and cores few: more BLAS threads only add delays. Read when numpy loads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # UDP also on one machine: whoever is killed while it holds a lock in shared memory would stop
     # its peers for seconds. Fast DDS reads this where the discovery range is not LOCALHOST.

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from std_srvs.srv import Trigger
 
 from hapticmech_ros.device import DeviceState, ImpedanceDevice, hand_law
 from hapticmech_ros.mechanism import Simulator
@@ -30,6 +31,7 @@ from hapticmech_ros.wire.topics import (
     DEVICE_POSE,
     DEVICE_TWIST,
     HAND_WRENCH,
+    START_HAND,
 )
 
 
@@ -49,19 +51,15 @@ class HapticDeviceNode(ClockedNode):
         hand_timeout = self.number_parameter(
             "hand_timeout", 0.2, "hand_cf stands this long, s; 0 for ever", 0.0, 3600.0
         )
-        delay = self.number_parameter(
-            "hand_start_delay",
-            -1.0,
-            "s from taking hold to pushing; negative: the scene's",
-            -1.0,
-            60.0,
+        # With hand_waits the hand first takes hold when the service start_hand is called.
+        self._hand_waits = self.flag_parameter(
+            "hand_waits", False, "the hand takes hold only once device/start_hand is called"
         )
-        hand = scene.hand if delay < 0.0 else scene.hand.model_copy(update={"start_delay": delay})
         self.timeout_ns = round(timeout * NANOSECONDS)
         self._device = ImpedanceDevice(
             scene.device, scene.simulation.period, scene.task_space == "planar"
         )
-        self._hand = hand_law(hand)
+        self._hand = hand_law(scene.hand)
         self._push = np.zeros(6)
         self._extra = ExpiringWrench(round(hand_timeout * NANOSECONDS), NANOSECONDS // 20)
         self._command: Latest[Array] = Latest()
@@ -76,6 +74,7 @@ class HapticDeviceNode(ClockedNode):
         self._publish_force = self.output(DEVICE_FORCE, WrenchStamped)
         self._publish_twist = self.output(DEVICE_TWIST, TwistStamped)
         self._publish_pose = self.output(DEVICE_POSE, PoseStamped)
+        self.create_service(Trigger, START_HAND, self._on_start_hand)
         self.input(DEVICE_COMMAND.name, WrenchStamped, CONTROL_SUBSCRIBER, self._on_command)
         self.input(HAND_WRENCH.name, WrenchStamped, COMMAND_SUBSCRIBER, self._on_hand_wrench)
 
@@ -98,10 +97,10 @@ class HapticDeviceNode(ClockedNode):
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the device's state and figures."""
-        held = self._held is not None
-        sentence = "rendering" if held else "no commands: actuators at zero"
+        rendering = self._command.fresh(self.now_ns(), self.timeout_ns)
+        sentence = "rendering" if rendering else "no commands: actuators at zero"
         return (
-            held,
+            rendering,
             sentence,
             {
                 **self.clock_figures(self._backlog),
@@ -118,7 +117,7 @@ class HapticDeviceNode(ClockedNode):
                 self.get_logger().warning("servo_cf is lost: actuators at zero")
             self._held = None
             return np.zeros(6)
-        if self._held is None:
+        if self._held is None and not self._hand_waits:
             self._held = self._state.pose
             self._ticks_held = 0
             self.times_held += 1
@@ -143,6 +142,15 @@ class HapticDeviceNode(ClockedNode):
     def _on_hand_wrench(self, message: WrenchStamped, now_ns: int) -> None:
         checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
         self._extra.put(read_wrench(message), now_ns)
+
+    def _on_start_hand(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        del request
+        response.success = self._hand_waits
+        response.message = "the hand starts" if self._hand_waits else "the hand was not waiting"
+        self._hand_waits = False
+        return response
 
     def _start_pose(self) -> pin.SE3:
         """Return where the device stands at the start: at the operational point."""

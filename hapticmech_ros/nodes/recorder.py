@@ -1,7 +1,8 @@
 """Records the graph's topics as they are on the wire into a rosbag2 bag.
 
-A process of its own, so that a slow disk delays nobody. Tells its parent how it goes by lines of
-JSON on standard output: ready, started (the hand pushes), progress, done or failed.
+A process of its own, so that a slow disk delays nobody. Once it hears every topic it lets a waiting
+hand start. Tells its parent how it goes by lines of JSON on standard output: ready, started (the
+hand pushes), progress, done or failed.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
 
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
 from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.scene import load_scene
-from hapticmech_ros.wire.topics import DEVICE_FORCE, TOPICS, Topic
+from hapticmech_ros.wire.topics import DEVICE_FORCE, START_HAND, TOPICS, Topic
 
 # Nodes publish diagnostics once a second: recording goes on this long so that the last are in.
 TAIL_S = 1.2
@@ -41,6 +43,9 @@ class RecorderNode(Node):
         super().__init__("recorder")
         self._writer = writer
         self.messages = 0
+        self._silent = {self.resolve_topic_name(name) for name in _expected(point)}
+        self._start_hand = self.create_client(Trigger, START_HAND)
+        self._asked = False
         self.started_ns: int | None = None
         self._watched = self.resolve_topic_name(DEVICE_FORCE.of(point))
         for topic in TOPICS:
@@ -55,10 +60,21 @@ class RecorderNode(Node):
             now = time.time_ns()
             self._writer.write(name, now, data)
             self.messages += 1
+            self._silent.discard(name)
             if name == self._watched and self.started_ns is None:
                 self._look_for_start(data, now)
 
         self.create_subscription(_message_class(topic.type), name, callback, qos, raw=True)
+
+    def start_hand_when_ready(self) -> None:
+        """Let the hand start once every topic of the graph has been heard."""
+        if not self._asked and not self._silent and self._start_hand.service_is_ready():
+            self._asked = True
+            self._start_hand.call_async(Trigger.Request())
+
+    def silent(self) -> list[str]:
+        """Return the topics of the graph from which nothing has come yet."""
+        return sorted(self._silent)
 
     def _look_for_start(self, data: bytes, now_ns: int) -> None:
         wrench: Any = deserialize_message(data, WrenchStamped).wrench
@@ -110,8 +126,10 @@ def _record_until_done(
         wait_for_messages(executor, LONGEST_WAIT_S)
         now = time.monotonic()
         if node.started_ns is None:
+            node.start_hand_when_ready()
             if now - begun > options.start_timeout:
-                return f"the hand did not start within {options.start_timeout:g} s"
+                silent = f"; nothing on {', '.join(node.silent())}" if node.silent() else ""
+                return f"the hand did not start within {options.start_timeout:g} s{silent}"
             continue
         if not started:
             started = now
@@ -122,6 +140,11 @@ def _record_until_done(
         if now - started >= options.duration + TAIL_S:
             return None
     return "stopped by a signal before the experiment was over"
+
+
+def _expected(point: str) -> list[str]:
+    """Return the topics that a running graph publishes all the time."""
+    return [t.of(point) for t in TOPICS if t.publisher != "any" and t.rate in ("control", "view")]
 
 
 def _tell(event: str, **facts: object) -> None:

@@ -10,7 +10,7 @@ import gc
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import FrameType
 
 import rclpy
@@ -27,7 +27,7 @@ from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyserNode
 from hapticmech_ros.nodes.period_clock import PeriodClock
 from hapticmech_ros.nodes.teleoperation_controller import TeleoperationControllerNode
 
-NODE_TYPES: dict[str, type[HapticNode]] = {
+NODE_TYPES: dict[str, Callable[[], HapticNode]] = {
     "haptic_device": HapticDeviceNode,
     "mechanism_simulator": MechanismSimulatorNode,
     "nullspace_analyser": NullspaceAnalyserNode,
@@ -38,11 +38,11 @@ NANOSECONDS = 1_000_000_000
 LONGEST_WAIT_S = 0.1
 # A deadline closer than this is waited for by looking at the clock: timers wake up later than that.
 SHORTEST_WAIT_S = 20e-6
-_NEVER: Future[None] = Future()
+_NEVER = Future()
 
 
 class StopRequest:
-    """Set by the first SIGINT or SIGTERM; further ones change nothing, so teardown is not disturbed."""
+    """Set by the first SIGINT or SIGTERM; further ones change nothing, nor disturb the end."""
 
     def __init__(self) -> None:
         self.asked = False
@@ -60,8 +60,8 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
     rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[HapticNode] = []
     try:
-        for name in names:
-            nodes.append(NODE_TYPES[name]())
+        # One by one: those made before a failure are destroyed.
+        nodes.extend(NODE_TYPES[name]() for name in names)
         _loop(nodes, stop)
         for node in nodes:
             print(node.final_report(), flush=True)

@@ -16,16 +16,18 @@ from scipy.linalg.lapack import dgesdd
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.model import Array
 
-# Singular values of S G are exact to a few machine epsilons; below this a direction carries nothing.
+# Singular values of S G are exact to a few machine epsilons; below this nothing is carried.
 RANK_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True, slots=True)
 class Spectrum:
-    """Attributes:
-    s: (t,) sqrt(μ), descending; t is 6, or 3 in the plane.
-    wrenches: (t, t) columns n_i, world axes at the operational point, sqrt(kg) scaled.
-    duals: (t, t) columns I_ℓ⁻¹ n_i, so that dualsᵀ wrenches = 1.
+    """Singular values and directions of S in the metric.
+
+    Attributes:
+        s: (t,) sqrt(μ), descending; t is 6, or 3 in the plane.
+        wrenches: (t, t) columns n_i, world axes at the operational point, sqrt(kg) scaled.
+        duals: (t, t) columns I_ℓ⁻¹ n_i, so that dualsᵀ wrenches = 1.
     """
 
     s: Array

@@ -8,7 +8,16 @@ from itertools import pairwise
 import numpy as np
 
 from hapticmech_ros.errors import SceneProblem
-from hapticmech_ros.scene.document import Inertia, Joint, Link, Origin, Scene, Vector3
+from hapticmech_ros.scene.document import (
+    Device,
+    Inertia,
+    Joint,
+    Link,
+    Origin,
+    Scene,
+    SpringDamperHand,
+    Vector3,
+)
 
 POSITION_SIZE = {
     "revolute": 1,
@@ -42,6 +51,7 @@ def broken_rules(scene: Scene) -> list[SceneProblem]:
         *_initial_state(scene),
         *_plane(scene),
         *_thresholds(scene),
+        *_sampling(scene),
     ]
 
 
@@ -161,6 +171,22 @@ def _plane(scene: Scene) -> Iterator[SceneProblem]:
         if linear[2] != 0.0 or angular[0] != 0.0 or angular[1] != 0.0:
             given = (*linear, *angular)
             yield SceneProblem(key, given, rule + "the hand has x, y and turns about z only")
+
+
+def _sampling(scene: Scene) -> Iterator[SceneProblem]:
+    """Explicit damping is stable where a step takes less than all speed."""
+    device, hand = scene.device, scene.hand
+    step = scene.simulation.period / device.substeps
+    rule = "times the device's substep must not exceed its {}: more substeps, or less damping"
+    sources: list[tuple[str, Device | SpringDamperHand]] = [("device", device)]
+    if hand.kind == "spring_damper":
+        sources.append(("hand", hand))
+    for source, values in sources:
+        if values.damping * step > device.mass:
+            yield SceneProblem(f"{source}.damping", values.damping, rule.format("mass"))
+        if values.angular_damping * step > device.inertia:
+            key = f"{source}.angular_damping"
+            yield SceneProblem(key, values.angular_damping, rule.format("inertia"))
 
 
 def _thresholds(scene: Scene) -> Iterator[SceneProblem]:

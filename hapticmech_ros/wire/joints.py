@@ -38,7 +38,8 @@ def state_of(
         mechanism: whose coordinates they are.
         names: what :func:`coordinate_names` gives.
         received: names in the message; must be the same ones in the same order.
-        position, velocity: as many numbers each.
+        position: as many numbers.
+        velocity: as many numbers.
 
     Raises:
         InvalidInputError: other names, wrong sizes, or not finite.

@@ -139,7 +139,8 @@ POINT_COMMAND = Topic(
     (MECHANISM,),
     "control",
     "stream",
-    "by the hand through the controller, on the mechanism, at the operational point, axes of `world`",
+    "by the hand through the controller, on the mechanism, at the operational point, axes of "
+    "`world`",
 )
 EXTERNAL_WRENCH = Topic(
     "mechanism/{point}/external_cf",
@@ -259,6 +260,9 @@ DIAGNOSTICS = Topic(
     "stream",
     "periods, missed deadlines, message ages, latency percentiles, refused messages",
 )
+
+# Service of the simulated device, std_srvs/srv/Trigger: a hand that waits takes hold.
+START_HAND = "device/start_hand"
 
 TOPICS: tuple[Topic, ...] = (
     DEVICE_POSE,

@@ -42,7 +42,7 @@ class Peer:
         self.node = rclpy.create_node("peer", context=self.context)
         self.executor = EventsExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self._never: Future[None] = Future()
+        self._never = Future()
 
     def listen(self, topic: str, kind: Any, qos: QoSProfile = RELIABLE) -> list[Any]:
         """Return a list that grows by every message."""

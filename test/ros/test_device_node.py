@@ -11,7 +11,7 @@ from ros.harness import Peer, refuses, running, six
 
 pytestmark = pytest.mark.ros
 MASS = load_scene("five_bar").device.mass
-STILL = {"hand_start_delay": 60.0}
+STILL = {"hand_waits": True}
 
 
 def test_measures_pose_twist_and_hand_wrench_in_world(domain: int, peer: Peer) -> None:
@@ -52,7 +52,7 @@ def test_accelerates_under_servo_cf_and_coasts_when_it_stops(domain: int, peer: 
 
 def test_hand_lets_go_and_takes_hold_with_the_commands(domain: int, peer: Peer) -> None:
     forces = peer.listen("device/measured_cf", WrenchStamped)
-    with running("haptic_device", domain, hand_start_delay=0.0):
+    with running("haptic_device", domain):
         command = peer.publisher("device/servo_cf", WrenchStamped)
         peer.until(lambda: forces, "forces")
         assert six(forces[-1]) == [0.0] * 6

@@ -107,7 +107,10 @@ def test_a_graph_ends_with_its_parent(domain: int, peer: Peer) -> None:
         "time.sleep(60)\n"
     )
     parent = subprocess.Popen(
-        [sys.executable, "-c", script], env=private_environment(domain), stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", script],
+        env=private_environment(domain),
+        stdout=subprocess.PIPE,
+        text=True,
     )
     try:
         assert parent.stdout is not None

@@ -1,0 +1,92 @@
+# Each target works alone on a fresh clone: it makes .venv and installs what it needs, once.
+#
+#   make demo    the paper's experiment, into demo/
+#   make test    lint, types, tests
+#   make lint    lint and types only
+#   make clean   remove .venv and everything else that was made here
+#
+# Another interpreter: make test PYTHON=python3.12
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.NOTPARALLEL:
+.SUFFIXES:
+MAKEFLAGS += --no-builtin-rules
+
+PACKAGE := hapticmech_ros
+PYTHON ?= python3
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+# People may have told pip to prefer --user, which .venv cannot have.
+export PIP_USER := 0
+
+# .venv holds a ROS 2 of its own, from PyPI. Mixed with a sourced ROS 2 (its Python packages, its
+# libraries, a middleware that only it has) neither works: what sourcing set is taken away here.
+ifneq ($(AMENT_PREFIX_PATH)$(ROS_DISTRO)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)
+unexport LD_LIBRARY_PATH
+endif
+unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH ROS_DISTRO ROS_VERSION
+unexport ROS_PYTHON_VERSION RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV
+
+# .venv remembers where it was made and by which interpreter: scripts in it name both.
+MADE_HERE := $(shell sed -n 1p .venv/made 2>/dev/null)
+MADE_BY := $(shell sed -n 2p .venv/made 2>/dev/null)
+ifneq ($(MADE_HERE),$(CURDIR))
+.PHONY: .venv/made
+else ifeq ($(origin PYTHON),file)
+PYTHON := $(MADE_BY)
+else ifneq ($(MADE_BY),$(PYTHON))
+.PHONY: .venv/made
+endif
+
+REQUIREMENTS := pyproject.toml setup.cfg setup.py
+# Folders too: one is newer when a file in it was removed.
+SOURCES := package.xml $(shell find $(PACKAGE) config launch resource \
+  -name __pycache__ -prune -o -print 2>/dev/null)
+
+.PHONY: help
+help:
+	@sed -n '3,8s/^# *//p' Makefile
+
+.PHONY: demo
+demo: .venv/package
+	$(BIN)/hapticmech demo --out demo
+
+.PHONY: test
+test: lint
+	$(BIN)/pytest
+
+.PHONY: lint
+lint: .venv/test-requirements .venv/package
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+.PHONY: clean
+clean:
+	rm -rf .venv build dist demo install log $(PACKAGE).egg-info
+	rm -rf .coverage .mypy_cache .pytest_cache .ruff_cache
+	find . -name .git -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+
+.venv/made:
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
+	  printf 'error: this needs Python 3.10 or newer; "%s" is %s.\nName another: make %s PYTHON=python3.12\n' \
+	    "$(PYTHON)" "$$("$(PYTHON)" --version 2>&1)" "$(MAKECMDGOALS)" >&2; exit 1; }
+	"$(PYTHON)" -m venv --clear .venv
+	@printf '%s\n' "$(CURDIR)" "$(PYTHON)" > $@
+
+.venv/requirements: .venv/made $(REQUIREMENTS)
+	$(PIP) install --quiet 'setuptools>=70.1,<80' '.[ros]'
+	@touch $@
+
+.venv/test-requirements: .venv/requirements
+	$(PIP) install --quiet '.[ros,test]'
+	@touch $@
+
+# Not editable: `pip install -e` leaves out what `ros2 run` needs. build/ may hold removed modules.
+.venv/package: .venv/requirements $(SOURCES)
+	rm -rf build
+	$(PIP) install --quiet --no-deps --no-build-isolation --force-reinstall .
+	@rm -rf build
+	@touch $@

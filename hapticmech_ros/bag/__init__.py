@@ -1,0 +1,6 @@
+"""Reading and writing rosbag2 files (mcap and sqlite3) without ROS."""
+
+from hapticmech_ros.bag.reader import BagMessage, BagReader, BagTopic, read_topic
+from hapticmech_ros.bag.writer import BagWriter
+
+__all__ = ["BagMessage", "BagReader", "BagTopic", "BagWriter", "read_topic"]

@@ -1,0 +1,21 @@
+"""The paper's experiment (section 4): run or read it, sum it up, compare it, draw Fig. 5."""
+
+from hapticmech_ros.experiment.agreement import compare
+from hapticmech_ros.experiment.from_bag import record_from_bag
+from hapticmech_ros.experiment.from_session import SessionRecorder, run_session
+from hapticmech_ros.experiment.health import GraphHealth, NodeHealth, health_from_bag
+from hapticmech_ros.experiment.record import ExperimentRecord
+from hapticmech_ros.experiment.summary import summarise
+
+# Drawing (figures, run) is imported where it is used: matplotlib takes its time to load.
+__all__ = [
+    "ExperimentRecord",
+    "GraphHealth",
+    "NodeHealth",
+    "SessionRecorder",
+    "compare",
+    "health_from_bag",
+    "record_from_bag",
+    "run_session",
+    "summarise",
+]

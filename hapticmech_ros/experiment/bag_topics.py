@@ -1,0 +1,72 @@
+"""Topics that the experiment needs of a bag, under their full names."""
+
+from __future__ import annotations
+
+from hapticmech_ros.bag import BagReader
+from hapticmech_ros.errors import BagError
+from hapticmech_ros.wire.topics import (
+    CONSTRAINT_PART,
+    DEVICE_FORCE,
+    DEVICE_POSE,
+    ENERGY,
+    JOINT_STATES,
+    POINT_POSE,
+    RENDERING,
+    Topic,
+)
+
+NEEDED = (DEVICE_POSE, DEVICE_FORCE, POINT_POSE, RENDERING, CONSTRAINT_PART, ENERGY)
+# Only the picture of the mechanism needs these.
+WELCOME = (JOINT_STATES,)
+
+
+def full_name(topic: Topic, point: str, namespace: str = "") -> str:
+    """Return the absolute name of a topic of a graph that runs under ``namespace``."""
+    name = topic.of(point)
+    if name.startswith("/"):
+        return name
+    prefix = namespace.strip("/")
+    return f"/{prefix}/{name}" if prefix else f"/{name}"
+
+
+def chosen_topics(bag: BagReader, point: str, namespace: str) -> dict[Topic, str]:
+    """Return the topics to read and their full names in ``bag``.
+
+    Raises:
+        BagError: needed topics missing, empty or of another type; names all of them.
+    """
+    names = {topic: full_name(topic, point, namespace) for topic in NEEDED}
+    missing = [name for name in names.values() if name not in bag.topics]
+    empty = [n for n in names.values() if n in bag.topics and bag.topics[n].count == 0]
+    other = [
+        f"{name} (is {bag.topics[name].type}, should be {topic.type})"
+        for topic, name in names.items()
+        if name in bag.topics and bag.topics[name].type != topic.type
+    ]
+    complaints = [
+        f"{what}: {', '.join(which)}"
+        for what, which in (
+            ("missing topics", missing),
+            ("topics without messages", empty),
+            ("topics of another type", other),
+        )
+        if which
+    ]
+    if complaints:
+        hint = _namespace_hint(bag, missing, namespace)
+        raise BagError(f"bag {bag.path}: {'; '.join(complaints)}{hint}")
+    for topic in WELCOME:
+        name = full_name(topic, point, namespace)
+        if name in bag.topics and bag.topics[name].type == topic.type:
+            names[topic] = name
+    return names
+
+
+def _namespace_hint(bag: BagReader, missing: list[str], namespace: str) -> str:
+    """Say where the device's pose is, if the bag holds one under another namespace."""
+    if not missing:
+        return ""
+    ending = f"/{DEVICE_POSE.name}"
+    found = [name.removesuffix(ending) or "/" for name in bag.topics if name.endswith(ending)]
+    other = [place for place in found if place.strip("/") != namespace.strip("/")]
+    return f" (the bag has the namespace {', '.join(other)})" if other else ""

@@ -1,0 +1,118 @@
+"""The paper's experiment over the graph of nodes: start, record, stop, and write what was seen."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from hapticmech_ros.errors import BagError, HapticMechError
+from hapticmech_ros.experiment.agreement import compare
+from hapticmech_ros.experiment.from_bag import record_from_bag
+from hapticmech_ros.experiment.from_session import run_session
+from hapticmech_ros.experiment.health import health_from_bag
+from hapticmech_ros.experiment.run import write_results
+from hapticmech_ros.graph import Graph, private_environment, start_process, stop_process
+from hapticmech_ros.scene import load_scene
+
+RECORDER = "hapticmech_ros.nodes.recorder"
+
+# (stage, share done or None while unknown)
+Show = Callable[[str, float | None], None]
+
+
+class DemoError(HapticMechError):
+    """The demo could not be carried through."""
+
+
+def run_demo(
+    scene_name: str,
+    out: Path,
+    composed: bool = False,
+    duration: float | None = None,
+    storage: str = "mcap",
+    show: Show = lambda stage, done: None,
+) -> dict[str, object]:
+    """Run the experiment over ROS and return its summary.
+
+    Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``.
+    What an earlier run left there under these names is replaced.
+
+    Raises:
+        SceneError: no such scene, or a bad one.
+        DemoError: a node ended, or the hand never started.
+        BagError: ``out/bag`` is there and is no bag.
+    """
+    scene = load_scene(scene_name)
+    seconds = scene.experiment.duration if duration is None else duration
+    bag = out / "bag"
+    _clear(bag)
+    _record_graph(scene_name, bag, composed, seconds, storage, show)
+    show("reading the bag", None)
+    record = record_from_bag(bag, scene, duration=seconds)
+    show("simulating the same without ROS", None)
+    reference = run_session(scene, seconds)
+    show("drawing", None)
+    return write_results(
+        record,
+        scene,
+        out,
+        graph=health_from_bag(bag),
+        agreement=compare(record, reference),
+        reference=reference,
+    )
+
+
+def _record_graph(
+    scene_name: str, bag: Path, composed: bool, seconds: float, storage: str, show: Show
+) -> None:
+    environment = private_environment()
+    command = [sys.executable, "-m", RECORDER, "--out", str(bag), "--scene", scene_name]
+    command += ["--duration", str(seconds), "--storage", storage]
+    recorder = start_process(command, environment, pipe_output=True)
+    parameters = {"haptic_device.hand_waits": True}
+    try:
+        events = _events(recorder)
+        _expect(events, "ready")
+        show("starting the graph", None)
+        with Graph(scene_name, composed, "", parameters, environment) as graph:
+            for event in events:
+                if event["event"] == "progress":
+                    graph.check()
+                    show("pushing and recording", event["elapsed_s"] / seconds)
+                elif event["event"] == "failed":
+                    graph.check()
+                    raise DemoError(f"recording failed: {event['reason']}")
+                elif event["event"] == "done":
+                    return
+        raise DemoError("the recorder ended without a word")
+    finally:
+        stop_process(recorder)
+
+
+def _events(recorder: subprocess.Popen[str]) -> Iterator[dict[str, Any]]:
+    if recorder.stdout is None:
+        raise DemoError("the recorder has no output to listen to")
+    for line in recorder.stdout:
+        if line.startswith("{"):
+            yield json.loads(line)
+
+
+def _expect(events: Iterator[dict[str, Any]], name: str) -> None:
+    event = next(events, {"event": "failed", "reason": "the recorder ended at once"})
+    if event["event"] != name:
+        raise DemoError(f"recording failed: {event.get('reason', event)}")
+
+
+def _clear(bag: Path) -> None:
+    """Remove an earlier bag of ours; refuse anything else."""
+    if not bag.exists():
+        bag.parent.mkdir(parents=True, exist_ok=True)
+        return
+    if not (bag / "metadata.yaml").is_file():
+        raise BagError(f"{bag} exists and is not a rosbag2 bag: remove it, or choose another --out")
+    shutil.rmtree(bag)

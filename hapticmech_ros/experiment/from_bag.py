@@ -1,0 +1,179 @@
+"""A record of the experiment from a bag that a graph of nodes was recorded into.
+
+Times are the senders' stamps, not those of reception.
+"""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.bag import BagReader
+from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.experiment.bag_topics import chosen_topics
+from hapticmech_ros.experiment.orientation import slerp
+from hapticmech_ros.experiment.record import ExperimentRecord, first_push
+from hapticmech_ros.experiment.stamped import samples_of
+from hapticmech_ros.mechanism.model import Array, build_tree
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.wire.topics import (
+    CONSTRAINT_PART,
+    DEVICE_FORCE,
+    DEVICE_POSE,
+    ENERGY,
+    JOINT_STATES,
+    POINT_POSE,
+    RENDERING,
+    Topic,
+)
+
+_Series = tuple[Array, Array]
+
+
+def record_from_bag(
+    path: str | os.PathLike[str],
+    scene: Scene,
+    point: str = "",
+    namespace: str = "",
+    duration: float | None = None,
+) -> ExperimentRecord:
+    """Return the run recorded in the bag at ``path``.
+
+    Time 0 is the first sample in which the hand pushes. What came more than the hand's start delay
+    before it is left out, and what came after ``duration``. Mechanism and device have deadlines of
+    their own: the operational point's pose is interpolated at the device's times.
+
+    Args:
+        path: rosbag2 folder, or one ``.mcap`` or ``.db3`` file.
+        scene: what ran.
+        point: operational point that the device held; the scene's first one if empty.
+        namespace: of the graph.
+        duration: s after the hand's start; to the bag's end if left out.
+
+    Raises:
+        BagError: no bag, damaged, topics missing or empty, messages that break rules, or a hand
+            that never pushed.
+        InvalidInputError: the scene has no such point.
+    """
+    name = scene.operational_point(point).name
+    series = _read(path, name, namespace)
+    pushed = first_push(series[DEVICE_FORCE][1])
+    if pushed is None:
+        raise BagError(f"bag {path}: the hand never pushed ({DEVICE_FORCE.name} is zero)")
+    start_ns = int(series[DEVICE_FORCE][0][pushed])
+    earliest = start_ns - round((scene.hand.start_delay + scene.simulation.period / 2) * 1e9)
+    latest = None if duration is None else start_ns + round(duration * 1e9)
+    window = (earliest, latest)
+    try:
+        return ExperimentRecord(
+            scene=scene.name,
+            point=name,
+            source="graph",
+            period=scene.simulation.period,
+            **_motion(series, window, start_ns),
+            **_wrenches(series, window, start_ns),
+            **_analyses(series, window, start_ns, scene),
+            **_energies(series, window, start_ns),
+            **_joints(series, window, start_ns, scene),
+        )
+    except InvalidInputError as error:
+        raise BagError(f"bag {path}: {error}") from error
+
+
+def _read(path: str | os.PathLike[str], point: str, namespace: str) -> dict[Topic, _Series]:
+    with BagReader(path) as bag:
+        names = chosen_topics(bag, point, namespace)
+        samples = {name: samples_of(name, topic.type) for topic, name in names.items()}
+        for item in bag.messages(*names.values()):
+            samples[item.topic].add(item.message)
+    return {topic: samples[name].ordered() for topic, name in names.items()}
+
+
+def _cut(series: _Series, window: tuple[int, int | None]) -> _Series:
+    stamps, rows = series
+    kept = stamps >= window[0]
+    if window[1] is not None:
+        kept &= stamps <= window[1]
+    return stamps[kept], rows[kept]
+
+
+def _seconds(stamps: Array, start_ns: int) -> Array:
+    return np.asarray((stamps - start_ns) * 1e-9)
+
+
+def _motion(
+    series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int
+) -> dict[str, Array]:
+    stamps, device = _cut(series[DEVICE_POSE], window)
+    point_stamps, point = series[POINT_POSE]
+    both = (stamps >= point_stamps[0]) & (stamps <= point_stamps[-1])
+    times = _seconds(stamps[both], start_ns)
+    point_times = _seconds(point_stamps, start_ns)
+    position = [np.interp(times, point_times, point[:, axis]) for axis in range(3)]
+    return {
+        "times": times,
+        "device_position": device[both, :3],
+        "device_orientation": device[both, 3:],
+        "point_position": np.column_stack(position),
+        "point_orientation": slerp(times, point_times, point[:, 3:]),
+        "hand_wrench": _held(series[DEVICE_FORCE], stamps[both]),
+    }
+
+
+def _wrenches(
+    series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int
+) -> dict[str, Array]:
+    stamps, rows = _cut(series[CONSTRAINT_PART], window)
+    return {"wrench_times": _seconds(stamps, start_ns), "constraint_wrench": rows}
+
+
+def _analyses(
+    series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int, scene: Scene
+) -> dict[str, Array]:
+    stamps, rows = _cut(series[RENDERING], window)
+    hand = _held(series[DEVICE_FORCE], stamps)
+    share = rows[:, 1:37].reshape(-1, 6, 6)
+    beta = scene.controller.joint_constraint.feedforward
+    return {
+        "analysis_times": _seconds(stamps, start_ns),
+        "count": rows[:, 0],
+        "s": rows[:, 37:],
+        "expected_wrench": (beta - 1.0) * np.einsum("kij,kj->ki", share, hand),
+    }
+
+
+def _energies(
+    series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int
+) -> dict[str, Array]:
+    stamps, rows = _cut(series[ENERGY], window)
+    names = ("kinetic", "potential", "work_in", "damping_loss", "latch_loss", "closure_error")
+    columns = {name: rows[:, index] for index, name in enumerate(names)}
+    return {"energy_times": _seconds(stamps, start_ns), **columns}
+
+
+def _joints(
+    series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int, scene: Scene
+) -> dict[str, Array]:
+    """Return q: the topic carries it as the difference from the neutral configuration."""
+    model = build_tree(scene).pinocchio
+    if JOINT_STATES not in series or series[JOINT_STATES][1].ndim != 2:
+        return {"joint_times": np.zeros(0), "joint_positions": np.zeros((0, model.nq))}
+    stamps, rows = _cut(series[JOINT_STATES], window)
+    if rows.shape[1] != model.nv:
+        rule = f"must be {model.nv}, as in the scene"
+        raise InvalidInputError(f"coordinates in {JOINT_STATES.name}", rows.shape[1], rule)
+    neutral = pin.neutral(model)
+    positions = [np.asarray(pin.integrate(model, neutral, row)) for row in rows]
+    return {
+        "joint_times": _seconds(stamps, start_ns),
+        "joint_positions": np.array(positions).reshape(-1, model.nq),
+    }
+
+
+def _held(series: _Series, at: Array) -> Array:
+    """Return rows (m, 6) that stand at stamps ``at`` (m,): the latest sent until then, or zeros."""
+    stamps, rows = series
+    index = np.searchsorted(stamps, at, side="right") - 1
+    return np.where((index >= 0)[:, None], rows[np.maximum(index, 0)], 0.0)

@@ -1,0 +1,114 @@
+"""The experiment in one process: a record of a :class:`Session`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.experiment.record import ExperimentRecord, first_push
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.session import Sample, Session
+
+
+def run_session(
+    scene: Scene,
+    duration: float | None = None,
+    progress: Callable[[float], None] | None = None,
+    point: str = "",
+) -> ExperimentRecord:
+    """Run a session from engagement until ``duration`` after the hand starts.
+
+    Args:
+        scene: what to run.
+        duration: s after the hand's start; the scene's experiment says if left out.
+        progress: told the share done, 0 to 1, about a hundred times.
+        point: operational point that the device holds; the scene's first one if empty.
+
+    Raises:
+        InvalidInputError: duration not positive, unknown point.
+        ClosureError: a closed loop came apart.
+    """
+    lasting = scene.experiment.duration if duration is None else float(duration)
+    if not (np.isfinite(lasting) and lasting > 0.0):
+        raise InvalidInputError("duration", duration, "must be a positive number of seconds")
+    session = Session(scene, point)
+    ticks = round((scene.hand.start_delay + lasting) / session.period) + 1
+    recorder = SessionRecorder(session, point)
+    for tick in range(ticks):
+        recorder.add(session.tick())
+        done = tick + 1
+        if progress is not None and (done % max(ticks // 100, 1) == 0 or done == ticks):
+            progress(done / ticks)
+    return recorder.record()
+
+
+class SessionRecorder:
+    """Collects the samples of a session that someone else ticks."""
+
+    def __init__(self, session: Session, point: str = "") -> None:
+        self._session = session
+        self._scene = session.scene
+        self._point = session.scene.operational_point(point).name
+        self._rows: dict[str, list[Array | float]] = {}
+
+    def add(self, sample: Sample) -> None:
+        """Take one sample; it must be the session's latest."""
+        mechanism, analysis = sample.mechanism, sample.analysis
+        kinetic, potential = self._session.simulator.mechanism.energy(mechanism.q, mechanism.v)
+        beta = self._scene.controller.joint_constraint.feedforward
+        device, point = sample.device.measured_pose, sample.point.pose
+        values: dict[str, Array | float] = {
+            "time": sample.time,
+            "device_position": device.translation.copy(),
+            "device_orientation": quaternion(device),
+            "point_position": point.translation.copy(),
+            "point_orientation": quaternion(point),
+            "hand_wrench": sample.hand_wrench,
+            "constraint_wrench": sample.output.joint_constraint,
+            "count": sample.count,
+            "s": analysis.spectrum.s,
+            "expected_wrench": (beta - 1.0) * (analysis.balanced_share @ sample.hand_wrench),
+            "kinetic": kinetic,
+            "potential": potential,
+            "work_in": mechanism.account.work_in,
+            "damping_loss": mechanism.account.damping_loss,
+            "latch_loss": mechanism.account.latch_loss,
+            "closure_error": mechanism.closure_error,
+            "joint_positions": mechanism.q,
+        }
+        for name, value in values.items():
+            self._rows.setdefault(name, []).append(value)
+
+    def record(self) -> ExperimentRecord:
+        """Return what was collected.
+
+        Raises:
+            InvalidInputError: nothing was.
+        """
+        if not self._rows:
+            raise InvalidInputError("samples", 0, "must be at least one")
+        arrays = {name: np.array(rows) for name, rows in self._rows.items()}
+        times = arrays.pop("time")
+        push = first_push(arrays["hand_wrench"])
+        times = times - (self._scene.hand.start_delay if push is None else times[push])
+        return ExperimentRecord(
+            scene=self._scene.name,
+            point=self._point,
+            source="session",
+            period=self._session.period,
+            times=times,
+            wrench_times=times,
+            analysis_times=times,
+            energy_times=times,
+            joint_times=times,
+            **arrays,
+        )
+
+
+def quaternion(pose: pin.SE3) -> Array:
+    """Return the orientation of a pose as a unit quaternion x, y, z, w (4,)."""
+    return np.array(pin.Quaternion(pose.rotation).coeffs())

@@ -1,0 +1,88 @@
+"""How well a graph of nodes ran, in the nodes' own words: their last diagnostics in a bag."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from hapticmech_ros.bag import BagReader
+from hapticmech_ros.errors import BagError
+from hapticmech_ros.wire.topics import DIAGNOSTICS
+
+Figure = int | float | str
+
+LEVELS = {0: "ok", 1: "warning", 2: "error", 3: "stale"}
+
+
+@dataclass(frozen=True, slots=True)
+class NodeHealth:
+    """Last status of a node.
+
+    Attributes:
+        level: ``ok``, ``warning``, ``error`` or ``stale``.
+        message: what the node says of itself.
+        figures: by name, as numbers where they are numbers; units are in the names.
+    """
+
+    level: str
+    message: str
+    figures: Mapping[str, Figure]
+
+
+@dataclass(frozen=True, slots=True)
+class GraphHealth:
+    """Last status of every node, by the node's name; empty if the bag has no diagnostics."""
+
+    nodes: Mapping[str, NodeHealth]
+
+    def total(self, figure: str) -> float | None:
+        """Return a figure's sum over the nodes that give it; None if none does."""
+        values = [node.figures[figure] for node in self.nodes.values() if figure in node.figures]
+        numbers = [value for value in values if not isinstance(value, str)]
+        return sum(numbers) if numbers else None
+
+    def one(self, figure: str) -> Figure | None:
+        """Return a figure that one node gives (the first that does); None if none does."""
+        for node in self.nodes.values():
+            if figure in node.figures:
+                return node.figures[figure]
+        return None
+
+
+def health_from_bag(path: str | os.PathLike[str]) -> GraphHealth:
+    """Return the last status of every node in the bag at ``path``.
+
+    Raises:
+        BagError: no bag, damaged, or ``/diagnostics`` of another type.
+    """
+    last: dict[str, NodeHealth] = {}
+    with BagReader(path) as bag:
+        topic = bag.topics.get(DIAGNOSTICS.name)
+        if topic is None:
+            return GraphHealth({})
+        if topic.type != DIAGNOSTICS.type:
+            found = f"{DIAGNOSTICS.name} is {topic.type}, should be {DIAGNOSTICS.type}"
+            raise BagError(f"bag {path}: {found}")
+        for item in bag.messages(DIAGNOSTICS.name):
+            for status in item.message.status:
+                last[status.name] = _node(status)
+    return GraphHealth(dict(sorted(last.items())))
+
+
+def _node(status: Any) -> NodeHealth:
+    level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
+    figures = {pair.key: _figure(pair.value) for pair in status.values}
+    return NodeHealth(LEVELS.get(level, str(level)), status.message, figures)
+
+
+def _figure(text: str) -> Figure:
+    for kind in (int, float):
+        try:
+            value = kind(text)
+        except ValueError:
+            continue
+        # JSON knows neither infinity nor NaN.
+        return value if abs(value) < float("inf") else text
+    return text

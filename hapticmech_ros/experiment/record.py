@@ -1,0 +1,150 @@
+"""What was measured in one run of the experiment, whether by a session or by a graph of nodes.
+
+Time is in s and 0 is when the hand starts to push. Quantities that are sampled together share a
+time array; a graph publishes some of them more slowly than others. Axes of ``world`` everywhere;
+wrenches are force (N), then torque (N m).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.model import Array
+
+Source = Literal["session", "graph"]
+
+QUATERNION_TOLERANCE = 1e-3
+
+# Time field -> fields sampled at those times, with their number of columns (None: any, 0: one
+# number per time).
+_GROUPS: dict[str, dict[str, int | None]] = {
+    "times": {
+        "device_position": 3,
+        "device_orientation": 4,
+        "point_position": 3,
+        "point_orientation": 4,
+        "hand_wrench": 6,
+    },
+    "wrench_times": {"constraint_wrench": 6},
+    "analysis_times": {"count": 0, "s": None, "expected_wrench": 6},
+    "energy_times": {
+        "kinetic": 0,
+        "potential": 0,
+        "work_in": 0,
+        "damping_loss": 0,
+        "latch_loss": 0,
+        "closure_error": 0,
+    },
+    "joint_times": {"joint_positions": None},
+}
+_NEEDED = ("times", "wrench_times", "analysis_times")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExperimentRecord:
+    """One run. Arrays are copied, checked and made read-only.
+
+    Attributes:
+        scene: name of the scene.
+        point: name of the operational point that was held.
+        source: ``session`` or ``graph``.
+        period: s, nominal sample period.
+        times: (n,) of device, operational point and hand.
+        device_position: (n, 3) m, point held, as measured.
+        device_orientation: (n, 4) unit quaternion x, y, z, w.
+        point_position: (n, 3) m, operational point at the same times.
+        point_orientation: (n, 4) unit quaternion x, y, z, w.
+        hand_wrench: (n, 6) F_h, by the hand, on the device, at the point held.
+        wrench_times: (m,)
+        constraint_wrench: (m, 6) u_jc, by the joint-constraint controller, on the hand.
+        analysis_times: (k,)
+        count: (k,) number of joint constraints reported.
+        s: (k, t) s of the spectrum, descending.
+        expected_wrench: (k, 6) -(1 - β) Π F_h: what the joints must answer to the hand's push at
+            rest, from the analysis alone and no spring; u_jc should come close to it.
+        energy_times: (e,)
+        kinetic, potential, work_in, damping_loss, latch_loss: (e,) J, of the mechanism.
+        closure_error: (e,) largest residual of the closed loops, m or rad.
+        joint_times: (j,)
+        joint_positions: (j, nq) q of the mechanism.
+
+    Raises:
+        InvalidInputError: wrong shapes, not finite, times that do not increase, or nothing there.
+    """
+
+    scene: str
+    point: str
+    source: Source
+    period: float
+    times: Array
+    device_position: Array
+    device_orientation: Array
+    point_position: Array
+    point_orientation: Array
+    hand_wrench: Array
+    wrench_times: Array
+    constraint_wrench: Array
+    analysis_times: Array
+    count: Array
+    s: Array
+    expected_wrench: Array
+    energy_times: Array
+    kinetic: Array
+    potential: Array
+    work_in: Array
+    damping_loss: Array
+    latch_loss: Array
+    closure_error: Array
+    joint_times: Array
+    joint_positions: Array
+
+    def __post_init__(self) -> None:
+        for time_name, fields in _GROUPS.items():
+            times = self._set(time_name, ndim=1)
+            if time_name in _NEEDED and times.size == 0:
+                raise InvalidInputError(time_name, 0, "must hold at least one time")
+            if not (np.diff(times) > 0.0).all():
+                late = int(np.flatnonzero(np.diff(times) <= 0.0)[0]) + 1
+                raise InvalidInputError(f"{time_name}[{late}]", times[late], "must increase")
+            for name, columns in fields.items():
+                values = self._set(name, ndim=1 if columns == 0 else 2)
+                if values.shape[0] != times.size:
+                    rule = f"must have a row for each of the {times.size} {time_name}"
+                    raise InvalidInputError(f"rows of {name}", values.shape[0], rule)
+                if columns and values.shape[1] != columns:
+                    rule = f"must be {columns}"
+                    raise InvalidInputError(f"columns of {name}", values.shape[1], rule)
+        for name in ("device_orientation", "point_orientation"):
+            lengths = np.linalg.norm(getattr(self, name), axis=1)
+            wrong = np.flatnonzero(np.abs(lengths - 1.0) > QUATERNION_TOLERANCE)
+            if wrong.size:
+                what = f"length of {name}[{wrong[0]}]"
+                raise InvalidInputError(what, lengths[wrong[0]], "must be 1")
+
+    @property
+    def energy_balance(self) -> Array:
+        """Return (e,) J: energy held, less what came in, plus losses; constant if nothing leaks."""
+        held = self.kinetic + self.potential
+        return np.asarray(held - self.work_in + self.damping_loss + self.latch_loss)
+
+    def _set(self, name: str, ndim: int) -> Array:
+        kind = int if name == "count" else float
+        array = np.array(getattr(self, name), dtype=kind)
+        if array.ndim != ndim:
+            raise InvalidInputError(f"dimensions of {name}", array.ndim, f"must be {ndim}")
+        if not np.isfinite(array).all():
+            where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+            raise InvalidInputError(f"{name}{list(where)}", array[where], "must be finite")
+        array.flags.writeable = False
+        object.__setattr__(self, name, array)
+        return array
+
+
+def first_push(hand_wrench: Array) -> int | None:
+    """Return the index of the first sample (n, 6) in which the hand pushes; None if none is."""
+    pushing = np.flatnonzero(np.any(hand_wrench != 0.0, axis=1))
+    return int(pushing[0]) if pushing.size else None

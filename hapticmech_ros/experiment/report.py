@@ -1,0 +1,96 @@
+"""The summary as a short table for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.table import Table
+
+NOTHING = "–"
+
+
+def table(summary: Mapping[str, Any]) -> Table:
+    """Return a table of two columns of what :func:`summarise` or ``write_results`` returned."""
+    result = Table(title=f"{summary['scene']} ({summary['source']})", title_justify="left")
+    result.add_column("quantity")
+    result.add_column("value", justify="right")
+    for name, value in [
+        *_constraint_rows(summary["constraints"]),
+        *_error_rows(summary),
+        *_coverage_rows(summary["coverage"]),
+        *_graph_rows(summary.get("graph")),
+        *_agreement_rows(summary.get("agreement")),
+    ]:
+        result.add_row(name, value)
+    return result
+
+
+def _constraint_rows(constraints: Mapping[str, Any]) -> list[tuple[str, str]]:
+    changes = [f"{c['from']} → {c['to']} at {c['time_s']:.3f} s" for c in constraints["changes"]]
+    seen = ", ".join(str(count) for count in constraints["counts_seen"])
+    rows = [("joint constraints", "; ".join(changes) or f"{seen} throughout")]
+    for held in constraints["while_held"]:
+        force = _number(held["force_rms_n"], 1.0, "N", 3)
+        expected = _number(held["expected_force_rms_n"], 1.0, "N", 3)
+        rows.append(
+            (f"constraint force, rms, count {held['count']} (expected)", f"{force} ({expected})")
+        )
+    return rows
+
+
+def _error_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    tracking, energy = summary["tracking"], summary["energy"]
+    position = [_number(tracking[f"position_error_{k}_m"], 1e3, "mm", 3) for k in ("rms", "max")]
+    rotation = [
+        _number(tracking[f"rotation_error_{k}_rad"], 1e3, "mrad", 2) for k in ("rms", "max")
+    ]
+    return [
+        ("hand to operational point, rms / max", " / ".join(position)),
+        ("rotation, rms / max", " / ".join(rotation)),
+        ("closure error, max", _power(summary["closure_error_max_m_or_rad"], "m, rad")),
+        ("energy balance error, max", _power(energy["balance_error_max_j"], "J")),
+    ]
+
+
+def _coverage_rows(coverage: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return a row only if something was not recorded: what, and its longest pause."""
+    if coverage["complete"]:
+        return []
+    worst = max(coverage["groups"].items(), key=lambda item: float(item[1]["longest_pause_s"]))
+    return [("recording incomplete", f"no {worst[0]} for {worst[1]['longest_pause_s']:.2f} s")]
+
+
+def _graph_rows(graph: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    if graph is None:
+        return []
+    latency = [_number(graph[f"loop_latency_{k}_us"], 1e-3, "", 2) for k in ("p50", "p99", "max")]
+    missed = graph["missed_deadlines"]
+    return [
+        ("rate, measured", _number(graph["measured_rate_hz"], 1.0, "Hz", 1)),
+        ("deadlines missed, all nodes", NOTHING if missed is None else f"{missed:g}"),
+        ("loop latency p50 / p99 / max, ms", " / ".join(latency)),
+    ]
+
+
+def _agreement_rows(agreement: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    if agreement is None:
+        return []
+    deviations = [
+        _number(agreement[f"{b}_deviation_max_mm"], 1.0, "mm", 3) for b in ("device", "point")
+    ]
+    apart = agreement["count_change_difference_max_s"]
+    return [
+        ("graph to session, device / point, max", " / ".join(deviations)),
+        ("count changes apart, max", _number(apart, 1e3, "ms", 1)),
+    ]
+
+
+def _number(value: object, factor: float, unit: str, digits: int) -> str:
+    if not isinstance(value, int | float):
+        return NOTHING
+    return f"{factor * value:.{digits}f} {unit}".rstrip()
+
+
+def _power(value: float | None, unit: str) -> str:
+    return NOTHING if value is None else f"{value:.1e} {unit}"

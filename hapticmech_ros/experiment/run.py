@@ -1,0 +1,50 @@
+"""Writes the results of a run: summary.json and the pictures of Fig. 5."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hapticmech_ros.experiment.figures import write_figures
+from hapticmech_ros.experiment.health import GraphHealth
+from hapticmech_ros.experiment.record import ExperimentRecord
+from hapticmech_ros.experiment.summary import summarise
+from hapticmech_ros.scene.document import Scene
+
+SUMMARY = "summary.json"
+
+
+def write_results(
+    record: ExperimentRecord,
+    scene: Scene,
+    out_dir: str | os.PathLike[str],
+    graph: GraphHealth | None = None,
+    agreement: Mapping[str, Any] | None = None,
+    reference: ExperimentRecord | None = None,
+) -> dict[str, Any]:
+    """Write ``summary.json`` and the figures into ``out_dir``, which is made if need be.
+
+    Args:
+        record: the run.
+        scene: what ran.
+        out_dir: folder; files of the same names in it are replaced.
+        graph: diagnostics of the nodes, for a run of the graph.
+        agreement: from :func:`compare`; goes into the summary.
+        reference: a run to draw behind this one, such as the session's.
+
+    Returns:
+        The summary as written, with the figures' file names under ``figures``.
+    """
+    folder = Path(out_dir)
+    folder.mkdir(parents=True, exist_ok=True)
+    summary = summarise(record, scene, graph)
+    if agreement is not None:
+        summary["agreement"] = dict(agreement)
+    paths = write_figures(record, scene, folder, reference)
+    summary["figures"] = [path.name for path in paths]
+    text = json.dumps(summary, indent=2, allow_nan=False)
+    (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
+    return summary

@@ -1,0 +1,78 @@
+"""The mechanism as lines, for pictures: links between their joints, at a configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.mechanism.model import Array, TreeModel, build_tree, se3
+from hapticmech_ros.scene.document import Origin, Scene
+
+# Frames nearer than this (m) to a link's own are at its joint: no line.
+_SAME_PLACE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Skeleton:
+    """Lines and joints of a mechanism at one configuration.
+
+    Attributes:
+        links: per line, link name and (2, 3) its ends in the world, m.
+        joints: (k, 3) where links are joined to each other, m.
+        ground: (g, 3) where they are joined to the world, m.
+    """
+
+    links: tuple[tuple[str, Array], ...]
+    joints: Array
+    ground: Array
+
+
+def skeleton(scene: Scene, q: Array) -> Skeleton:
+    """Return the lines of ``scene`` at configuration q (nq,).
+
+    A link is drawn from its own joint to every frame that something else is attached to: joints of
+    other links, closures (whether closed or not), operational points.
+    """
+    tree = build_tree(scene)
+    data = tree.pinocchio.createData()
+    pin.forwardKinematics(tree.pinocchio, data, np.asarray(q, dtype=float))
+    lines: list[tuple[str, Array]] = []
+    joints: list[Array] = []
+    ground = [
+        _place(tree, data, "world", link.joint.origin)
+        for link in scene.links
+        if link.parent == "world" and link.joint.type not in ("free", "planar")
+    ]
+    for name, origin, is_joint in _attachments(scene):
+        end = _place(tree, data, name, origin)
+        if name == "world":
+            ground.append(end)
+            continue
+        if is_joint:
+            joints.append(end)
+        start = _place(tree, data, name, Origin())
+        if np.linalg.norm(end - start) > _SAME_PLACE:
+            lines.append((name, np.array((start, end))))
+    return Skeleton(tuple(lines), _rows(joints), _rows(ground))
+
+
+def _attachments(scene: Scene) -> list[tuple[str, Origin, bool]]:
+    """Return link, frame in it, and whether it is a joint, for everything attached to a link."""
+    found = [
+        (link.parent, link.joint.origin, True) for link in scene.links if link.parent != "world"
+    ]
+    for closure in scene.closures:
+        found += [(end.link, end.origin, True) for end in (closure.a, closure.b)]
+    found += [(point.link, point.origin, False) for point in scene.operational_points]
+    return found
+
+
+def _place(tree: TreeModel, data: pin.Data, link: str, origin: Origin) -> Array:
+    joint, placement = tree.link_joint[link]
+    return np.array((data.oMi[joint] * placement * se3(origin)).translation)
+
+
+def _rows(points: list[Array]) -> Array:
+    return np.array(points).reshape(-1, 3)

@@ -1,0 +1,109 @@
+"""Samples of one topic, gathered from a bag and put in order of their own stamps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.wire.layouts import NANOSECONDS, unpack_energy, unpack_rendering
+
+ARRAY_TYPE = "std_msgs/msg/Float64MultiArray"
+
+
+class StampedSamples:
+    """Gathers the messages of one topic as numbers.
+
+    Args:
+        topic: full name, for messages of errors.
+        kind: its message type: a stamped pose or wrench, joint states, or ``rendering`` or
+            ``energy`` for the arrays of wire/layouts.py.
+    """
+
+    def __init__(self, topic: str, kind: str) -> None:
+        self.topic = topic
+        self._read = _READERS[kind]
+        self._stamps: list[int] = []
+        self._rows: list[Any] = []
+
+    def add(self, message: Any) -> None:
+        """Take a message.
+
+        Raises:
+            BagError: not what the topic should carry.
+        """
+        try:
+            stamp, row = self._read(message)
+        except (InvalidInputError, AttributeError) as error:
+            raise BagError(f"topic {self.topic}, message {len(self._stamps)}: {error}") from error
+        self._stamps.append(stamp)
+        self._rows.append(row)
+
+    def ordered(self) -> tuple[Array, Array]:
+        """Return stamps (n,) in ns, increasing, and rows (n, ...); of equal stamps the last counts.
+
+        Raises:
+            BagError: not finite, or rows of different length.
+        """
+        stamps = np.array(self._stamps, dtype=np.int64)
+        order = np.argsort(stamps, kind="stable")
+        stamps = stamps[order]
+        last = np.append(np.diff(stamps) > 0, True) if stamps.size else np.zeros(0, dtype=bool)
+        try:
+            rows = np.array(self._rows, dtype=float)[order[last]]
+        except ValueError:
+            raise BagError(f"topic {self.topic}: messages of different lengths") from None
+        if not np.isfinite(rows).all():
+            bad = int(np.argwhere(~np.isfinite(rows))[0][0])
+            rule = "holds a value that is not finite"
+            raise BagError(f"topic {self.topic}, message {bad} in order of time: {rule}")
+        return stamps[last], rows
+
+
+def _stamp_ns(header: Any) -> int:
+    return int(header.stamp.sec) * NANOSECONDS + int(header.stamp.nanosec)
+
+
+def _pose(message: Any) -> tuple[int, tuple[float, ...]]:
+    p, o = message.pose.position, message.pose.orientation
+    return _stamp_ns(message.header), (p.x, p.y, p.z, o.x, o.y, o.z, o.w)
+
+
+def _wrench(message: Any) -> tuple[int, tuple[float, ...]]:
+    f, t = message.wrench.force, message.wrench.torque
+    return _stamp_ns(message.header), (f.x, f.y, f.z, t.x, t.y, t.z)
+
+
+def _joints(message: Any) -> tuple[int, Array]:
+    return _stamp_ns(message.header), np.array(message.position, dtype=float)
+
+
+def _rendering(message: Any) -> tuple[int, Array]:
+    """Row: count, Π (36), s (t)."""
+    found = unpack_rendering(message.data)
+    share = found.model.balanced_share
+    return found.stamp_ns, np.concatenate(([found.count], share.ravel(), found.s))
+
+
+def _energy(message: Any) -> tuple[int, tuple[float, ...]]:
+    """Row: kinetic, potential, work in, damping loss, latch loss (J), closure error (m, rad)."""
+    e = unpack_energy(message.data)
+    losses = (e.damping_loss, e.latch_loss, e.closure_error)
+    return e.stamp_ns, (e.kinetic, e.potential, e.work_in, *losses)
+
+
+_READERS = {
+    "geometry_msgs/msg/PoseStamped": _pose,
+    "geometry_msgs/msg/WrenchStamped": _wrench,
+    "sensor_msgs/msg/JointState": _joints,
+    "rendering": _rendering,
+    "energy": _energy,
+}
+
+
+def samples_of(topic: str, message_type: str) -> StampedSamples:
+    """Return an empty gatherer for a topic; the end of its name tells what an array holds."""
+    kind = topic.rsplit("/", 1)[-1] if message_type == ARRAY_TYPE else message_type
+    return StampedSamples(topic, kind)

@@ -1,0 +1,186 @@
+"""The experiment in numbers, ready for JSON. Keys carry their unit; None where nothing is known.
+
+Only what happens after the hand starts to push (t >= 0) is summed up; changes of the count are
+listed from the record's start.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hapticmech_ros.experiment.coverage import coverage
+from hapticmech_ros.experiment.health import GraphHealth
+from hapticmech_ros.experiment.orientation import angle_between
+from hapticmech_ros.experiment.record import ExperimentRecord
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.document import Scene
+
+Json = dict[str, Any]
+
+# Intervals between device samples longer than this many periods are counted as gaps.
+GAP_PERIODS = 1.5
+
+
+def summarise(record: ExperimentRecord, scene: Scene, graph: GraphHealth | None = None) -> Json:
+    """Return the summary of a run.
+
+    Args:
+        record: the run.
+        scene: what ran.
+        graph: what the nodes said of themselves, for a run of the graph.
+    """
+    summary: Json = {
+        "scene": record.scene,
+        "operational_point": record.point,
+        "source": record.source,
+        "duration_s": float(record.times[-1]),
+        "device_samples": int(record.times.size),
+        "coverage": coverage(record),
+        "constraints": _constraints(record),
+        "tracking": _tracking(record),
+        "closure_error_max_m_or_rad": (
+            _largest(record.closure_error[record.energy_times >= 0.0]) if scene.closures else None
+        ),
+        "energy": _energy(record),
+        "gains": {
+            "constraint_stiffness_n_per_m": scene.controller.joint_constraint.stiffness,
+            "constraint_feedforward": scene.controller.joint_constraint.feedforward,
+        },
+    }
+    if record.source == "graph":
+        summary["graph"] = _graph(record, graph or GraphHealth({}))
+    return summary
+
+
+def count_changes(record: ExperimentRecord) -> list[Json]:
+    """Return the changes of the constraint count: ``time_s``, ``from``, ``to``."""
+    where = np.flatnonzero(np.diff(record.count)) + 1
+    return [
+        {
+            "time_s": float(record.analysis_times[i]),
+            "from": int(record.count[i - 1]),
+            "to": int(record.count[i]),
+        }
+        for i in where
+    ]
+
+
+def pose_errors(record: ExperimentRecord) -> tuple[Array, Array]:
+    """Return (n,) distance (m) and (n,) angle (rad) from operational point to device."""
+    apart = np.linalg.norm(record.device_position - record.point_position, axis=1)
+    return np.asarray(apart), angle_between(record.device_orientation, record.point_orientation)
+
+
+def root_mean_square(values: Array) -> float | None:
+    """Return the rms of the norms of rows, or of numbers; None if there are none."""
+    if values.shape[0] == 0:
+        return None
+    squares = values**2 if values.ndim == 1 else np.sum(values**2, axis=1)
+    return float(np.sqrt(np.mean(squares)))
+
+
+def _constraints(record: ExperimentRecord) -> Json:
+    started = record.analysis_times >= 0.0
+    seen = sorted({int(count) for count in record.count[started]})
+    return {
+        "counts_seen": seen,
+        "changes": count_changes(record),
+        "while_held": [_while_held(record, count) for count in seen],
+    }
+
+
+def _while_held(record: ExperimentRecord, count: int) -> Json:
+    """Return what the user felt while ``count`` held, beside what physics expects."""
+    times = record.wrench_times
+    index = np.searchsorted(record.analysis_times, times, side="right") - 1
+    chosen = (index >= 0) & (times >= 0.0)
+    chosen &= record.count[np.maximum(index, 0)] == count
+    felt = record.constraint_wrench[chosen]
+    expected = np.column_stack(
+        [
+            np.interp(times[chosen], record.analysis_times, record.expected_wrench[:, axis])
+            for axis in range(6)
+        ]
+    )
+    force, torque = root_mean_square(felt[:, :3]), root_mean_square(felt[:, 3:])
+    expected_force = root_mean_square(expected[:, :3])
+    expected_torque = root_mean_square(expected[:, 3:])
+    return {
+        "count": count,
+        "samples": int(np.count_nonzero(chosen)),
+        "held_s": _held_time(record, count),
+        "force_rms_n": force,
+        "force_max_n": _largest(np.linalg.norm(felt[:, :3], axis=1)),
+        "torque_rms_nm": torque,
+        "expected_force_rms_n": expected_force,
+        "expected_torque_rms_nm": expected_torque,
+        "force_to_expected_ratio": _ratio(force, expected_force),
+        "torque_to_expected_ratio": _ratio(torque, expected_torque),
+        "force_difference_rms_n": root_mean_square(felt[:, :3] - expected[:, :3]),
+        "torque_difference_rms_nm": root_mean_square(felt[:, 3:] - expected[:, 3:]),
+    }
+
+
+def _held_time(record: ExperimentRecord, count: int) -> float:
+    """Return how long ``count`` held after the hand's start, s."""
+    started = record.analysis_times >= 0.0
+    times, counts = record.analysis_times[started], record.count[started]
+    return float(np.sum(np.diff(times)[counts[:-1] == count]))
+
+
+def _tracking(record: ExperimentRecord) -> Json:
+    started = record.times >= 0.0
+    distance, angle = (error[started] for error in pose_errors(record))
+    return {
+        "position_error_rms_m": root_mean_square(distance),
+        "position_error_max_m": _largest(distance),
+        "position_error_end_m": float(distance[-1]) if distance.size else None,
+        "rotation_error_rms_rad": root_mean_square(angle),
+        "rotation_error_max_rad": _largest(angle),
+        "rotation_error_end_rad": float(angle[-1]) if angle.size else None,
+    }
+
+
+def _energy(record: ExperimentRecord) -> Json:
+    if record.energy_times.size == 0:
+        keys = ("balance_error_max_j", "balance_error_relative", "exchanged_j")
+        return dict.fromkeys(keys)
+    balance = record.energy_balance
+    worst = float(np.abs(balance - balance[0]).max())
+    exchanged = float(np.abs(np.diff(record.work_in)).sum())
+    return {
+        "balance_error_max_j": worst,
+        "balance_error_relative": _ratio(worst, exchanged),
+        "exchanged_j": exchanged,
+        "work_in_j": float(record.work_in[-1] - record.work_in[0]),
+        "damping_loss_j": float(record.damping_loss[-1] - record.damping_loss[0]),
+        "latch_loss_j": float(record.latch_loss[-1] - record.latch_loss[0]),
+    }
+
+
+def _graph(record: ExperimentRecord, health: GraphHealth) -> Json:
+    intervals = np.diff(record.times)
+    span = float(record.times[-1] - record.times[0])
+    latency = {name: health.one(f"loop_latency_{name}_us") for name in ("p50", "p90", "p99", "max")}
+    return {
+        "nominal_rate_hz": 1.0 / record.period,
+        "measured_rate_hz": intervals.size / span if span > 0.0 else None,
+        "measured_interval_max_ms": _largest(1e3 * intervals),
+        "measured_gaps": int(np.count_nonzero(intervals > GAP_PERIODS * record.period)),
+        "missed_deadlines": health.total("missed_deadlines"),
+        **{f"loop_latency_{name}_us": value for name, value in latency.items()},
+        "nodes": {
+            name: {"level": node.level, "message": node.message, **node.figures}
+            for name, node in health.nodes.items()
+        },
+    }
+
+
+def _largest(values: Array) -> float | None:
+    return float(np.max(values)) if values.size else None
+
+
+def _ratio(value: float | None, reference: float | None) -> float | None:
+    return None if value is None or not reference else value / reference

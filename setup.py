@@ -1,0 +1,94 @@
+"""Packaging for pip and for colcon. Version, maintainer and licence come from package.xml."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+PACKAGE = "hapticmech_ros"
+SHARE = f"share/{PACKAGE}"
+NODES = ["haptic_device", "mechanism_simulator", "nullspace_analyser", "teleoperation_controller"]
+
+HERE = Path(__file__).resolve().parent
+MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
+
+
+def stated(tag):
+    """Return the text of ``tag`` in package.xml on one line."""
+    return " ".join(MANIFEST.findtext(tag).split())
+
+
+def shared(folder, pattern):
+    """Return data_files entries that install files under ``folder`` below share/<package>/."""
+    found = {}
+    for path in sorted(HERE.glob(f"{folder}/**/{pattern}")):
+        source = path.relative_to(HERE)
+        found.setdefault(f"{SHARE}/{source.parent.as_posix()}", []).append(source.as_posix())
+    return list(found.items())
+
+
+def long_description():
+    """Return the README, for the package's page on an index."""
+    readme = HERE / "README.md"
+    return readme.read_text(encoding="utf-8") if readme.exists() else stated("description")
+
+
+setup(
+    name=PACKAGE,
+    version=stated("version"),
+    description=stated("description"),
+    long_description=long_description(),
+    long_description_content_type="text/markdown",
+    maintainer=stated("maintainer"),
+    maintainer_email=MANIFEST.find("maintainer").get("email"),
+    license=stated("license"),
+    python_requires=">=3.10",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["py.typed"]},
+    zip_safe=False,
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (SHARE, ["package.xml"]),
+        *shared("config", "*.yaml"),
+        *shared("config", "*.xml"),
+        *shared("launch", "*.py"),
+        # `ros2 run` looks in lib/<package>/; pip puts scripts in bin/ only, so these start those.
+        (f"lib/{PACKAGE}", [f"resource/executables/{name}" for name in NODES]),
+    ],
+    entry_points={
+        "console_scripts": [
+            "hapticmech = hapticmech_ros.cli:main",
+            *(f"{name} = hapticmech_ros.nodes.entry:{name}" for name in NODES),
+        ]
+    },
+    install_requires=[
+        "matplotlib",
+        "numpy",
+        "pin>=4.1,<5",
+        "pydantic>=2",
+        "rich",
+        "rosbags>=0.11",
+        "ruamel.yaml",
+        "scipy",
+        "typer",
+    ],
+    extras_require={
+        # ROS 2 from PyPI. Never beside a sourced ROS 2 installation, which has all of this.
+        "ros": [
+            "ros-jazzy-common-interfaces",
+            "ros-jazzy-rclpy[fastrtps]",
+        ],
+        # Nothing here may bring `lark`: it overwrites `lark-parser`, which the wheels need.
+        "test": [
+            "colcon-common-extensions",
+            "mcap",
+            "mcap-ros2-support",
+            "mypy>=1.10",
+            "pytest>=7.4",
+            "pytest-cov",
+            "ruff>=0.6",
+            # 70.1 builds wheels by itself; 80 dropped what `colcon build --symlink-install` calls.
+            "setuptools>=70.1,<80",
+        ],
+    },
+)

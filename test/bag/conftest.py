@@ -1,0 +1,28 @@
+"""Messages to put into bags, serialized by rosbags and not by the package."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+
+
+@pytest.fixture(scope="session")
+def wrench_bytes() -> Callable[[int, float], bytes]:
+    """Serialize a WrenchStamped with a stamp (ns) and force (f, 2 f, -f)."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = store.types
+    vector = types["geometry_msgs/msg/Vector3"]
+
+    def make(time_ns: int, f: float) -> bytes:
+        stamp = types["builtin_interfaces/msg/Time"](*divmod(time_ns, 1_000_000_000))
+        message = types[WRENCH](
+            types["std_msgs/msg/Header"](stamp, "world"),
+            types["geometry_msgs/msg/Wrench"](vector(f, 2 * f, -f), vector(0.0, 0.0, 0.5)),
+        )
+        return bytes(store.serialize_cdr(message, WRENCH))
+
+    return make

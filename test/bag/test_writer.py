@@ -1,0 +1,185 @@
+"""Bags that BagWriter writes, read by rosbags, by mcap's own packages and by SQLite."""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.interfaces import QosDurability, QosReliability, QosTime
+from rosbags.rosbag2 import Reader
+
+from hapticmech_ros.bag import BagReader, BagWriter
+from hapticmech_ros.errors import BagError
+from hapticmech_ros.wire.topics import TOPICS
+
+Bytes = Callable[[int, float], bytes]
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+STORAGES = ("mcap", "sqlite3")
+TIMES = (10**18 + 5, 10**18 + 1_000_005, 10**18 + 2_000_005)
+
+
+def write(path: Path, storage: str, wrench_bytes: Bytes) -> list[bytes]:
+    sent = [wrench_bytes(time_ns, 0.1 * i) for i, time_ns in enumerate(TIMES)]
+    with BagWriter(path, storage) as bag:
+        bag.add_topic("/a/force", WRENCH, "stream")
+        bag.add_topic("/a/closures", "std_msgs/msg/UInt8MultiArray", "latched")
+        for time_ns, data in zip(TIMES, sent, strict=True):
+            bag.write("/a/force", time_ns, data)
+        assert bag.counts == {"/a/force": 3, "/a/closures": 0}
+    return sent
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_bytes_and_times_come_back(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
+    sent = write(tmp_path / "bag", storage, wrench_bytes)
+    with BagReader(tmp_path / "bag") as bag:
+        got = list(bag.serialized("/a/force"))
+        assert bag.topics["/a/force"].type == WRENCH
+        assert bag.topics["/a/closures"].count == 0
+        assert bag.span_ns == (TIMES[0], TIMES[-1])
+    assert got == [("/a/force", t, data) for t, data in zip(TIMES, sent, strict=True)]
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_offers_what_the_publishers_offer(
+    storage: str, tmp_path: Path, wrench_bytes: Bytes
+) -> None:
+    write(tmp_path / "bag", storage, wrench_bytes)
+    with Reader(tmp_path / "bag") as reader:
+        offered = {c.topic: c.ext.offered_qos_profiles for c in reader.connections}
+    durability = {"/a/force": QosDurability.VOLATILE, "/a/closures": QosDurability.TRANSIENT_LOCAL}
+    for topic, profiles in offered.items():
+        (profile,) = profiles
+        assert profile.reliability is QosReliability.RELIABLE
+        assert profile.durability is durability[topic]
+        for_ever = QosTime(9223372036, 854775807)
+        assert profile.deadline == profile.lifespan == for_ever
+        assert profile.liveliness_lease_duration == for_ever
+    text = (tmp_path / "bag" / "metadata.yaml").read_text(encoding="utf-8")
+    assert re.search(r"version: 9\n", text)
+    assert re.search(rf"storage_identifier: {storage}\n", text)
+
+
+def test_mcap_packages_decode_it(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    write(tmp_path / "bag", "mcap", wrench_bytes)
+    with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        found = [
+            (channel.topic, schema.name, message.log_time, decoded)
+            for schema, channel, message, decoded in reader.iter_decoded_messages()
+        ]
+    assert [(topic, kind, time) for topic, kind, time, _ in found] == [
+        ("/a/force", WRENCH, time) for time in TIMES
+    ]
+    for index, (*_, decoded) in enumerate(found):
+        force = decoded.wrench.force
+        assert (force.x, force.y, force.z) == (0.1 * index, 2 * 0.1 * index, -0.1 * index)
+        stamp = decoded.header.stamp
+        assert stamp.sec * 1_000_000_000 + stamp.nanosec == TIMES[index]
+        assert decoded.header.frame_id == "world"
+
+
+def test_sqlite_holds_it(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    sent = write(tmp_path / "bag", "sqlite3", wrench_bytes)
+    connection = sqlite3.connect(tmp_path / "bag" / "bag.db3")
+    rows = connection.execute("SELECT timestamp, data FROM messages ORDER BY timestamp").fetchall()
+    connection.close()
+    assert rows == list(zip(TIMES, sent, strict=True))
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_other_threads_may_write(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
+    bag = BagWriter(tmp_path / "bag", storage)
+    bag.add_topic("/f", WRENCH)
+    data = wrench_bytes(1, 1.0)
+    failures: list[Exception] = []
+
+    def work(first: int) -> None:
+        try:
+            for i in range(200):
+                bag.write("/f", first + i, data)
+        except (BagError, sqlite3.Error) as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=work, args=(1000 * k,)) for k in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    bag.close()
+    assert not failures
+    with BagReader(tmp_path / "bag") as reader:
+        times = [time for _, time, _ in reader.serialized("/f")]
+    assert times == sorted(1000 * k + i for k in range(3) for i in range(200))
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_every_topic_of_the_graph_can_be_recorded(storage: str, tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag", storage) as bag:
+        for topic in TOPICS:
+            bag.add_topic("/" + topic.of("handle").lstrip("/"), topic.type, topic.qos)
+    with BagReader(tmp_path / "bag") as reader:
+        assert len(reader.topics) == len(TOPICS)
+        assert reader.span_ns == (0, 0)
+        assert list(reader.messages()) == []
+
+
+def test_never_overwrites(tmp_path: Path) -> None:
+    (tmp_path / "kept").write_text("precious")
+    for path in (tmp_path, tmp_path / "kept"):
+        with pytest.raises(BagError, match="exists already"):
+            BagWriter(path)
+    assert (tmp_path / "kept").read_text() == "precious"
+
+
+def test_refuses_unknown_storage_and_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(BagError, match=r"storage 'tape': must be one of \['mcap', 'sqlite3'\]"):
+        BagWriter(tmp_path / "bag", "tape")
+    assert not (tmp_path / "bag").exists()
+
+
+def test_refuses_what_it_was_not_told(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic("/f", WRENCH)
+        with pytest.raises(BagError, match="topic /f is already there"):
+            bag.add_topic("/f", WRENCH)
+        with pytest.raises(BagError, match="'x_msgs/msg/Y' of /g: not a message type"):
+            bag.add_topic("/g", "x_msgs/msg/Y")
+        with pytest.raises(BagError, match="quality of service 'best'"):
+            bag.add_topic("/h", WRENCH, "best")
+        with pytest.raises(BagError, match="topic /g was not announced"):
+            bag.write("/g", 1, wrench_bytes(1, 1.0))
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_closes_once(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
+    bag = BagWriter(tmp_path / "bag", storage)
+    bag.add_topic("/f", WRENCH)
+    bag.close()
+    bag.close()
+    with pytest.raises(BagError, match="is closed"):
+        bag.write("/f", 1, wrench_bytes(1, 1.0))
+    with pytest.raises(BagError, match="is closed"):
+        bag.add_topic("/g", WRENCH)
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_an_error_does_not_cost_the_recording(
+    storage: str, tmp_path: Path, wrench_bytes: Bytes
+) -> None:
+    def fail() -> None:
+        with BagWriter(tmp_path / "bag", storage) as bag:
+            bag.add_topic("/f", WRENCH)
+            bag.write("/f", 7, wrench_bytes(1, 1.0))
+            raise RuntimeError("stop")
+
+    with pytest.raises(RuntimeError, match="stop"):
+        fail()
+    with BagReader(tmp_path / "bag") as reader:
+        assert [time for _, time, _ in reader.serialized()] == [7]

@@ -1,0 +1,108 @@
+"""Four-channel controller: the transparency oracle of physics section 5, in one dimension.
+
+With equal impedances sΛ on both sides, C2 = C3 = 1 and C_m = C_s:
+(sΛ + C_m + C_s)(V_h - V_e) = 0, so drift decays; sΛ (V_h + V_e)/2 = F_h - F_e, so the user feels Λ
+and the contact, whatever the gains.
+"""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from hapticmech_ros.control.four_channel import FourChannel
+from hapticmech_ros.scene.document import ForceChannelGains, PositionChannelGains
+
+MASS, STIFFNESS, DAMPING, WALL = 0.5, 200.0, 6.0, 400.0
+GAINS = PositionChannelGains(stiffness=STIFFNESS, damping=DAMPING)
+FREE = np.zeros((6, 6))
+# Error that solve_ivp may make here; every comparison below is with an exact solution.
+ACCURACY = {"rtol": 1e-10, "atol": 1e-12, "method": "DOP853"}
+CLOSE = 1e-8
+
+
+def along_x(value):
+    return np.array([value, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def accelerations(state, push, contact):
+    """Return (ẍ_h, ẍ_e) of a device and a mechanism of equal mass, joined by the channels."""
+    x_h, v_h, x_e, v_e = state
+    channels = FourChannel(GAINS, ForceChannelGains())
+    out = channels.wrenches(
+        FREE, along_x(x_h - x_e), along_x(v_h - v_e), along_x(push), along_x(contact)
+    )
+    return (push + out.device[0]) / MASS, (contact + out.mechanism[0]) / MASS
+
+
+def moved(start, until, push, wall):
+    """Integrate; ``push(t)`` by the hand, the wall is a spring on the mechanism."""
+
+    def rates(time, state):
+        a_h, a_e = accelerations(state, push(time), -wall * state[2])
+        return [state[1], a_h, state[3], a_e]
+
+    times = np.linspace(0.0, until, 50)
+    return times, solve_ivp(rates, (0.0, until), start, t_eval=times, **ACCURACY).y
+
+
+def test_hand_and_contact_act_on_the_mean_whatever_the_error():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        state, (push, contact) = rng.normal(size=4), rng.normal(size=2)
+        a_h, a_e = accelerations(state, push, contact)
+        # Coupling forces of up to 600 N cancel.
+        assert abs(MASS * (a_h + a_e) / 2.0 - (push + contact)) < 1e-12
+        error = STIFFNESS * (state[0] - state[2]) + DAMPING * (state[1] - state[3])
+        assert abs(MASS * (a_h - a_e) + 2.0 * error) < 1e-11
+
+
+def test_drift_decays_as_a_damped_oscillator_and_moves_nothing_else():
+    drift = 0.01
+    times, (x_h, v_h, x_e, v_e) = moved([drift, 0.0, 0.0, 0.0], 0.5, lambda time: 0.0, 0.0)
+    # ë + 2 b/m ė + 2 k/m e = 0
+    rate, square = DAMPING / MASS, 2.0 * STIFFNESS / MASS
+    turn = np.sqrt(square - rate**2)
+    wave = np.cos(turn * times) + rate / turn * np.sin(turn * times)
+    exact = drift * np.exp(-rate * times) * wave
+    assert np.abs(x_h - x_e - exact).max() < CLOSE * drift
+    assert abs(x_h[-1] - x_e[-1]) < drift * np.exp(-rate * 0.5) * 1.2
+    assert np.abs((x_h + x_e) / 2.0 - drift / 2.0).max() < CLOSE * drift
+    assert np.abs(v_h + v_e).max() < CLOSE
+
+
+@pytest.mark.parametrize("wall", [0.0, WALL])
+def test_the_hand_feels_exactly_the_mass_and_the_contact(wall):
+    push, speed = 2.0, 15.0
+    times, (x_h, _, x_e, _) = moved([0.0] * 4, 1.0, lambda time: push * np.sin(speed * time), wall)
+    # m ẍ + wall x = push sin(ωt) from rest.
+    if wall:
+        own = np.sqrt(wall / MASS)
+        exact = np.sin(speed * times) - speed / own * np.sin(own * times)
+        exact *= push / (wall - MASS * speed**2)
+    else:
+        exact = push / (MASS * speed) * (times - np.sin(speed * times) / speed)
+    size = np.abs(exact).max()
+    assert np.abs(x_h - exact).max() < CLOSE * size
+    assert np.abs(x_e - exact).max() < CLOSE * size
+
+
+def test_the_device_side_leaves_rigid_directions_to_the_joint_constraint():
+    rng = np.random.default_rng(3)
+    n, dual = rng.normal(size=(2, 6))
+    share = np.outer(n, dual) / (n @ dual)
+    channels = FourChannel(GAINS, ForceChannelGains())
+    error, rate, hand, contact = rng.normal(size=(4, 6))
+    out = channels.wrenches(share, error, rate, hand, contact)
+    # What is left of the coupling has no component along n: its pairing with n's dual is zero.
+    assert abs(dual @ (out.device - contact)) < 1e-12 * np.linalg.norm(out.device) * 10.0
+    # The mechanism is pulled in full: its joints take what they constrain.
+    free = channels.wrenches(FREE, error, rate, hand, contact)
+    assert np.array_equal(out.mechanism, free.mechanism)
+
+
+def test_force_channels_scale_what_they_carry():
+    channels = FourChannel(GAINS, ForceChannelGains(contact=0.25, hand=0.5))
+    hand, contact = np.arange(1.0, 7.0), np.arange(7.0, 13.0)
+    out = channels.wrenches(FREE, np.zeros(6), np.zeros(6), hand, contact)
+    assert np.array_equal(out.device, 0.25 * contact)
+    assert np.array_equal(out.mechanism, 0.5 * hand)

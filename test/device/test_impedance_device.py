@@ -1,0 +1,182 @@
+"""The simulated device against what a rigid body does; its actuators and its encoders."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros.device import ImpedanceDevice
+from hapticmech_ros.scene.document import Device
+
+PERIOD = 1e-3
+START = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
+NO_COMMAND = np.zeros(6)
+NO_LIMIT = {"force_limit": 1e9, "torque_limit": 1e9}
+
+
+def pushing(wrench):
+    return lambda elapsed, pose, twist, held: np.asarray(wrench, dtype=float)
+
+
+IDLE = pushing(np.zeros(6))
+
+
+def run(device, ticks, hand=IDLE, command=NO_COMMAND, period=PERIOD, planar=False, twist=None):
+    """Return the states at 0, 1, ..., ``ticks`` periods."""
+    body = ImpedanceDevice(device, period, planar)
+    state = body.at_rest(START)
+    if twist is not None:
+        state = type(state)(
+            state.pose, np.array(twist, dtype=float), state.measured_pose, state.twist
+        )
+    states = [state]
+    for tick in range(ticks):
+        states.append(body.step(states[-1], command, hand, tick * period, START))
+    return states
+
+
+def test_a_free_device_under_a_constant_force_falls_by_the_book():
+    device = Device(mass=0.25, substeps=4)
+    force = np.array([1.0, -2.0, 0.5])
+    end = run(device, 400, pushing([*force, 0, 0, 0]))[-1]
+    time, step = 0.4, PERIOD / 4
+    assert np.abs(end.twist[:3] - force / 0.25 * time).max() < 1e-12
+    # Semi-implicit Euler leads the parabola by exactly ½ a t h.
+    lead = end.pose.translation - START.translation - 0.5 * force / 0.25 * time**2
+    assert np.abs(lead - 0.5 * force / 0.25 * time * step).max() < 1e-12
+    assert np.abs(end.pose.rotation - START.rotation).max() < 1e-15
+
+
+def test_a_constant_torque_turns_it_about_the_axis_in_the_world():
+    device = Device(inertia=1e-3, substeps=4)
+    torque = np.array([0.002, 0.001, -0.002])
+    end = run(device, 300, pushing([0, 0, 0, *torque]))[-1]
+    time, step = 0.3, PERIOD / 4
+    assert np.abs(end.twist[3:] - torque / 1e-3 * time).max() < 1e-12
+    angle = 0.5 * torque / 1e-3 * (time**2 + time * step)
+    # 1200 products of rotations, each rounded.
+    assert np.abs(end.pose.rotation - pin.exp3(angle) @ START.rotation).max() < 1e-12
+
+
+def test_damping_decays_exponentially_and_with_first_order():
+    errors = []
+    for substeps in (5, 10, 20):
+        device = Device(
+            mass=0.5, damping=4.0, inertia=2e-3, angular_damping=0.01, substeps=substeps
+        )
+        end = run(device, 200, twist=[1.0, 0, 0, 0, 0, 1.0])[-1]
+        rates = np.array([4.0 / 0.5, 0.01 / 2e-3])
+        errors.append(np.abs(end.twist[[0, 5]] - np.exp(-rates * 0.2)))
+    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    assert np.abs(orders - 1.0).max() < 0.15
+    # Explicit Euler: relative error ½ (rate)² t h at first order; 5 % for the higher ones.
+    bound = 0.5 * rates**2 * 0.2 * PERIOD / 20 * np.exp(-rates * 0.2)
+    assert (errors[-1] < 1.05 * bound).all()
+
+
+def test_hand_and_actuators_add_up():
+    push, command = np.array([0.3, 0, 0, 0, 0.01, 0]), np.array([-0.1, 0.2, 0, 0.01, 0, 0])
+    together = run(Device(), 10, pushing(push), command)[-1]
+    alone = run(Device(), 10, pushing(push + command))[-1]
+    assert np.abs(together.twist - alone.twist).max() < 1e-15
+
+
+def test_saturated_actuators_keep_the_direction():
+    device = Device(mass=1.0, inertia=1.0, force_limit=2.0, torque_limit=0.5)
+    command = np.array([30.0, 0, -40.0, 0, 6.0, 8.0])
+    end = run(device, 1, command=command)[-1]
+    pushed = end.twist / PERIOD
+    assert np.abs(pushed[:3] - 2.0 * np.array([0.6, 0, -0.8])).max() < 1e-12
+    assert np.abs(pushed[3:] - 0.5 * np.array([0, 0.6, 0.8])).max() < 1e-12
+
+
+def test_the_hand_is_not_saturated():
+    device = Device(mass=1.0, force_limit=2.0)
+    end = run(device, 1, pushing([50.0, 0, 0, 0, 0, 0]))[-1]
+    assert abs(end.twist[0] / PERIOD - 50.0) < 1e-11
+
+
+@pytest.mark.parametrize("substeps", [1, 4, 7])
+def test_a_command_is_held_over_the_period_while_the_hand_acts_all_through_it(substeps):
+    device = Device(mass=0.5, substeps=substeps)
+    seen = []
+
+    def watching(elapsed, pose, twist, held):
+        seen.append(elapsed)
+        return np.zeros(6)
+
+    command = np.array([1.0, 0, 0, 0, 0, 0])
+    end = run(device, 2, watching, command)[-1]
+    # The impulse is command times period, however the period is divided.
+    assert abs(end.twist[0] - 2.0 * PERIOD / 0.5) < 1e-15
+    assert np.abs(np.array(seen) - np.arange(2 * substeps) * PERIOD / substeps).max() < 1e-15
+
+
+def test_a_step_leaves_the_state_it_started_from_alone():
+    body = ImpedanceDevice(Device(), PERIOD, planar=False)
+    state = body.at_rest(START)
+    first = body.step(state, np.ones(6), IDLE, 0.0, START)
+    again = body.step(state, np.ones(6), IDLE, 0.0, START)
+    assert np.array_equal(first.twist, again.twist)
+    assert np.array_equal(first.pose.homogeneous, again.pose.homogeneous)
+    assert np.array_equal(state.twist, np.zeros(6))
+    assert np.array_equal(state.pose.homogeneous, START.homogeneous)
+
+
+def test_ideal_encoders_say_the_truth_to_the_bit():
+    for state in run(Device(), 5, pushing(np.ones(6))):
+        assert np.array_equal(state.measured_twist, state.twist)
+        assert np.array_equal(state.measured_pose.homogeneous, state.pose.homogeneous)
+
+
+def test_encoders_read_whole_steps_no_further_off_than_half_a_step():
+    fine, turn = 1e-4, 2e-3
+    device = Device(position_resolution=fine, angle_resolution=turn)
+    for state in run(device, 200, pushing([0.2, -0.1, 0.3, 1e-4, 0, 2e-4])):
+        read = state.measured_pose
+        counts = read.translation / fine
+        assert np.abs(counts - np.round(counts)).max() < 1e-9
+        assert np.abs(read.translation - state.pose.translation).max() <= 0.5 * fine + 1e-15
+        counts = pin.log3(read.rotation) / turn
+        # log and exp cancel to 1e-15 rad, in units of a step.
+        assert np.abs(counts - np.round(counts)).max() < 1e-9
+        off = pin.log3(read.rotation) - pin.log3(state.pose.rotation)
+        assert np.abs(off).max() <= 0.5 * turn + 1e-12
+
+
+def test_the_velocity_estimate_is_the_true_mean_with_steps_of_one_count():
+    fine, speed, cut_off = 1e-5, 0.05, 20.0
+    device = Device(position_resolution=fine, velocity_filter=cut_off)
+    states = run(device, 1200, twist=[speed, 0, 0, 0, 0, 0])
+    estimate = np.array([state.measured_twist[0] for state in states])
+    settled = estimate[200:]  # 200 ms are 25 time constants of a 20 Hz filter
+    # Over 1 s the encoder is off by one count at most.
+    assert abs(settled.mean() - speed) < fine / 1.0 + 1e-12
+    gain = 2.0 * np.pi * cut_off * PERIOD
+    gain /= 1.0 + gain
+    # One count in one period is fine / PERIOD m/s, of which the filter lets `gain` through.
+    assert np.abs(settled - speed).max() < gain * fine / PERIOD * 1.01
+    assert estimate[0] == 0.0
+    # First-order rise: 1 - (1 - gain)^n, to one count.
+    rise = speed * (1.0 - (1.0 - gain) ** np.arange(estimate.size))
+    assert np.abs(estimate - rise).max() < gain * fine / PERIOD * 1.01
+
+
+def test_a_standing_device_seems_to_stand_with_coarse_encoders():
+    device = Device(position_resolution=1e-2, angle_resolution=0.1)
+    for state in run(device, 5):
+        # A rotation times its own inverse is off by 1e-16, divided by 1 ms and filtered.
+        assert np.abs(state.measured_twist).max() < 1e-12
+
+
+def test_a_planar_device_never_leaves_the_plane():
+    upright = pin.SE3(pin.exp3(np.array([0, 0, 0.4])), np.array([0.1, 0.2, 0.0]))
+    body = ImpedanceDevice(Device(), PERIOD, planar=True)
+    state = body.at_rest(upright)
+    for tick in range(100):
+        state = body.step(state, np.full(6, 0.1), pushing(np.ones(6)), tick * PERIOD, upright)
+        assert np.array_equal(state.twist[2:5], np.zeros(3))
+        assert state.pose.translation[2] == 0.0
+        # The axis out of the plane is kept to the bit: no product ever mixes it.
+        assert np.array_equal(state.pose.rotation[:, 2], [0.0, 0.0, 1.0])
+    assert state.twist[0] > 0.0
+    assert state.twist[5] > 0.0

@@ -1,0 +1,46 @@
+"""Holes in a record are found wherever they are."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.experiment.coverage import coverage
+
+
+def wrenches(times):
+    return {"wrench_times": times, "constraint_wrench": np.zeros((times.size, 6))}
+
+
+def test_whole_record(handmade):
+    found = coverage(handmade())
+    assert found["complete"] is True
+    assert found["groups"]["device and point"] == {
+        "samples": 901,
+        "first_s": 0.0,
+        "last_s": 9.0,
+        "longest_pause_s": pytest.approx(0.01, abs=1e-12),
+    }
+    assert found["groups"]["energy"]["longest_pause_s"] == pytest.approx(0.1, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("times", "pause"),
+    [
+        (np.arange(150, 901) / 100, 1.5),
+        (np.arange(-100, 601) / 100, 3.0),
+        (np.concatenate((np.arange(0, 200), np.arange(450, 901))) / 100, 2.51),
+        (np.array((-0.5,)), 9.0),
+    ],
+)
+def test_holes_at_the_start_the_end_and_in_between(handmade, times, pause):
+    found = coverage(handmade(**wrenches(times)))
+    assert found["complete"] is False
+    group = found["groups"]["constraint wrench"]
+    assert group["longest_pause_s"] == pytest.approx(pause, abs=1e-12)
+
+
+def test_no_energy_at_all(handmade):
+    none = np.zeros(0)
+    names = ("kinetic", "potential", "work_in", "damping_loss", "latch_loss", "closure_error")
+    found = coverage(handmade(energy_times=none, **dict.fromkeys(names, none)))
+    assert found["complete"] is False
+    assert found["groups"]["energy"]["first_s"] is None

@@ -1,0 +1,199 @@
+"""A bag made of a session's samples gives the session's record."""
+
+import copy
+import dataclasses
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.experiment import compare, record_from_bag
+from hapticmech_ros.experiment.summary import count_changes
+
+VIEW = ("constraint_wrench", "kinetic", "potential", "work_in", "damping_loss", "closure_error")
+CONTROL = (
+    "device_position",
+    "device_orientation",
+    "point_position",
+    "point_orientation",
+    "hand_wrench",
+    "s",
+    "joint_positions",
+)
+# Times: whole ns since the push against products of ticks and period, 3 s at most.
+TIME_TOLERANCE = 2e-15
+
+
+def assert_same(record, session):
+    assert record.source == "graph"
+    assert record.times == pytest.approx(session.times, abs=TIME_TOLERANCE)
+    assert record.wrench_times == pytest.approx(session.times[::10], abs=TIME_TOLERANCE)
+    for name in CONTROL:
+        # Points are interpolated, at shares of 0 or next to it; joints go by the neutral pose.
+        found, expected = getattr(record, name), getattr(session, name)
+        assert np.abs(found - expected).max() <= 4e-15, name
+    for name in VIEW:
+        assert (getattr(record, name) == getattr(session, name)[::10]).all(), name
+    assert (record.count == session.count).all()
+    assert np.abs(record.expected_wrench - session.expected_wrench).max() < 1e-15
+    changes, expected = count_changes(record), count_changes(session)
+    assert [(c["from"], c["to"]) for c in changes] == [(1, 2)]
+    assert changes[0]["time_s"] == pytest.approx(expected[0]["time_s"], abs=TIME_TOLERANCE)
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_bag_of_a_session_gives_its_record(make_bag, scene, session_record, storage):
+    record = record_from_bag(make_bag(storage), scene)
+    assert_same(record, session_record)
+    agreement = compare(record, session_record)
+    assert agreement["device_deviation_max_mm"] < 1e-11
+    assert agreement["point_deviation_max_deg"] < 1e-12
+    assert agreement["count_change_difference_max_s"] < 1e-14
+
+
+def test_under_a_namespace(make_bag, scene, session_record):
+    bag = make_bag(namespace="/lab/left")
+    assert_same(record_from_bag(bag, scene, namespace="lab/left"), session_record)
+    assert_same(record_from_bag(bag, scene, namespace="/lab/left/"), session_record)
+    with pytest.raises(BagError, match=r"missing topics: .*the bag has the namespace /lab/left"):
+        record_from_bag(bag, scene)
+
+
+def test_deadlines_of_their_own_are_interpolated(make_bag, scene, session_record):
+    """The mechanism's stamps lie half a period later: the record is at the device's times."""
+
+    def later(topic, time_ns, message):
+        if not topic.startswith("mechanism"):
+            return message
+        message = copy.deepcopy(message)
+        if hasattr(message, "header"):
+            stamp = message.header.stamp
+            total = stamp.sec * 10**9 + stamp.nanosec + 1_000_000
+            stamp.sec, stamp.nanosec = divmod(total, 10**9)
+        return message
+
+    record = record_from_bag(make_bag(change=later), scene)
+    # The device's first sample precedes the point's first one, and is left out.
+    assert record.times == pytest.approx(session_record.times[1:], abs=TIME_TOLERANCE)
+    middle = (session_record.point_position[1:] + session_record.point_position[:-1]) / 2
+    assert record.point_position == pytest.approx(middle, abs=1e-15)
+    assert (record.device_position == session_record.device_position[1:]).all()
+
+
+def test_order_of_arrival_and_repeats_do_not_matter(make_bag, messages, scene, session_record):
+    repeats = [item for item in messages if item[0] == "device/measured_cp"][5:50][::-1]
+    assert_same(record_from_bag(make_bag(extra=repeats), scene), session_record)
+
+
+def test_lost_messages_leave_gaps(make_bag, scene, session_record):
+    lost = {"device/measured_cp": 7, "device/measured_cf": 11, "mechanism/handle/measured_cp": 13}
+    seen = dict.fromkeys(lost, 0)
+
+    def lose(topic, time_ns, message):
+        if topic not in lost:
+            return message
+        seen[topic] += 1
+        return None if seen[topic] % lost[topic] == 0 else message
+
+    record = record_from_bag(make_bag(change=lose), scene)
+    kept = np.isin(np.round(session_record.times * 1e3), np.round(record.times * 1e3))
+    assert record.times.size == pytest.approx(session_record.times.size * 6 / 7, abs=2)
+    assert (record.device_position == session_record.device_position[kept]).all()
+    # Linear interpolation over 4 ms at accelerations below 0.5 m/s².
+    apart = np.abs(record.point_position - session_record.point_position[kept]).max()
+    assert apart < 0.5 * 0.004**2 / 8
+
+
+def test_cuts_before_the_hold_and_after_the_duration(make_bag, scene, session_record):
+    quick = scene.hand.model_copy(update={"start_delay": 0.1})
+    record = record_from_bag(make_bag(), scene.model_copy(update={"hand": quick}), duration=1.0)
+    assert (record.times[0], record.times[-1]) == pytest.approx((-0.1, 1.0), abs=1e-12)
+    assert (record.wrench_times[0], record.wrench_times[-1]) == pytest.approx(
+        (-0.09, 0.99), abs=1e-12
+    )
+    assert (record.analysis_times[-1], record.energy_times[-1]) == pytest.approx(
+        (1.0, 0.99), abs=1e-12
+    )
+
+
+def test_names_what_is_missing(make_bag, scene):
+    bag = make_bag(without=("device/measured_cf", "mechanism/energy"))
+    with pytest.raises(BagError, match=r"missing topics: /device/measured_cf, /mechanism/energy$"):
+        record_from_bag(bag, scene)
+
+
+def test_names_what_is_empty(make_bag, scene):
+    def silent(topic, time_ns, message):
+        return None if topic.startswith("analysis") else message
+
+    with pytest.raises(BagError, match=r"topics without messages: /analysis/handle/rendering$"):
+        record_from_bag(make_bag(change=silent), scene)
+
+
+def test_names_what_is_of_another_type(make_bag, messages, scene):
+    _, kind, time_ns, message = next(m for m in messages if m[0] == "device/measured_cf")
+    bag = make_bag(
+        without=("device/measured_cp",), extra=[("/device/measured_cp", kind, time_ns, message)]
+    )
+    with pytest.raises(BagError, match=r"another type: /device/measured_cp \(is .*Wrench"):
+        record_from_bag(bag, scene)
+
+
+def test_a_hand_that_never_pushed(make_bag, scene):
+    def idle(topic, time_ns, message):
+        if topic == "device/measured_cf":
+            message = copy.deepcopy(message)
+            message.wrench.force.x = message.wrench.torque.z = 0.0
+        return message
+
+    with pytest.raises(BagError, match="the hand never pushed"):
+        record_from_bag(make_bag(change=idle), scene)
+
+
+def test_joint_states_are_only_welcome(make_bag, scene):
+    record = record_from_bag(make_bag(without=("mechanism/measured_js",)), scene)
+    assert record.joint_positions.shape == (0, 4)
+
+
+@pytest.mark.parametrize(
+    ("topic", "spoil", "message"),
+    [
+        (
+            "analysis/handle/rendering",
+            lambda m: dataclasses.replace(m, data=m.data[:-1]),
+            "rendering, message 0: .*must hold 124 numbers",
+        ),
+        (
+            "mechanism/energy",
+            lambda m: dataclasses.replace(m, data=m.data * np.inf),
+            "energy, message 0: .*must be finite",
+        ),
+        (
+            "device/measured_cf",
+            lambda m: dataclasses.replace(
+                m, wrench=dataclasses.replace(m.wrench, force=type(m.wrench.force)(np.nan, 0, 0))
+            ),
+            "measured_cf, message 0 in order of time: holds a value that is not finite",
+        ),
+        (
+            "mechanism/measured_js",
+            lambda m: dataclasses.replace(m, position=m.position[:-1]),
+            "coordinates in mechanism/measured_js: must be 4",
+        ),
+    ],
+)
+def test_refuses_messages_that_break_rules(make_bag, scene, topic, spoil, message):
+    def change(name, time_ns, original):
+        return spoil(original) if name == topic else original
+
+    with pytest.raises(BagError, match=message), np.errstate(invalid="ignore"):
+        record_from_bag(make_bag(change=change), scene)
+
+
+def test_unknown_point_and_no_bag(scene, tmp_path):
+    with pytest.raises(InvalidInputError, match="operational point"):
+        record_from_bag(tmp_path, scene, point="nose")
+    with pytest.raises(BagError, match="no bag at"):
+        record_from_bag(tmp_path / "nowhere", scene)
+    with pytest.raises(BagError, match="cut short"):
+        record_from_bag(tmp_path, scene)

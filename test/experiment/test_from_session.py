@@ -1,0 +1,69 @@
+"""The record of a session."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.experiment import SessionRecorder, run_session
+from hapticmech_ros.session import Session
+
+
+def test_time_zero_is_the_first_push(session_record, scene):
+    record = session_record
+    pushing = record.hand_wrench.any(axis=1)
+    assert (pushing == (record.times >= 0.0)).all()
+    assert record.times[0] == pytest.approx(-scene.hand.start_delay, abs=1e-12)
+    assert record.times[-1] == pytest.approx(2.5, abs=1e-12)
+    assert record.source == "session"
+    assert record.point == "handle"
+
+
+def test_holds_what_the_session_measured(session_record, samples):
+    assert session_record.times.size == len(samples)
+    for index in (0, 126, 700, len(samples) - 1):
+        sample, (kinetic, _) = samples[index]
+        assert (session_record.device_position[index] == sample.device.pose.translation).all()
+        assert (session_record.point_position[index] == sample.point.pose.translation).all()
+        assert (session_record.constraint_wrench[index] == sample.output.joint_constraint).all()
+        assert session_record.count[index] == sample.count
+        assert session_record.kinetic[index] == kinetic
+        balanced = sample.analysis.balanced_share @ sample.hand_wrench
+        assert (session_record.expected_wrench[index] == -balanced).all()
+
+
+def test_feedforward_leaves_less_to_expect(scene):
+    gains = scene.controller.joint_constraint.model_copy(update={"feedforward": 0.75})
+    controller = scene.controller.model_copy(update={"joint_constraint": gains})
+    records = [
+        run_session(s, 0.01) for s in (scene, scene.model_copy(update={"controller": controller}))
+    ]
+    plain, fed = (record.expected_wrench[record.times >= 0.0][0] for record in records)
+    assert np.abs(plain).max() > 1e-3
+    assert fed == pytest.approx(0.25 * plain, rel=1e-12)
+
+
+def test_tells_progress(scene):
+    told = []
+    run_session(scene, 0.15, told.append)
+    assert told[-1] == 1.0
+    assert told == sorted(told)
+    assert 50 <= len(told) <= 202
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, float("nan"), float("inf")])
+def test_refuses_durations(scene, duration):
+    with pytest.raises(InvalidInputError, match="duration: must be a positive"):
+        run_session(scene, duration)
+
+
+def test_refuses_unknown_points_and_empty_records(scene):
+    with pytest.raises(InvalidInputError, match="operational point"):
+        run_session(scene, 0.1, point="nose")
+    with pytest.raises(InvalidInputError, match="samples: must be at least one"):
+        SessionRecorder(Session(scene)).record()
+
+
+def test_a_hand_that_never_pushes_starts_after_its_delay(scene):
+    idle = scene.hand.model_copy(update={"force": (0.0, 0.0, 0.0), "torque": (0.0, 0.0, 0.0)})
+    record = run_session(scene.model_copy(update={"hand": idle}), 0.01)
+    assert record.times[0] == pytest.approx(-0.25, abs=1e-12)

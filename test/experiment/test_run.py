@@ -1,0 +1,78 @@
+"""Results on disk and in the terminal."""
+
+import dataclasses
+import json
+import time
+
+from rich.console import Console
+
+from hapticmech_ros.experiment import GraphHealth, NodeHealth, compare, record_from_bag
+from hapticmech_ros.experiment.report import table
+from hapticmech_ros.experiment.run import write_results
+
+
+def printed(summary):
+    console = Console(width=120, record=True, quiet=False, file=None, force_terminal=False)
+    with console.capture() as capture:
+        console.print(table(summary))
+    return capture.get()
+
+
+def test_writes_summary_and_figures(session_record, scene, tmp_path):
+    summary = write_results(session_record, scene, tmp_path / "deep" / "out")
+    folder = tmp_path / "deep" / "out"
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "fig5a.png",
+        "fig5b.png",
+        "fig5c.png",
+        "summary.json",
+    ]
+    assert json.loads((folder / "summary.json").read_text(encoding="utf-8")) == summary
+    text = printed(summary)
+    assert "five_bar (session)" in text
+    assert "1 → 2 at" in text
+    assert "Hz" not in text
+    assert "incomplete" not in text
+
+
+def test_writes_again_over_what_it_wrote(session_record, scene, tmp_path):
+    first = write_results(session_record, scene, tmp_path)
+    assert write_results(session_record, scene, tmp_path) == first
+
+
+def test_graph_with_diagnostics_and_agreement(make_bag, session_record, scene, tmp_path):
+    record = record_from_bag(make_bag(), scene)
+    figures = {
+        "missed_deadlines": 3,
+        "loop_latency_p50_us": 512,
+        "loop_latency_p99_us": 900,
+        "loop_latency_max_us": 1500,
+    }
+    health = GraphHealth({"haptic_device": NodeHealth("ok", "rendering", figures)})
+    agreement = compare(record, session_record)
+    begun = time.process_time()
+    summary = write_results(record, scene, tmp_path, health, agreement, reference=session_record)
+    # A budget, not a measurement: 1 s is usual, 8 s is too long to wait for.
+    assert time.process_time() - begun < 8.0
+    assert summary["agreement"] == agreement
+    text = printed(summary)
+    assert "500.0 Hz" in text
+    assert "0.51 / 0.90 / 1.50" in text
+    assert "graph to session" in text
+
+
+def test_table_of_a_graph_that_says_nothing(handmade, scene, tmp_path):
+    summary = write_results(handmade(source="graph"), scene, tmp_path)
+    assert "1 throughout" in printed(summary)
+    assert "–" in printed(summary)
+
+
+def test_table_says_what_was_not_recorded(session_record, scene, tmp_path):
+    late = session_record.wrench_times > 1.2
+    record = dataclasses.replace(
+        session_record,
+        wrench_times=session_record.wrench_times[late],
+        constraint_wrench=session_record.constraint_wrench[late],
+    )
+    text = " ".join(printed(write_results(record, scene, tmp_path)).split())
+    assert "recording incomplete │ no constraint wrench for 1.20 s" in text

@@ -1,0 +1,165 @@
+"""Sums of hand-made records with known answers."""
+
+import json
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.experiment import GraphHealth, NodeHealth, summarise
+from hapticmech_ros.experiment.summary import count_changes
+
+
+def turned(n, angle):
+    return np.tile((0.0, 0.0, np.sin(angle / 2), np.cos(angle / 2)), (n, 1))
+
+
+def test_constant_error_is_its_own_rms(handmade, scene):
+    n = 1001
+    record = handmade(
+        device_position=np.tile((3e-4, -4e-4, 0.0), (n, 1)), device_orientation=turned(n, 0.02)
+    )
+    tracking = summarise(record, scene)["tracking"]
+    for key in ("rms", "max", "end"):
+        assert tracking[f"position_error_{key}_m"] == pytest.approx(5e-4, rel=1e-14)
+        assert tracking[f"rotation_error_{key}_rad"] == pytest.approx(0.02, rel=1e-12)
+
+
+def test_what_comes_before_the_push_does_not_count(handmade, scene):
+    times = handmade().times
+    early = np.where(times < 0.0, 1.0, 0.0)[:, None] * np.ones(3)
+    tracking = summarise(handmade(device_position=early), scene)["tracking"]
+    assert tracking["position_error_max_m"] == 0.0
+
+
+def test_ramp_error(handmade, scene):
+    times = handmade().times
+    ramp = np.zeros((times.size, 3))
+    ramp[:, 1] = 1e-3 * times
+    tracking = summarise(handmade(device_position=ramp), scene)["tracking"]
+    # Sum of k² for k = 0..900 over 901 samples: rms = end sqrt((2 n + 1) / (6 n)), n = 900.
+    assert tracking["position_error_rms_m"] == pytest.approx(9e-3 * np.sqrt(1801 / 5400), rel=1e-12)
+    assert tracking["position_error_max_m"] == pytest.approx(9e-3, rel=1e-12)
+
+
+def test_counts_and_their_changes(handmade, scene):
+    times = handmade().times
+    count = np.select([times < 2.0, times < 6.0], [1, 2], 0)
+    constraints = summarise(handmade(count=count), scene)["constraints"]
+    assert constraints["counts_seen"] == [0, 1, 2]
+    assert constraints["changes"] == [
+        {"time_s": 2.0, "from": 1, "to": 2},
+        {"time_s": 6.0, "from": 2, "to": 0},
+    ]
+    assert count_changes(handmade()) == []
+    held = {entry["count"]: entry["held_s"] for entry in constraints["while_held"]}
+    # The last sample's period lies beyond the record.
+    assert held == pytest.approx({0: 3.0, 1: 2.0, 2: 4.0}, abs=1e-12)
+
+
+def test_wrench_while_each_count_holds(handmade, scene):
+    record = handmade()
+    count = np.where(record.analysis_times < 3.0, 1, 2)
+    late = record.wrench_times >= 3.0
+    wrench = np.zeros((record.wrench_times.size, 6))
+    wrench[~late] = (3.0, 0.0, 4.0, 0.0, 0.0, 0.1)
+    wrench[late] = (0.0, 12.0, 0.0, 0.3, 0.0, 0.4)
+    wrench[record.wrench_times < 0.0] = 99.0
+    expected = np.zeros((record.analysis_times.size, 6))
+    expected[count == 1] = (3.0, 0.0, 4.0, 0.0, 0.0, 0.2)
+    expected[count == 2] = (0.0, 6.0, 0.0, 0.0, 0.0, 0.0)
+    summary = summarise(
+        handmade(count=count, constraint_wrench=wrench, expected_wrench=expected), scene
+    )
+    one, two = summary["constraints"]["while_held"]
+    assert (one["count"], two["count"]) == (1, 2)
+    assert (one["samples"], two["samples"]) == (30, 61)
+    assert one["force_rms_n"] == pytest.approx(5.0, rel=1e-14)
+    assert one["torque_rms_nm"] == pytest.approx(0.1, rel=1e-14)
+    assert one["force_to_expected_ratio"] == pytest.approx(1.0, rel=1e-14)
+    assert one["torque_to_expected_ratio"] == pytest.approx(0.5, rel=1e-14)
+    assert one["force_difference_rms_n"] == 0.0
+    assert two["force_rms_n"] == two["force_max_n"] == pytest.approx(12.0, rel=1e-14)
+    assert two["torque_rms_nm"] == pytest.approx(0.5, rel=1e-14)
+    assert two["force_to_expected_ratio"] == pytest.approx(2.0, rel=1e-14)
+    assert two["force_difference_rms_n"] == pytest.approx(6.0, rel=1e-14)
+    assert two["torque_to_expected_ratio"] is None
+
+
+def test_energy_that_leaks(handmade, scene):
+    n = handmade().energy_times.size
+    work = np.concatenate((np.linspace(0.0, 2.0, 51), np.linspace(2.0, 1.0, n - 51)))
+    kinetic = work.copy()
+    kinetic[70] -= 0.03
+    energy = summarise(handmade(work_in=work, kinetic=kinetic), scene)["energy"]
+    assert energy["balance_error_max_j"] == pytest.approx(0.03, rel=1e-12)
+    assert energy["exchanged_j"] == pytest.approx(3.0, rel=1e-12)
+    assert energy["balance_error_relative"] == pytest.approx(0.01, rel=1e-12)
+    assert energy["work_in_j"] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_closure_error(handmade, scene):
+    error = np.zeros(101)
+    error[50], error[0] = 1e-9, 1.0
+    summary = summarise(handmade(closure_error=error), scene)
+    assert summary["closure_error_max_m_or_rad"] == 1e-9
+    open_scene = scene.model_copy(update={"closures": ()})
+    assert summarise(handmade(), open_scene)["closure_error_max_m_or_rad"] is None
+
+
+def test_rate_of_a_graph(handmade, scene):
+    times = handmade().times
+    kept = np.ones(times.size, dtype=bool)
+    kept[[300, 301, 500]] = False
+    rows = {
+        name: getattr(handmade(), name)[kept]
+        for name in (
+            "device_position",
+            "device_orientation",
+            "point_position",
+            "point_orientation",
+            "hand_wrench",
+        )
+    }
+    health = GraphHealth(
+        {
+            "haptic_device": NodeHealth(
+                "ok",
+                "rendering",
+                {"missed_deadlines": 2, "loop_latency_p50_us": 510.0, "loop_latency_max_us": 4000},
+            ),
+            "mechanism_simulator": NodeHealth("warning", "late", {"missed_deadlines": 3}),
+        }
+    )
+    graph = summarise(handmade(source="graph", times=times[kept], **rows), scene, health)["graph"]
+    assert graph["nominal_rate_hz"] == pytest.approx(100.0, rel=1e-14)
+    assert graph["measured_rate_hz"] == pytest.approx(99.7, rel=1e-12)
+    assert graph["measured_interval_max_ms"] == pytest.approx(30.0, rel=1e-9)
+    assert graph["measured_gaps"] == 2
+    assert graph["missed_deadlines"] == 5
+    assert graph["loop_latency_p50_us"] == 510.0
+    assert graph["loop_latency_p99_us"] is None
+    assert graph["nodes"]["mechanism_simulator"]["level"] == "warning"
+
+
+def test_is_json_even_where_nothing_is_known(handmade, scene):
+    none = np.zeros(0)
+    names = ("kinetic", "potential", "work_in", "damping_loss", "latch_loss", "closure_error")
+    record = handmade(source="graph", energy_times=none, **dict.fromkeys(names, none))
+    summary = summarise(record, scene)
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+    assert summary["energy"]["balance_error_max_j"] is None
+    assert summary["graph"]["missed_deadlines"] is None
+    assert summary["graph"]["nodes"] == {}
+    assert "graph" not in summarise(handmade(), scene)
+
+
+def test_joints_answer_the_push_as_physics_expects(session_record, scene):
+    """The paper's law: the constraint wrench balances the hand's push along n_c, count by count."""
+    constraints = summarise(session_record, scene)["constraints"]
+    assert constraints["counts_seen"] == [1, 2]
+    one, two = constraints["while_held"]
+    assert two["force_rms_n"] > 1.2 * one["force_rms_n"]
+    for held in (one, two):
+        # Spring and damper follow the push but for transients of 50 ms in 2 s.
+        assert held["force_to_expected_ratio"] == pytest.approx(1.0, abs=0.02)
+        assert held["torque_to_expected_ratio"] == pytest.approx(1.0, abs=0.02)

@@ -1,0 +1,84 @@
+"""Every kind of closure: residual, Jacobian and bias, on and off the closed position."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from oracles.analysed import terms_of
+from oracles.differences import columns, derivative, relative, second_derivative
+from oracles.generator import random_mechanism, random_origin
+from oracles.kinematics import closure_residual, frame_pose, link_poses, origin_in
+
+KINDS = ("spherical", "revolute", "weld", "planar_pin")
+
+
+def sample_with(kind, seed, opened):
+    """Return a tree with one closure of ``kind``; opened: frame b moved and turned by ~0.5."""
+    planar = kind == "planar_pin"
+    sample = random_mechanism(seed, planar, closed=False)
+    rng = np.random.default_rng(seed)
+    document = copy.deepcopy(sample.document)
+    a = {"link": "link4", "origin": random_origin(rng, planar)}
+    b = {"link": ("world", "link0", "link1")[seed % 3], "origin": random_origin(rng, planar)}
+    if not opened:
+        poses = link_poses(document, sample.q)
+        b["origin"] = origin_in(poses[b["link"]], frame_pose(poses, a))
+    document["closures"] = [{"name": "loop", "kind": kind, "a": a, "b": b}]
+    return document, sample.q, sample.v
+
+
+CASES = [(kind, seed, opened) for kind in KINDS for seed in range(6) for opened in (False, True)]
+
+
+@pytest.mark.parametrize(("kind", "seed", "opened"), CASES)
+def test_residual_jacobian_and_bias(kind, seed, opened):
+    document, q, v = sample_with(kind, seed, opened)
+    terms = terms_of(document, q, v)
+
+    def residual(change):
+        return closure_residual(document, terms.mechanism.integrate(q, change))
+
+    found = terms.evaluation
+    here = residual(np.zeros(v.size))
+    # Lengths below 2 m and unit axes, ten products of rotations: 1e-14 of length 1.
+    assert relative(found.closure_residual, here, scale=1.0) < 1e-14
+    assert (np.linalg.norm(here) > 0.02) == opened
+    # h = 1e-3: eps/h = 2e-13, truncation h^4/30 per unit of scale.
+    jacobian = columns(residual, v.size)
+    assert relative(found.closure_jacobian, jacobian) < 1e-10
+    # Along q (+) t v the rates stay v: phi'' = W' v.
+    # h = 4e-3: rounding eps/h^2 = 1e-11, truncation h^4 |v|^6/90 = 1e-8.
+    expected = second_derivative(lambda t: residual(t * v))
+    scale = max(float(np.linalg.norm(expected)), float(v @ v))
+    assert relative(found.closure_bias, expected, scale) < 1e-6
+
+
+@pytest.mark.parametrize(("kind", "seed", "opened"), CASES[::3])
+def test_bias_is_the_rate_of_the_jacobian_along_a_motion(kind, seed, opened):
+    document, q, v = sample_with(kind, seed, opened)
+    terms = terms_of(document, q, v)
+    active = terms.mechanism.initially_active
+
+    def closure_rate(t):
+        moved = terms.mechanism.integrate(q, t * v)
+        return terms.mechanism.evaluate(moved, v, active).closure_jacobian @ v
+
+    expected = derivative(closure_rate)
+    scale = max(float(np.linalg.norm(expected)), float(v @ v))
+    # eps/h = 2e-13 and h^4 |v|^6/30 = 1e-10 for |v| about 4.
+    assert relative(terms.evaluation.closure_bias, expected, scale) < 1e-8
+
+
+@pytest.mark.parametrize(("kind", "rows"), [("spherical", 3), ("revolute", 5), ("weld", 6)])
+def test_rows_are_independent_on_a_free_body(kind, rows):
+    document = copy.deepcopy(random_mechanism(0, closed=False, links=1).document)
+    document["links"][0]["joint"]["type"] = "free"
+    document["operational_points"] = document["operational_points"][:1]
+    q = np.array([0.1, 0.2, -0.1, 0.0, 0.0, 0.0, 1.0])
+    a = {"link": "link0", "origin": random_origin(np.random.default_rng(1), planar=False)}
+    b = origin_in(link_poses(document, q)["world"], frame_pose(link_poses(document, q), a))
+    closure = {"name": "loop", "kind": kind, "a": a, "b": {"link": "world", "origin": b}}
+    terms = terms_of(document | {"closures": [closure]}, q)
+    assert terms.w.shape == (rows, 6)
+    assert terms.evaluation.space.rank == rows

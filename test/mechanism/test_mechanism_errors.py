@@ -1,0 +1,140 @@
+"""One test per error that mechanism and simulator promise."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.errors import (
+    ClosureError,
+    HapticMechError,
+    InvalidInputError,
+    SceneError,
+)
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.constraint_space import SingularInertiaError, cholesky_of_upper
+from hapticmech_ros.mechanism.model import authored_state, build_tree
+from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.scene import scene_from_document
+from oracles.planar_linkages import (
+    INERTIAS,
+    LENGTHS,
+    MASSES,
+    chain,
+    five_bar,
+    five_bar_bent,
+    pin_end,
+)
+from oracles.running import simulator, with_start
+
+NOTHING = {"mass": 0.0, "inertia": {"ixx": 0.0, "iyy": 0.0, "izz": 0.0}}
+
+
+@pytest.fixture
+def mechanism():
+    return Mechanism(scene_from_document(five_bar()))
+
+
+@pytest.fixture
+def sim():
+    return simulator(with_start(five_bar(), five_bar_bent(1.9, 0.6)))
+
+
+def test_a_massless_end_link_is_singular():
+    document = chain(LENGTHS, MASSES, INERTIAS)
+    document["links"][-1]["inertial"] = NOTHING
+    document["operational_points"] = document["operational_points"][:2]
+    mechanism = Mechanism(scene_from_document(document))
+    with pytest.raises(SingularInertiaError, match="degree of freedom 3"):
+        mechanism.evaluate(np.zeros(4), np.zeros(4), ())
+
+
+def test_a_massless_link_that_carries_mass_is_fine():
+    document = chain(LENGTHS, MASSES, INERTIAS)
+    document["links"][0]["inertial"] = NOTHING
+    document["operational_points"] = document["operational_points"][2:]
+    mechanism = Mechanism(scene_from_document(document))
+    assert np.linalg.eigvalsh(mechanism.evaluate(np.zeros(4), np.zeros(4), ()).inertia)[0] > 0.0
+
+
+def test_an_indefinite_inertia_is_singular():
+    with pytest.raises(SingularInertiaError):
+        cholesky_of_upper(np.array([[1.0, 2.0], [0.0, 1.0]]))
+
+
+@pytest.mark.parametrize("q", [np.zeros(3), np.zeros(5), np.zeros((4, 1)), [0, 0, 0, np.nan]])
+def test_configuration_of_wrong_size_or_not_finite(mechanism, q):
+    with pytest.raises(InvalidInputError) as caught:
+        mechanism.check_state(q, np.zeros(4))
+    assert caught.value.what == "q"
+
+
+@pytest.mark.parametrize("v", [np.zeros(3), np.zeros(5), [0, 0, np.inf, 0]])
+def test_rates_of_wrong_size_or_not_finite(mechanism, v):
+    with pytest.raises(InvalidInputError) as caught:
+        mechanism.check_state(np.zeros(4), v)
+    assert caught.value.what == "v"
+
+
+def test_checked_states_are_copies(mechanism):
+    q = np.zeros(4)
+    checked, _ = mechanism.check_state(q, np.zeros(4))
+    q[0] = 1.0
+    assert checked[0] == 0.0
+
+
+def test_unknown_point_and_closure(mechanism):
+    with pytest.raises(InvalidInputError, match="end1"):
+        mechanism.point_index("elbow")
+    with pytest.raises(InvalidInputError, match="pin"):
+        mechanism.closure_index("hook")
+    assert mechanism.point_index() == 0
+    assert mechanism.point_index("end2") == 2
+    assert mechanism.closure_index("pin") == 0
+
+
+def test_a_scene_in_which_nothing_moves_is_refused():
+    # Rules refuse a link fixed to the world before; the model must not rely on it.
+    scene = scene_from_document(five_bar())
+    joint = scene.links[0].joint.model_copy(update={"type": "fixed"})
+    link = scene.links[0].model_copy(update={"joint": joint})
+    still = scene.model_copy(update={"links": (link,), "closures": ()})
+    with pytest.raises(SceneError, match="at least one joint"):
+        authored_state(still, build_tree(still))
+
+
+def test_a_loop_that_came_apart_is_named():
+    # The pin is 55 mm out of reach: no projection can close it.
+    document = pin_end(chain(LENGTHS, MASSES, INERTIAS), np.array([0.25, 0.0]))
+    mechanism = Mechanism(scene_from_document(document))
+    with pytest.raises(ClosureError, match="came apart") as caught:
+        project(mechanism, np.array([0.3, 0.2, 0.1, -0.1]), np.zeros(4), (True,))
+    assert caught.value.closures == ("pin",)
+    assert caught.value.residual > 0.055 / np.sqrt(2.0)
+
+
+def test_a_wrench_that_tears_the_loop_is_an_error(sim):
+    wrenches = np.full((8, 6), 1e9)
+    with pytest.raises(ClosureError, match="came apart"):
+        sim.step(sim.initial_state(), wrenches)
+
+
+def test_one_degree_of_freedom_is_a_mechanism_too():
+    document = five_bar(closed=False)
+    document["links"] = document["links"][:1]
+    document["operational_points"] = document["operational_points"][:2]
+    mechanism = Mechanism(scene_from_document(document))
+    point = mechanism.evaluate(np.zeros(1), np.ones(1), ()).points[0]
+    assert point.jacobian.shape == (6, 1)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_state_that_is_no_longer_finite_is_an_error(value, closed):
+    sim = simulator(with_start(five_bar(closed=closed), five_bar_bent(1.9, 0.6)))
+    with pytest.raises(InvalidInputError):
+        sim.step(sim.initial_state(), np.full((8, 6), value))
+
+
+def test_all_errors_are_of_one_family():
+    for kind in (ClosureError, InvalidInputError, SceneError, SingularInertiaError):
+        assert issubclass(kind, HapticMechError)

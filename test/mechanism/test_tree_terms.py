@@ -1,0 +1,91 @@
+"""D, h and the operational point's kinematics against references that know no Pinocchio."""
+
+import numpy as np
+import pytest
+
+from oracles import lagrange, newton_euler
+from oracles.analysed import terms_of
+from oracles.differences import columns, derivative, relative, second_derivative
+from oracles.generator import random_mechanism
+from oracles.kinematics import point_pose
+from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, five_bar
+
+# First differences with h = 1e-3: eps/h = 2e-13 times a few units of scale, truncation 1e-12.
+FIRST = 1e-9
+# Second differences with h = 4e-3: eps/h^2 = 1e-11, truncation h^4 |v|^6/90 = 1e-9 for |v| = 3.
+SECOND = 1e-6
+
+SAMPLES = [(seed, planar) for planar in (False, True) for seed in range(6)]
+
+
+@pytest.mark.parametrize(("seed", "planar"), SAMPLES)
+def test_inertia_and_bias_are_those_of_newton_and_euler(seed, planar):
+    sample = random_mechanism(seed, planar)
+    terms = terms_of(sample.document, sample.q, sample.v)
+
+    def retract(q, change):
+        return terms.mechanism.integrate(q, change)
+
+    inertia, bias = newton_euler.dynamics(sample.document, retract, sample.q, sample.v)
+    assert relative(terms.d, inertia) < FIRST
+    assert relative(terms.evaluation.bias_force, bias) < SECOND
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_planar_chain_obeys_lagrange(seed):
+    rng = np.random.default_rng(seed)
+    q, v = rng.uniform(-np.pi, np.pi, 4), rng.normal(size=4) * 3.0
+    document = five_bar(gravity_y=-9.81, closed=False)
+    coefficients, weights = lagrange.planar_chain(
+        LENGTHS, MASSES, LENGTHS / 2.0, INERTIAS, gravity_y=-9.81
+    )
+    inertia, bias = lagrange.dynamics(coefficients, weights, q, v)
+    terms = terms_of(document, q, v)
+    # Both are closed forms: a few tens of roundings.
+    assert relative(terms.d, inertia) < 1e-14
+    assert relative(terms.evaluation.bias_force, bias) < 1e-13
+
+
+@pytest.mark.parametrize(("seed", "planar"), SAMPLES)
+@pytest.mark.parametrize("index", [0, 1])
+def test_point_pose_jacobian_and_drift(seed, planar, index):
+    sample = random_mechanism(seed, planar)
+    terms = terms_of(sample.document, sample.q, sample.v)
+    point = terms.evaluation.points[index]
+
+    def pose(change):
+        q = terms.mechanism.integrate(sample.q, change)
+        return point_pose(sample.document, q, index)
+
+    zero = np.zeros(sample.v.size)
+    here = pose(zero)
+    # Products of at most six rotations: a few roundings each.
+    assert relative(point.pose.translation, here[1]) < 1e-13
+    assert relative(point.pose.rotation, here[0]) < 1e-13
+    linear = columns(lambda change: pose(change)[1], zero.size)
+    angular = np.stack(
+        [newton_euler.rotation_rate(lambda t, u=u: pose(t * u)[0]) for u in np.eye(zero.size)], 1
+    )
+    assert relative(point.jacobian, np.vstack((linear, angular))) < FIRST
+    # Along q (+) t v the joint rates do not change, so that what is left is J' v.
+    accel = second_derivative(lambda t: pose(t * sample.v)[1])
+    turning = newton_euler.vee(second_derivative(lambda t: pose(t * sample.v)[0]) @ here[0].T)
+    expected = np.concatenate((accel, turning))
+    scale = max(float(np.linalg.norm(expected)), float(sample.v @ sample.v))
+    assert relative(point.drift, expected, scale) < SECOND
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_drift_is_the_rate_of_the_jacobian(seed):
+    sample = random_mechanism(seed)
+    terms = terms_of(sample.document, sample.q, sample.v)
+
+    active = terms.mechanism.initially_active
+
+    def twist(t):
+        q = terms.mechanism.integrate(sample.q, t * sample.v)
+        return terms.mechanism.evaluate(q, sample.v, active).points[0].twist
+
+    expected = derivative(twist)
+    # First difference; J' v grows with |v|^2, its fifth derivative with |v|^6: 1e-12 * 3^6 / 30.
+    assert relative(terms.evaluation.points[0].drift, expected) < 1e-8

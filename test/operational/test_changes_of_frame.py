@@ -1,0 +1,67 @@
+"""X changes by congruence with point and axes; mu does not change with axes or units."""
+
+import numpy as np
+import pytest
+
+from oracles.analysed import terms_of
+from oracles.differences import relative
+from oracles.frames import rescaled, rotated
+from oracles.generator import floats, random_mechanism
+from oracles.kinematics import skew, turn
+
+SAMPLES = [(seed, planar) for planar in (False, True) for seed in range(8)]
+every_sample = pytest.mark.parametrize(("seed", "planar"), SAMPLES)
+# Two evaluations with other roundings each: eps times cond(D) < 1e4.
+ROUNDING = 1e-11
+
+
+@every_sample
+def test_change_of_point_is_a_congruence(seed, planar):
+    sample = random_mechanism(seed, planar)
+    tip = sample.document["operational_points"][0]
+    offset = np.array([0.11, -0.07, 0.0 if planar else 0.05])
+    xyz = np.asarray(tip["origin"]["xyz"]) + offset
+    other = {"name": "other", "link": tip["link"], "origin": {"xyz": floats(xyz)}}
+    document = sample.document | {"operational_points": [tip, other]}
+    here, there = (terms_of(document, sample.q, point=name) for name in ("tip", "other"))
+    poses = [point.pose.translation for point in here.evaluation.points]
+    shift = np.eye(6)
+    shift[:3, 3:] = -skew(poses[1] - poses[0])
+    rows = here.analysis.rows
+    shift = shift[np.ix_(rows, rows)]
+    assert relative(there.x, shift @ here.x @ shift.T, there.scale) < ROUNDING
+    # The link's own inertia moves along: mu is a property of the link, not of the point.
+    assert np.abs(there.analysis.spectrum.mu - here.analysis.spectrum.mu).max() < ROUNDING
+
+
+@every_sample
+def test_change_of_axes_is_a_congruence_and_leaves_mu(seed, planar):
+    sample = random_mechanism(seed, planar)
+    axis = np.array([0.0, 0.0, 1.0]) if planar else np.array([2.0, -1.0, 2.0]) / 3.0
+    rotation = turn(axis, 0.7)
+    before = terms_of(sample.document, sample.q)
+    after = terms_of(rotated(sample.document, rotation), sample.q)
+    both = np.kron(np.eye(2), rotation)
+    rows = before.analysis.rows
+    both = both[np.ix_(rows, rows)]
+    assert relative(after.x, both @ before.x @ both.T, before.scale) < ROUNDING
+    assert np.abs(after.analysis.spectrum.mu - before.analysis.spectrum.mu).max() < ROUNDING
+    assert after.analysis.rank == before.analysis.rank
+    p_c, n = (t.analysis.constraint_projector[np.ix_(rows, rows)] for t in (after, before))
+    assert np.linalg.norm(p_c - both @ n @ both.T) <= ROUNDING * np.linalg.norm(n)
+
+
+@every_sample
+@pytest.mark.parametrize(("length", "mass"), [(1e3, 1e3), (1e-3, 1.0), (39.37, 2.205)])
+def test_mu_and_ranks_do_not_depend_on_units(seed, planar, length, mass):
+    """Millimetres and grams, kilometres, inches and pounds."""
+    sample = random_mechanism(seed, planar)
+    document, q = rescaled(sample.document, sample.q, length, mass)
+    before, after = terms_of(sample.document, sample.q), terms_of(document, q)
+    scale = np.array([1.0, 1.0, 1.0, 1.0 / length, 1.0 / length, 1.0 / length])
+    scale = scale[before.analysis.rows] / np.sqrt(mass)
+    # In matching units: entries of X are in 1/kg, 1/(kg m) and 1/(kg m^2).
+    assert relative(after.x / np.outer(scale, scale), before.x, before.scale) < ROUNDING
+    assert np.abs(after.analysis.spectrum.mu - before.analysis.spectrum.mu).max() < ROUNDING
+    assert after.evaluation.space.rank == before.evaluation.space.rank
+    assert after.analysis.rank == before.analysis.rank

@@ -1,0 +1,66 @@
+"""Ranks decided on S are right where ranks decided on eigenvalues of X are wrong."""
+
+import numpy as np
+import pytest
+
+from oracles.analysed import terms_of
+from oracles.planar_linkages import five_bar, five_bar_bent
+
+# Angle of joint 4, rad: zero is links 3 and 4 in line, where X at the end of link 2 loses a rank.
+BENDS = [1e-4, 1e-5, 1e-6, 1e-7, 1e-8]
+EPS = np.finfo(float).eps
+
+
+def at(bend, point="end2"):
+    return terms_of(five_bar(), five_bar_bent(1.9, bend), point=point)
+
+
+def rank_of_x(x, tolerance):
+    values = np.linalg.eigvalsh(x)
+    return int(np.count_nonzero(values > tolerance * values[-1]))
+
+
+@pytest.mark.parametrize("bend", BENDS)
+def test_rank_on_s_sees_a_small_bend(bend):
+    terms = at(bend)
+    assert terms.analysis.rank == 2
+    assert terms.analysis.constraint_wrenches.shape == (6, 1)
+    # The same in exact arithmetic has rank 2; at the position itself, 1.
+    assert at(0.0).analysis.rank == 1
+
+
+def test_rank_on_x_with_a_square_root_tolerance_loses_it():
+    assert rank_of_x(at(1e-3).x, np.sqrt(EPS)) == 2
+    for bend in BENDS[1:]:
+        assert rank_of_x(at(bend).x, np.sqrt(EPS)) == 1, bend
+
+
+def test_no_tolerance_on_x_can_be_right():
+    """The eigenvalue that should count is below the rounding of the one that should not."""
+    terms = at(1e-8)
+    subtracted = terms.j @ np.linalg.solve(terms.d, terms.j.T)
+    weighted = np.linalg.solve(terms.d, terms.w.T)
+    inner = np.linalg.inv(terms.w @ weighted)
+    subtracted -= terms.j @ weighted @ inner @ weighted.T @ terms.j.T
+    noise = np.abs(np.linalg.eigvalsh(subtracted))
+    assert np.sort(noise)[1] > 1.0 * terms.analysis.spectrum.s[1] ** 2
+    assert terms.analysis.rank == 2
+
+
+def test_s_is_linear_in_the_distance_to_the_singular_position():
+    s = [at(bend).analysis.spectrum.s[1] for bend in BENDS]
+    # Curvature of order bend at 1e-4; rounding eps/1e-8 of the smallest.
+    for smaller, larger in zip(s[1:], s, strict=False):
+        assert abs(larger / smaller - 10.0) < 1e-2
+
+
+def test_the_taut_wrench_is_along_links_3_and_4():
+    terms = at(0.0)
+    wrenches = terms.analysis.constraint_wrenches[terms.analysis.rows]
+    pivot, end = np.array([0.09, 0.0]), terms.evaluation.points[2].pose.translation[:2]
+    along = np.append((pivot - end) / np.linalg.norm(pivot - end), 0.0)
+    # Along the line, and along link 2 for the joint between links 1 and 2: both in ker X.
+    coefficients = np.linalg.lstsq(wrenches, along, rcond=None)[0]
+    assert (
+        np.linalg.norm(wrenches @ coefficients - along) < 1e-12
+    )  # unit vector, rounding of an SVD

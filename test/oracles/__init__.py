@@ -1,0 +1,1 @@
+"""Slow references, written independently of the package's numerical functions."""

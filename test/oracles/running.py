@@ -1,0 +1,53 @@
+"""Scene documents with a start and a step, run by the package's simulator."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.mechanism import MechanismState, Simulator
+from hapticmech_ros.scene import scene_from_document
+from oracles.generator import RATE_SIZE, floats
+from oracles.kinematics import POSITION_SIZE, Array, Document
+
+
+def with_start(document: Document, q: Array, v: Array | None = None) -> Document:
+    """Return the scene with (q, v) authored joint by joint."""
+    start: Document = {"q": {}, "v": {}}
+    for key, values, sizes in (("q", q, POSITION_SIZE), ("v", v, RATE_SIZE)):
+        at = 0
+        for link in document["links"] if values is not None else ():
+            size = sizes[link["joint"]["type"]]
+            part = floats(values[at : at + size])
+            at += size
+            if size:
+                start[key][link["joint"]["name"]] = part[0] if size == 1 else part
+    return document | {"initial_state": start}
+
+
+def simulator(document: Document, period: float = 1e-3, integrator: str = "rk4") -> Simulator:
+    """Return a simulator of the document with another step."""
+    step = {"period": period, "integrator": integrator}
+    return Simulator(scene_from_document(document | {"simulation": step}))
+
+
+def run(sim: Simulator, duration: float, wrenches: Array | None = None) -> list[MechanismState]:
+    """Return the states from the start to ``duration``, wrenches held (points, 6)."""
+    points = len(sim.mechanism.point_names)
+    held = np.zeros((points, 6)) if wrenches is None else wrenches
+    states = [sim.initial_state()]
+    for _ in range(round(duration / sim.period)):
+        states.append(sim.step(states[-1], held))
+    return states
+
+
+def total_energy(sim: Simulator, state: MechanismState) -> float:
+    """Return kinetic and potential energy, J."""
+    return sum(sim.mechanism.energy(state.q, state.v))
+
+
+def unaccounted(sim: Simulator, states: list[MechanismState]) -> Array:
+    """Return energy now - at the start - work in + losses, J, for every state."""
+    energies = np.array([total_energy(sim, state) for state in states])
+    accounts = [state.account for state in states]
+    bought = np.array([a.work_in - a.damping_loss - a.latch_loss for a in accounts])
+    return energies - energies[0] - bought

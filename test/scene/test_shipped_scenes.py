@@ -1,0 +1,119 @@
+"""Shipped scenes load, close, freeze, and survive being written out and read again."""
+
+import json
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from ruamel.yaml import YAML
+
+from hapticmech_ros import Simulator, analyse
+from hapticmech_ros.errors import ClosureError, InvalidInputError, SceneError
+from hapticmech_ros.scene import document_of, load_scene, scene_from_document, shipped_scenes
+
+SCENES = sorted(shipped_scenes())
+
+
+def test_the_scenes_of_the_experiment_ship():
+    assert {"five_bar", "four_bar_closing", "two_link", "spatial_arm"} <= set(SCENES)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_round_trip_through_plain_data_json_and_yaml(name, tmp_path):
+    scene = load_scene(name)
+    document = document_of(scene)
+    assert scene.name == name
+    assert scene_from_document(document) == scene
+    assert scene_from_document(json.loads(json.dumps(document))) == scene
+    path = tmp_path / "again.yaml"
+    YAML(typ="safe", pure=True).dump(document, path)
+    assert load_scene(path) == scene
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scenes_are_frozen(name):
+    scene = load_scene(name)
+    with pytest.raises(ValidationError, match="frozen"):
+        scene.name = "other"
+    with pytest.raises(ValidationError, match="frozen"):
+        scene.links[0].inertial.mass = 2.0
+    with pytest.raises(TypeError):
+        scene.links[0] = scene.links[1]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scenes_start_closed_and_describe_themselves(name):
+    scene = load_scene(name)
+    assert scene.description
+    # Assembly promises 1e-12 m.
+    assert Simulator(scene).initial_state().closure_error <= 1e-12
+
+
+# Rank of X and joint constraints at the start, from the counting rules of the paper: a planar
+# point on link n of an open chain has rank min(n, 3), seven generic joints in space have rank 6.
+@pytest.mark.parametrize(
+    ("name", "rank", "constraints"),
+    [("five_bar", 2, 1), ("four_bar_closing", 2, 1), ("two_link", 2, 1), ("spatial_arm", 6, 0)],
+)
+def test_rank_at_the_start(name, rank, constraints):
+    simulator = Simulator(load_scene(name))
+    found = analyse(simulator.mechanism, simulator.initial_state().q)
+    assert found.rank == rank
+    assert found.constraint_wrenches.shape == (6, constraints)
+
+
+def test_aliases_of_one_mapping_give_equal_parts():
+    scene = load_scene("five_bar")
+    assert scene.links[0].inertial == scene.links[2].inertial
+
+
+def test_defaults_are_written_out():
+    document = document_of(load_scene("two_link"))
+    assert document["closures"] == []
+    assert document["controller"]["joint_constraint"]["stiffness"] == 2000.0
+
+
+def test_a_scene_is_found_by_path_too(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(shipped_scenes()["two_link"].read_text(encoding="utf-8"), encoding="utf-8")
+    assert load_scene(path) == load_scene(str(path)) == load_scene("two_link")
+
+
+def test_an_unknown_operational_point_lists_those_there_are():
+    with pytest.raises(InvalidInputError, match="tip") as caught:
+        load_scene("five_bar").operational_point("tip")
+    assert caught.value.value == "tip"
+    assert "['handle']" in caught.value.rule
+
+
+def test_a_loop_out_of_reach_cannot_close(planar):
+    # Reach of the chain is 0.045 * 3 + 0.06 = 0.195 m.
+    planar["closures"][0]["b"]["origin"]["xyz"] = [0.25, 0.0, 0.0]
+    with pytest.raises(ClosureError) as caught:
+        Simulator(scene_from_document(planar)).initial_state()
+    assert caught.value.closures == ("ground_pin",)
+    # Stretched towards the pin it is 0.055 m short; the search may stop anywhere beyond.
+    assert 0.055 - 1e-9 <= caught.value.residual < 1.0
+
+
+def test_something_must_move(spatial):
+    spatial["links"] = spatial["links"][:1]
+    spatial["links"][0]["joint"]["type"] = "fixed"
+    spatial["operational_points"][0]["link"] = "shoulder_yaw"
+    spatial["initial_state"]["q"] = {}
+    with pytest.raises(SceneError, match="does not move"):
+        scene_from_document(spatial)
+
+
+def test_numbers_may_be_written_without_a_point(planar):
+    planar["links"][0]["inertial"]["mass"] = 1
+    scene = scene_from_document(planar)
+    assert scene == load_scene("five_bar")
+    assert isinstance(scene.links[0].inertial.mass, float)
+
+
+def test_positions_of_a_joint_may_be_a_list_of_one(planar):
+    planar["initial_state"]["q"]["joint1"] = [1.9]
+    listed = Simulator(scene_from_document(planar)).initial_state()
+    plain = Simulator(load_scene("five_bar")).initial_state()
+    assert np.array_equal(listed.q, plain.q)
