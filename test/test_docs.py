@@ -25,7 +25,12 @@ def test_the_readme_program_runs(tmp_path: Path) -> None:
     script = tmp_path / "program.py"
     script.write_text(program, encoding="utf-8")
     run = subprocess.run(
-        [sys.executable, script], capture_output=True, text=True, timeout=60, cwd=tmp_path
+        [sys.executable, script],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=tmp_path,
+        check=False,
     )
     assert run.returncode == 0, run.stderr
     assert "rank: 2" in run.stdout
@@ -47,6 +52,7 @@ def test_subcommands_explain_themselves(command: str) -> None:
         capture_output=True,
         text=True,
         timeout=60,
+        check=False,
     )
     assert run.returncode == 0
     assert "Usage" in run.stdout

@@ -6,16 +6,14 @@ from hapticmech_ros.bag import BagReader
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
-    DEVICE_FORCE,
-    DEVICE_POSE,
+    DEVICE_STATE,
     ENERGY,
     JOINT_STATES,
-    POINT_POSE,
     RENDERING,
     Topic,
 )
 
-NEEDED = (DEVICE_POSE, DEVICE_FORCE, POINT_POSE, RENDERING, CONSTRAINT_PART, ENERGY)
+NEEDED = (DEVICE_STATE, RENDERING, CONSTRAINT_PART, ENERGY)
 # Only the picture of the mechanism needs these.
 WELCOME = (JOINT_STATES,)
 
@@ -63,10 +61,10 @@ def chosen_topics(bag: BagReader, point: str, namespace: str) -> dict[Topic, str
 
 
 def _namespace_hint(bag: BagReader, missing: list[str], namespace: str) -> str:
-    """Say where the device's pose is, if the bag holds one under another namespace."""
+    """Say where the device's state is, if the bag holds one under another namespace."""
     if not missing:
         return ""
-    ending = f"/{DEVICE_POSE.name}"
+    ending = f"/{DEVICE_STATE.name}"
     found = [name.removesuffix(ending) or "/" for name in bag.topics if name.endswith(ending)]
     other = [place for place in found if place.strip("/") != namespace.strip("/")]
     return f" (the bag has the namespace {', '.join(other)})" if other else ""

@@ -20,16 +20,18 @@ from hapticmech_ros.mechanism.model import Array, build_tree
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
-    DEVICE_FORCE,
-    DEVICE_POSE,
+    DEVICE_STATE,
     ENERGY,
     JOINT_STATES,
-    POINT_POSE,
     RENDERING,
     Topic,
 )
 
 _Series = tuple[Array, Array]
+# Where things are in the rows of stamped.py: of the device's state, and of renderings.
+HAND = slice(7, 13)
+POINT = slice(1, 8)
+SHARE = slice(8, 44)
 
 
 def record_from_bag(
@@ -59,10 +61,12 @@ def record_from_bag(
     """
     name = scene.operational_point(point).name
     series = _read(path, name, namespace)
-    pushed = first_push(series[DEVICE_FORCE][1])
+    pushed = first_push(series[DEVICE_STATE][1][:, HAND])
     if pushed is None:
-        raise BagError(f"bag {path}: the hand never pushed ({DEVICE_FORCE.name} is zero)")
-    start_ns = int(series[DEVICE_FORCE][0][pushed])
+        raise BagError(
+            f"bag {path}: the hand never pushed (its wrench in {DEVICE_STATE.name} is 0)"
+        )
+    start_ns = int(series[DEVICE_STATE][0][pushed])
     earliest = start_ns - round((scene.hand.start_delay + scene.simulation.period / 2) * 1e9)
     latest = None if duration is None else start_ns + round(duration * 1e9)
     window = (earliest, latest)
@@ -106,8 +110,9 @@ def _seconds(stamps: Array, start_ns: int) -> Array:
 def _motion(
     series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int
 ) -> dict[str, Array]:
-    stamps, device = _cut(series[DEVICE_POSE], window)
-    point_stamps, point = series[POINT_POSE]
+    stamps, device = _cut(series[DEVICE_STATE], window)
+    point_stamps, found = series[RENDERING]
+    point = found[:, POINT]
     both = (stamps >= point_stamps[0]) & (stamps <= point_stamps[-1])
     times = _seconds(stamps[both], start_ns)
     point_times = _seconds(point_stamps, start_ns)
@@ -115,10 +120,10 @@ def _motion(
     return {
         "times": times,
         "device_position": device[both, :3],
-        "device_orientation": device[both, 3:],
+        "device_orientation": device[both, 3:7],
         "point_position": np.column_stack(position),
         "point_orientation": slerp(times, point_times, point[:, 3:]),
-        "hand_wrench": _held(series[DEVICE_FORCE], stamps[both]),
+        "hand_wrench": device[both, HAND],
     }
 
 
@@ -133,13 +138,13 @@ def _analyses(
     series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int, scene: Scene
 ) -> dict[str, Array]:
     stamps, rows = _cut(series[RENDERING], window)
-    hand = _held(series[DEVICE_FORCE], stamps)
-    share = rows[:, 1:37].reshape(-1, 6, 6)
+    hand = _held((series[DEVICE_STATE][0], series[DEVICE_STATE][1][:, HAND]), stamps)
+    share = rows[:, SHARE].reshape(-1, 6, 6)
     beta = scene.controller.joint_constraint.feedforward
     return {
         "analysis_times": _seconds(stamps, start_ns),
         "count": rows[:, 0],
-        "s": rows[:, 37:],
+        "s": rows[:, SHARE.stop :],
         "expected_wrench": (beta - 1.0) * np.einsum("kij,kj->ki", share, hand),
     }
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.wire.layouts import NANOSECONDS, unpack_energy, unpack_rendering
+from hapticmech_ros.wire.layouts import NANOSECONDS, unpack_device, unpack_energy, unpack_rendering
 
 ARRAY_TYPE = "std_msgs/msg/Float64MultiArray"
 
@@ -18,7 +19,7 @@ class StampedSamples:
 
     Args:
         topic: full name, for messages of errors.
-        kind: its message type: a stamped pose or wrench, joint states, or ``rendering`` or
+        kind: its message type: a stamped wrench, joint states, or ``state``, ``rendering`` or
             ``energy`` for the arrays of wire/layouts.py.
     """
 
@@ -66,11 +67,6 @@ def _stamp_ns(header: Any) -> int:
     return int(header.stamp.sec) * NANOSECONDS + int(header.stamp.nanosec)
 
 
-def _pose(message: Any) -> tuple[int, tuple[float, ...]]:
-    p, o = message.pose.position, message.pose.orientation
-    return _stamp_ns(message.header), (p.x, p.y, p.z, o.x, o.y, o.z, o.w)
-
-
 def _wrench(message: Any) -> tuple[int, tuple[float, ...]]:
     f, t = message.wrench.force, message.wrench.torque
     return _stamp_ns(message.header), (f.x, f.y, f.z, t.x, t.y, t.z)
@@ -81,10 +77,21 @@ def _joints(message: Any) -> tuple[int, Array]:
 
 
 def _rendering(message: Any) -> tuple[int, Array]:
-    """Row: count, Π (36), s (t)."""
+    """Row: count, position (3), quaternion (4), Π (36), s (t)."""
     found = unpack_rendering(message.data)
     share = found.model.balanced_share
-    return found.stamp_ns, np.concatenate(([found.count], share.ravel(), found.s))
+    pose = _pose_row(found.point.pose)
+    return found.stamp_ns, np.concatenate(([found.count], pose, share.ravel(), found.s))
+
+
+def _device(message: Any) -> tuple[int, Array]:
+    """Row: position (3), quaternion (4), hand wrench (6)."""
+    stamp_ns, measured = unpack_device(message.data)
+    return stamp_ns, np.concatenate((_pose_row(measured.pose), measured.hand_wrench))
+
+
+def _pose_row(pose: pin.SE3) -> Array:
+    return np.concatenate((pose.translation, pin.Quaternion(pose.rotation).coeffs()))
 
 
 def _energy(message: Any) -> tuple[int, tuple[float, ...]]:
@@ -95,9 +102,9 @@ def _energy(message: Any) -> tuple[int, tuple[float, ...]]:
 
 
 _READERS = {
-    "geometry_msgs/msg/PoseStamped": _pose,
     "geometry_msgs/msg/WrenchStamped": _wrench,
     "sensor_msgs/msg/JointState": _joints,
+    "state": _device,
     "rendering": _rendering,
     "energy": _energy,
 }

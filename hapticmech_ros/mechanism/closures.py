@@ -20,6 +20,7 @@ import pinocchio as pin
 from hapticmech_ros.mechanism.model import Array, TreeModel
 from hapticmech_ros.scene.document import Closure, ClosureKind
 
+WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 ROWS: dict[ClosureKind, int] = {"spherical": 3, "weld": 6, "revolute": 5, "planar_pin": 2}
 _POINT_ROWS: dict[ClosureKind, int] = {"spherical": 3, "weld": 3, "revolute": 3, "planar_pin": 2}
 
@@ -65,11 +66,10 @@ class LoopClosure:
 
     def jacobian(self, model: pin.Model, data: pin.Data) -> Array:
         """Return (m, nv) W = ∂φ/∂q, from ``computeJointJacobians`` and placements in ``data``."""
-        world_axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         # Pinocchio gives a vector instead of a matrix where there is one degree of freedom.
         shape = (6, model.nv)
-        jacobian_a = pin.getFrameJacobian(model, data, self.frame_a, world_axes).reshape(shape)
-        jacobian_b = pin.getFrameJacobian(model, data, self.frame_b, world_axes).reshape(shape)
+        jacobian_a = pin.getFrameJacobian(model, data, self.frame_a, WORLD_AXES).reshape(shape)
+        jacobian_b = pin.getFrameJacobian(model, data, self.frame_b, WORLD_AXES).reshape(shape)
         points: Array = (jacobian_a[:3] - jacobian_b[:3])[: _POINT_ROWS[self.kind]]
         if self.rows == len(points):
             return points
@@ -82,16 +82,15 @@ class LoopClosure:
 
     def bias(self, model: pin.Model, data: pin.Data) -> Array:
         """Return (m,) γ = Ẇv, from ``forwardKinematics(q, v, 0)`` in ``data``; m/s², 1/s²."""
-        world_axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         motion = pin.getFrameClassicalAcceleration
-        accel_a = motion(model, data, self.frame_a, world_axes)
-        accel_b = motion(model, data, self.frame_b, world_axes)
+        accel_a = motion(model, data, self.frame_a, WORLD_AXES)
+        accel_b = motion(model, data, self.frame_b, WORLD_AXES)
         points: Array = (accel_a.linear - accel_b.linear)[: _POINT_ROWS[self.kind]]
         if self.rows == len(points):
             return points
         a, b = data.oMf[self.frame_a].rotation, data.oMf[self.frame_b].rotation
-        rate_a = pin.getFrameVelocity(model, data, self.frame_a, world_axes).angular
-        rate_b = pin.getFrameVelocity(model, data, self.frame_b, world_axes).angular
+        rate_a = pin.getFrameVelocity(model, data, self.frame_a, WORLD_AXES).angular
+        rate_b = pin.getFrameVelocity(model, data, self.frame_b, WORLD_AXES).angular
         # Second derivative of each unit axis at zero joint acceleration: α×a + ω×(ω×a).
         speed_a, speed_b = np.cross(rate_a, a.T), np.cross(rate_b, b.T)
         second_a = np.cross(accel_a.angular, a.T) + np.cross(rate_a, speed_a)

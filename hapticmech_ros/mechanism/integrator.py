@@ -42,19 +42,19 @@ Integrator = Callable[[pin.Model, Motion, Array, Array, float], Advance]
 
 def rk4(model: pin.Model, motion: Motion, q: Array, v: Array, period: float) -> Advance:
     """Classical Runge–Kutta of order 4; the two energies are integrated with the same weights."""
-    weights = (1.0, 2.0, 2.0, 1.0)
-    fractions = (0.0, 0.5, 0.5, 1.0)
-    turn = np.zeros_like(v)
-    accel = np.zeros_like(v)
-    total_turn, total_accel = np.zeros_like(v), np.zeros_like(v)
-    work = lost = 0.0
-    for weight, fraction in zip(weights, fractions, strict=True):
+    flat = model.nq == model.nv
+    rates = motion(q, v)
+    turn, accel = v, rates.acceleration
+    total_turn, total_accel = turn.copy(), accel.copy()
+    work, lost = rates.power_in, rates.power_lost
+    for weight, fraction in ((2.0, 0.5), (2.0, 0.5), (1.0, 1.0)):
         step = fraction * period
         theta = step * turn
-        speed = v + step * accel
-        rates = motion(pin.integrate(model, q, theta), speed)
+        turn = v + step * accel
+        rates = motion(pin.integrate(model, q, theta), turn)
         accel = rates.acceleration
-        turn = _local_rate(model, q, theta, speed)
+        if not flat:
+            turn = _local_rate(model, q, theta, turn)
         total_turn += weight * turn
         total_accel += weight * accel
         work += weight * rates.power_in
@@ -68,6 +68,23 @@ def rk4(model: pin.Model, motion: Motion, q: Array, v: Array, period: float) -> 
     )
 
 
+def rk2(model: pin.Model, motion: Motion, q: Array, v: Array, period: float) -> Advance:
+    """Explicit midpoint rule, order 2: half of rk4's evaluations, enough at haptic rates.
+
+    On the manifold it needs no correction: θ̇ = v holds to the order of the rule.
+    """
+    half = 0.5 * period
+    rates = motion(q, v)
+    speed = v + half * rates.acceleration
+    rates = motion(pin.integrate(model, q, half * v), speed)
+    return Advance(
+        np.asarray(pin.integrate(model, q, period * speed)),
+        v + period * rates.acceleration,
+        period * rates.power_in,
+        period * rates.power_lost,
+    )
+
+
 def semi_implicit_euler(
     model: pin.Model, motion: Motion, q: Array, v: Array, period: float
 ) -> Advance:
@@ -78,11 +95,13 @@ def semi_implicit_euler(
     return Advance(new_q, new_v, period * rates.power_in, period * rates.power_lost)
 
 
-INTEGRATORS: dict[str, Integrator] = {"rk4": rk4, "semi_implicit_euler": semi_implicit_euler}
+INTEGRATORS: dict[str, Integrator] = {
+    "rk4": rk4,
+    "rk2": rk2,
+    "semi_implicit_euler": semi_implicit_euler,
+}
 
 
 def _local_rate(model: pin.Model, q: Array, theta: Array, speed: Array) -> Array:
-    if model.nq == model.nv:
-        return speed
     right_jacobian = pin.dIntegrate(model, q, theta, pin.ArgumentPosition.ARG1)
     return np.asarray(np.linalg.solve(np.atleast_2d(right_jacobian), speed))

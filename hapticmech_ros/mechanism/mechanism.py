@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.closures import LoopClosure, bind_closure
+from hapticmech_ros.mechanism.closures import WORLD_AXES, LoopClosure, bind_closure
 from hapticmech_ros.mechanism.constraint_space import (
     ConstraintSpace,
     cholesky_of_upper,
@@ -88,6 +88,11 @@ class Mechanism:
     """A scene's tree, closures and operational points, evaluated at states.
 
     The only mutable part is Pinocchio's scratch data; every result is a copy.
+
+    Attributes:
+        nv: number of degrees of freedom of the open tree.
+        nq: length of the configuration vector.
+        length: characteristic length, m; the unit of closures' point rows.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -103,20 +108,11 @@ class Mechanism:
         )
         self.model: pin.Model = self.tree.pinocchio
         self.data: pin.Data = self.model.createData()
+        self.nv, self.nq = int(self.model.nv), int(self.model.nq)
         self.length = self._characteristic_length()
         self._zero = np.zeros(self.model.nv)
         self._choices: dict[Active, tuple[list[LoopClosure], Array]] = {}
         self.initially_active: Active = tuple(closure.active for closure in scene.closures)
-
-    @property
-    def nv(self) -> int:
-        """Number of degrees of freedom of the open tree."""
-        return int(self.model.nv)
-
-    @property
-    def nq(self) -> int:
-        """Length of the configuration vector."""
-        return int(self.model.nq)
 
     def evaluate(self, q: Array, v: Array, active: Active) -> Evaluation:
         """Evaluate every term of Eq. 1 at (q, v) with the given closures active.
@@ -125,14 +121,14 @@ class Mechanism:
             SingularInertiaError: D is not positive definite.
         """
         model, data = self.model, self.data
-        factor = cholesky_of_upper(pin.crba(model, data, q).reshape(self.nv, self.nv))
-        bias = pin.nonLinearEffects(model, data, q, v).copy()
-        pin.computeJointJacobians(model, data, q)
+        pin.computeAllTerms(model, data, q, v)
+        factor = cholesky_of_upper(data.M.reshape(self.nv, self.nv))
+        # Once more, for accelerations at v̇ = 0 that do not contain gravity.
         pin.forwardKinematics(model, data, q, v, self._zero)
         pin.updateFramePlacements(model, data)
         residual, jacobian, drift, lengths = self._closure_terms(active, with_motion=True)
         return Evaluation(
-            bias_force=bias,
+            bias_force=data.nle.copy(),
             passive_force=-self.tree.damping * v,
             closure_residual=residual,
             closure_jacobian=jacobian,
@@ -207,9 +203,8 @@ class Mechanism:
 
     def _point(self, frame: int, v: Array) -> PointKinematics:
         model, data = self.model, self.data
-        world_axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        jacobian = pin.getFrameJacobian(model, data, frame, world_axes).reshape(6, self.nv)
-        drift = pin.getFrameClassicalAcceleration(model, data, frame, world_axes).vector
+        jacobian = pin.getFrameJacobian(model, data, frame, WORLD_AXES).reshape(6, self.nv)
+        drift = pin.getFrameClassicalAcceleration(model, data, frame, WORLD_AXES).vector
         return PointKinematics(data.oMf[frame].copy(), jacobian, jacobian @ v, drift)
 
     def _closure_terms(

@@ -57,6 +57,7 @@ class Simulator:
         self.mechanism = Mechanism(scene)
         self.period = scene.simulation.period
         self._integrate = INTEGRATORS[scene.simulation.integrator]
+        self._evaluated: tuple[MechanismState, Evaluation] | None = None
         self._can_latch = [
             index for index, loop in enumerate(self.mechanism.closures) if loop.latch_distance
         ]
@@ -74,8 +75,10 @@ class Simulator:
         return MechanismState(0.0, _frozen(q), _frozen(v), active, error)
 
     def evaluate(self, state: MechanismState) -> Evaluation:
-        """Return every term of Eq. 1 at ``state``."""
-        return self.mechanism.evaluate(state.q, state.v, state.active)
+        """Return every term of Eq. 1 at ``state``; asked twice for the same, it remembers."""
+        if self._evaluated is None or self._evaluated[0] is not state:
+            self._evaluated = state, self.mechanism.evaluate(state.q, state.v, state.active)
+        return self._evaluated[1]
 
     def step(self, state: MechanismState, wrenches: Array) -> MechanismState:
         """Advance by one period with wrenches held.
@@ -93,7 +96,8 @@ class Simulator:
         def motion(q: Array, v: Array) -> Rates:
             if not math.isfinite(v @ v):
                 raise InvalidInputError("mechanism rates", v.tolist(), "must stay finite")
-            terms = self.mechanism.evaluate(q, v, active)
+            at_start = q is state.q and v is state.v
+            terms = self.evaluate(state) if at_start else self.mechanism.evaluate(q, v, active)
             force = np.zeros(v.size)
             power = 0.0
             for point, wrench in zip(terms.points, wrenches, strict=True):

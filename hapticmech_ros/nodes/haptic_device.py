@@ -8,8 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
+from hapticmech_ros.control import DeviceMeasurement
 from hapticmech_ros.device import DeviceState, ImpedanceDevice, hand_law
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
@@ -17,7 +19,9 @@ from hapticmech_ros.nodes.base import NANOSECONDS, ClockedNode
 from hapticmech_ros.nodes.inputs import ExpiringWrench, Latest
 from hapticmech_ros.nodes.messages import (
     checked_stamp,
+    fields_message,
     read_wrench,
+    write_array,
     write_pose,
     write_twist,
     write_wrench,
@@ -25,10 +29,12 @@ from hapticmech_ros.nodes.messages import (
 from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, CONTROL_SUBSCRIBER
 from hapticmech_ros.nodes.statistics import DurationHistogram
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, pack_device
 from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,
     DEVICE_FORCE,
     DEVICE_POSE,
+    DEVICE_STATE,
     DEVICE_TWIST,
     HAND_WRENCH,
     START_HAND,
@@ -71,6 +77,9 @@ class HapticDeviceNode(ClockedNode):
         self.times_held = 0
         self.latency = DurationHistogram()
         self._pose, self._twist, self._force = PoseStamped(), TwistStamped(), WrenchStamped()
+        self._ticks = 0
+        self._wire: Float64MultiArray = fields_message(DEVICE_FIELDS)
+        self._publish_wire = self.output(DEVICE_STATE, Float64MultiArray)
         self._publish_force = self.output(DEVICE_FORCE, WrenchStamped)
         self._publish_twist = self.output(DEVICE_TWIST, TwistStamped)
         self._publish_pose = self.output(DEVICE_POSE, PoseStamped)
@@ -88,9 +97,17 @@ class HapticDeviceNode(ClockedNode):
             self._state = self._device.step(self._state, command, self._hand_now, elapsed, held)
             self._ticks_held += self._held is not None
         state = self._state
-        write_wrench(self._force, self._hand_wrench(), deadline_ns)
-        write_twist(self._twist, state.measured_twist, deadline_ns)
-        write_pose(self._pose, state.measured_pose, deadline_ns)
+        measured = DeviceMeasurement(state.measured_pose, state.measured_twist, self._hand_wrench())
+        write_array(self._wire, pack_device(deadline_ns, measured))
+        self._publish_wire.publish(self._wire)
+        if self._ticks % self.view_every == 0:
+            self._publish_view(measured, deadline_ns)
+        self._ticks += 1
+
+    def _publish_view(self, measured: DeviceMeasurement, deadline_ns: int) -> None:
+        write_wrench(self._force, measured.hand_wrench, deadline_ns)
+        write_twist(self._twist, measured.twist, deadline_ns)
+        write_pose(self._pose, measured.pose, deadline_ns)
         self._publish_force.publish(self._force)
         self._publish_twist.publish(self._twist)
         self._publish_pose.publish(self._pose)

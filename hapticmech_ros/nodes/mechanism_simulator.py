@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
@@ -35,6 +34,7 @@ from hapticmech_ros.nodes.qos import (
 )
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, Energy, pack_energy
+from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import (
     CLOSURES,
     CONTACT_FORCE,
@@ -44,6 +44,7 @@ from hapticmech_ros.wire.topics import (
     POINT_COMMAND,
     POINT_POSE,
     POINT_TWIST,
+    STATE,
     Topic,
 )
 
@@ -85,8 +86,10 @@ class MechanismSimulatorNode(ClockedNode):
         self._ticks = 0
         self._pose, self._twist, self._wrench = PoseStamped(), TwistStamped(), WrenchStamped()
         self._joints = JointState(name=list(coordinate_names(self._simulator.mechanism)))
-        self._neutral = pin.neutral(self._simulator.mechanism.model)
+        self._layout = StateLayout(self._simulator.mechanism)
+        self._wire: Float64MultiArray = fields_message(self._layout.fields)
         self._energy: Float64MultiArray = fields_message(ENERGY_FIELDS)
+        self._publish_wire = self.output(STATE, Float64MultiArray)
         self._publish_joints = self.output(JOINT_STATES, JointState)
         self._publish_energy = self.output(ENERGY, Float64MultiArray)
         self._publish_closures = self.output(CLOSURES, UInt8MultiArray, LATCHED)
@@ -112,10 +115,12 @@ class MechanismSimulatorNode(ClockedNode):
             return
         if self._state.active != active:
             self._announce_closures()
-        self._publish_state(terms, external, deadline_ns)
+        state = self._state
+        wire = WireState(deadline_ns, state.active, state.q, state.v, external)
+        write_array(self._wire, self._layout.pack(wire))
+        self._publish_wire.publish(self._wire)
         if self._ticks % self.view_every == 0:
-            write_array(self._energy, pack_energy(self._energies(deadline_ns)))
-            self._publish_energy.publish(self._energy)
+            self._publish_view(terms, external, deadline_ns)
         self._ticks += 1
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
@@ -132,7 +137,7 @@ class MechanismSimulatorNode(ClockedNode):
             },
         )
 
-    def _publish_state(self, terms: Evaluation, external: Array, time_ns: int) -> None:
+    def _publish_view(self, terms: Evaluation, external: Array, time_ns: int) -> None:
         for port, point, contact in zip(self._ports, terms.points, external, strict=True):
             write_wrench(self._wrench, contact, time_ns)
             write_twist(self._twist, point.twist, time_ns)
@@ -140,11 +145,12 @@ class MechanismSimulatorNode(ClockedNode):
             port.publish_contact.publish(self._wrench)
             port.publish_twist.publish(self._twist)
             port.publish_pose.publish(self._pose)
-        coordinates = pin.difference(self._simulator.mechanism.model, self._neutral, self._state.q)
         set_stamp(self._joints.header.stamp, time_ns)
-        self._joints.position = coordinates.tolist()
+        self._joints.position = self._layout.coordinates(self._state.q).tolist()
         self._joints.velocity = self._state.v.tolist()
         self._publish_joints.publish(self._joints)
+        write_array(self._energy, pack_energy(self._energies(time_ns)))
+        self._publish_energy.publish(self._energy)
 
     def _energies(self, time_ns: int) -> Energy:
         state = self._state

@@ -16,10 +16,9 @@ from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.wire.layouts import NANOSECONDS, pose_of
 
 WORLD = "world"
-QUATERNION_TOLERANCE = 1e-3
-NANOSECONDS = 1_000_000_000
 
 
 def stamp_ns(header: Header) -> int:
@@ -42,10 +41,19 @@ def checked_stamp(header: Header, now_ns: int, limit_ns: int, unstamped_is_now: 
     time_ns = stamp_ns(header)
     if time_ns == 0 and unstamped_is_now:
         return now_ns
+    check_age(time_ns, now_ns, limit_ns)
+    return time_ns
+
+
+def check_age(time_ns: int, now_ns: int, limit_ns: int) -> None:
+    """Refuse a stamp that is too far from now, before or after.
+
+    Raises:
+        InvalidInputError: further than ``limit_ns``.
+    """
     if abs(now_ns - time_ns) > limit_ns:
         rule = f"must be within {limit_ns / NANOSECONDS:g} s of this node's clock"
         raise InvalidInputError("age of stamp, s", (now_ns - time_ns) / NANOSECONDS, rule)
-    return time_ns
 
 
 def read_wrench(message: WrenchStamped) -> Array:
@@ -79,12 +87,7 @@ def read_pose(message: PoseStamped) -> pin.SE3:
     values = np.array((p.x, p.y, p.z, o.x, o.y, o.z, o.w))
     if not np.isfinite(values).all():
         raise InvalidInputError("pose", values.tolist(), "must be finite")
-    quaternion = values[3:]
-    length = float(np.sqrt(quaternion @ quaternion))
-    if abs(length - 1.0) > QUATERNION_TOLERANCE:
-        rule = f"quaternion must have unit length within {QUATERNION_TOLERANCE:g}"
-        raise InvalidInputError("length of quaternion", length, rule)
-    return pin.SE3(pin.Quaternion(quaternion / length).matrix(), values[:3])
+    return pose_of(values[:3], values[3:])
 
 
 def check_frame(header: Header) -> None:

@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from geometry_msgs.msg import WrenchStamped
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from hapticmech_ros.bag.writer import BagWriter
@@ -29,7 +29,8 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
 from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.scene import load_scene
-from hapticmech_ros.wire.topics import DEVICE_FORCE, START_HAND, TOPICS, Topic
+from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS, Topic
 
 # Nodes publish diagnostics once a second: recording goes on this long so that the last are in.
 TAIL_S = 1.2
@@ -47,7 +48,7 @@ class RecorderNode(Node):
         self._start_hand = self.create_client(Trigger, START_HAND)
         self._asked = False
         self.started_ns: int | None = None
-        self._watched = self.resolve_topic_name(DEVICE_FORCE.of(point))
+        self._watched = self.resolve_topic_name(DEVICE_STATE.of(point))
         for topic in TOPICS:
             self._record(topic, point)
 
@@ -77,9 +78,8 @@ class RecorderNode(Node):
         return sorted(self._silent)
 
     def _look_for_start(self, data: bytes, now_ns: int) -> None:
-        wrench: Any = deserialize_message(data, WrenchStamped).wrench
-        parts = (wrench.force, wrench.torque)
-        if any(value != 0.0 for part in parts for value in (part.x, part.y, part.z)):
+        _, measured = unpack_device(deserialize_message(data, Float64MultiArray).data)
+        if measured.hand_wrench.any():
             self.started_ns = now_ns
 
 

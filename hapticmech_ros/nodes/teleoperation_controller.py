@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import pinocchio as pin
+from collections.abc import Sequence
+
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from std_msgs.msg import Float64MultiArray
 
@@ -16,8 +17,9 @@ from hapticmech_ros.control import (
 from hapticmech_ros.control.prediction import carried_on
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.base import NANOSECONDS, HapticNode
-from hapticmech_ros.nodes.inputs import Latest
+from hapticmech_ros.nodes.inputs import NEVER, Latest
 from hapticmech_ros.nodes.messages import (
+    check_age,
     checked_stamp,
     read_pose,
     read_twist,
@@ -25,19 +27,17 @@ from hapticmech_ros.nodes.messages import (
     write_wrench,
 )
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
-from hapticmech_ros.wire.layouts import Rendering, unpack_rendering
+from hapticmech_ros.wire.layouts import Rendering, unpack_device, unpack_rendering
 from hapticmech_ros.wire.topics import (
     CHANNEL_PART,
     CONSTRAINT_PART,
-    CONTACT_FORCE,
     DEVICE_COMMAND,
     DEVICE_FORCE,
     DEVICE_POSE,
+    DEVICE_STATE,
     DEVICE_TWIST,
     IMPEDANCE_PART,
     POINT_COMMAND,
-    POINT_POSE,
-    POINT_TWIST,
     RENDERING,
 )
 
@@ -47,7 +47,7 @@ PREDICTION_LIMIT_S = 0.005
 
 
 class TeleoperationControllerNode(HapticNode):
-    """Runs a :class:`ControlArchitecture` on every device pose.
+    """Runs a :class:`ControlArchitecture` on every sample of the device.
 
     While any input is missing or stale it is disengaged and sends nothing, so that device and
     mechanism let their commands run out; when all are back it engages anew, without a jump.
@@ -63,12 +63,10 @@ class TeleoperationControllerNode(HapticNode):
         self._engagement: Engagement | None = None
         self._answers = 0
         self.engagements = 0
-        self._last_ns = 0
-        self._device_twist: Latest[Array] = Latest()
+        self._last_ns = NEVER
+        self._state_ns = NEVER
+        self._twist: Latest[Array] = Latest()
         self._hand: Latest[Array] = Latest()
-        self._point_pose: Latest[pin.SE3] = Latest()
-        self._point_twist: Latest[Array] = Latest()
-        self._contact: Latest[Array] = Latest()
         self._rendering: Latest[Rendering] = Latest()
         self._message = WrenchStamped()
         self._publish_device = self.output(DEVICE_COMMAND, WrenchStamped)
@@ -77,58 +75,78 @@ class TeleoperationControllerNode(HapticNode):
             self.output(topic, WrenchStamped)
             for topic in (IMPEDANCE_PART, CONSTRAINT_PART, CHANNEL_PART)
         ]
-        self._listen()
+        qos = CONTROL_SUBSCRIBER
+        self.input(DEVICE_STATE.name, Float64MultiArray, qos, self._on_device_state)
+        self.input(DEVICE_FORCE.name, WrenchStamped, qos, self._on_force)
+        self.input(DEVICE_TWIST.name, TwistStamped, qos, self._on_twist)
+        self.input(RENDERING.of(self.point), Float64MultiArray, qos, self._on_rendering)
+        self.input(DEVICE_POSE.name, PoseStamped, qos, self._on_device_pose)
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return whether the controller is engaged, or which inputs it lacks."""
         now = self.now_ns()
-        engaged = self._engagement is not None and now - self._last_ns <= self.timeout_ns
-        missing = self._missing(now)
-        if now - self._last_ns > self.timeout_ns:
-            missing = [DEVICE_POSE.name, *missing]
-        sentence = "engaged" if engaged else f"waiting for {', '.join(missing) or 'a device pose'}"
+        silent = [
+            name
+            for name, heard in (
+                (DEVICE_STATE.name, self._last_ns),
+                (RENDERING.of(self.point), self._rendering.stamp_ns),
+            )
+            if now - heard > self.timeout_ns
+        ]
+        engaged = self._engagement is not None and not silent
+        sentence = "engaged" if engaged else f"waiting for {', '.join(silent) or 'a device'}"
         figures = {"answers": str(self._answers), "engagements": str(self.engagements)}
         return engaged, sentence, figures
 
+    def _on_device_state(self, message: Float64MultiArray, now_ns: int) -> None:
+        stamp, device = unpack_device(message.data)
+        check_age(stamp, now_ns, self.age_limit_ns)
+        self._state_ns = now_ns
+        self._answer(device, stamp, now_ns)
+
     def _on_device_pose(self, message: PoseStamped, now_ns: int) -> None:
+        """Answer a device that speaks CRTK only: its pose comes last of a sample's three."""
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-        device = read_pose(message)
+        pose = read_pose(message)
+        if now_ns - self._state_ns <= self.timeout_ns:
+            return
+        twist, hand = self._twist.value, self._hand.value
+        lost = [
+            topic.name
+            for topic, held in ((DEVICE_TWIST, self._twist), (DEVICE_FORCE, self._hand))
+            if not held.fresh(now_ns, self.timeout_ns)
+        ]
+        if lost or twist is None or hand is None:
+            self._disengage(lost)
+            return
+        self._answer(DeviceMeasurement(pose, twist, hand), stamp, now_ns)
+
+    def _answer(self, device: DeviceMeasurement, stamp: int, now_ns: int) -> None:
         self.ages.add(now_ns - stamp)
         gap = now_ns - self._last_ns
         self._last_ns = now_ns
-        twist, hand = self._device_twist.value, self._hand.value
-        pose, point_twist, contact = (
-            self._point_pose.value,
-            self._point_twist.value,
-            self._contact.value,
-        )
         rendering = self._rendering.value
-        if (
-            self._missing(now_ns)
-            or twist is None
-            or hand is None
-            or pose is None
-            or point_twist is None
-            or contact is None
-            or rendering is None
-        ):
-            self._disengage()
+        if rendering is None or not self._rendering.fresh(now_ns, self.timeout_ns):
+            self._disengage([RENDERING.of(self.point)])
             return
         if gap > self.timeout_ns:
-            self._disengage()
-        ahead = (stamp - self._point_pose.stamp_ns) / NANOSECONDS
+            self._disengage([DEVICE_STATE.name])
+        ahead = (stamp - rendering.stamp_ns) / NANOSECONDS
         ahead = min(max(ahead, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
-        point = carried_on(pose, point_twist, ahead)
+        seen = rendering.point
+        point = PointMeasurement(
+            carried_on(seen.pose, seen.twist, ahead), seen.twist, seen.contact_wrench
+        )
         time_s = now_ns / NANOSECONDS
         if self._engagement is None:
-            self._engagement = self._control.engage(time_s, device, point)
+            self._engagement = self._control.engage(time_s, device.pose, point.pose)
             self.engagements += 1
             self.get_logger().info("engaged")
         output = self._control.compute(
             time_s,
             self._engagement,
-            DeviceMeasurement(device, twist, hand),
-            PointMeasurement(point, point_twist, contact),
+            device,
+            point,
             rendering.model,
         )
         self._send(output, stamp)
@@ -147,58 +165,21 @@ class TeleoperationControllerNode(HapticNode):
                 publisher.publish(self._message)
         self._answers += 1
 
-    def _missing(self, now_ns: int) -> list[str]:
-        inputs: tuple[tuple[str, Latest[object]], ...] = (
-            (DEVICE_TWIST.name, self._device_twist),
-            (DEVICE_FORCE.name, self._hand),
-            (POINT_POSE.of(self.point), self._point_pose),
-            (POINT_TWIST.of(self.point), self._point_twist),
-            (CONTACT_FORCE.of(self.point), self._contact),
-            (RENDERING.of(self.point), self._rendering),
-        )  # type: ignore[assignment]
-        return [name for name, held in inputs if not held.fresh(now_ns, self.timeout_ns)]
-
-    def _disengage(self) -> None:
+    def _disengage(self, lost: Sequence[str]) -> None:
         if self._engagement is not None:
-            self.get_logger().warning(f"disengaged: lost {', '.join(self._missing(self._last_ns))}")
+            self.get_logger().warning(f"disengaged: lost {', '.join(lost)}")
         self._engagement = None
 
-    def _listen(self) -> None:
-        def wrench(slot: Latest[Array], message: WrenchStamped, now_ns: int) -> None:
-            stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-            slot.put(read_wrench(message), stamp)
+    def _on_force(self, message: WrenchStamped, now_ns: int) -> None:
+        stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
+        self._hand.put(read_wrench(message), stamp)
 
-        def twist(slot: Latest[Array], message: TwistStamped, now_ns: int) -> None:
-            stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-            slot.put(read_twist(message), stamp)
+    def _on_twist(self, message: TwistStamped, now_ns: int) -> None:
+        stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
+        self._twist.put(read_twist(message), stamp)
 
-        def point_pose(message: PoseStamped, now_ns: int) -> None:
-            stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-            self._point_pose.put(read_pose(message), stamp)
-            self.ages.add(now_ns - stamp)
-
-        def rendering(message: Float64MultiArray, now_ns: int) -> None:
-            found = unpack_rendering(message.data)
-            self._rendering.put(found, found.stamp_ns)
-            self.ages.add(now_ns - found.stamp_ns)
-
-        qos = CONTROL_SUBSCRIBER
-        self.input(DEVICE_FORCE.name, WrenchStamped, qos, lambda m, now: wrench(self._hand, m, now))
-        self.input(
-            DEVICE_TWIST.name, TwistStamped, qos, lambda m, now: twist(self._device_twist, m, now)
-        )
-        self.input(
-            POINT_TWIST.of(self.point),
-            TwistStamped,
-            qos,
-            lambda m, now: twist(self._point_twist, m, now),
-        )
-        self.input(
-            CONTACT_FORCE.of(self.point),
-            WrenchStamped,
-            qos,
-            lambda m, now: wrench(self._contact, m, now),
-        )
-        self.input(POINT_POSE.of(self.point), PoseStamped, qos, point_pose)
-        self.input(RENDERING.of(self.point), Float64MultiArray, qos, rendering)
-        self.input(DEVICE_POSE.name, PoseStamped, qos, self._on_device_pose)
+    def _on_rendering(self, message: Float64MultiArray, now_ns: int) -> None:
+        found = unpack_rendering(message.data)
+        check_age(found.stamp_ns, now_ns, self.age_limit_ns)
+        self._rendering.put(found, found.stamp_ns)
+        self.ages.add(now_ns - found.stamp_ns)

@@ -76,13 +76,11 @@ class Analyser:
         weights = rigidity(found.s, perception.s_on, perception.s_off)
         free_rates, _ = terms.acceleration(np.zeros(self.mechanism.nv))
         return OperationalAnalysis(
-            inverse_inertia=embed(inverse_inertia(root_matrix), self.rows),
+            inverse_inertia=embed(inverse_inertia(root_matrix)),
             spectrum=found,
             weights=weights,
-            constraint_projector=embed(
-                constraint_projector(found, weights, self.metric.mass), self.rows
-            ),
-            balanced_share=embed(balanced_share(found, weights), self.rows),
+            constraint_projector=embed(constraint_projector(found, weights, self.metric.mass)),
+            balanced_share=embed(balanced_share(found, weights)),
             free_acceleration=point.jacobian @ free_rates + point.drift,
             rows=self.rows,
         )

@@ -31,10 +31,18 @@ def inverse_inertia(root_matrix: Array) -> Array:
     return np.asarray(root_matrix.T @ root_matrix)
 
 
-def embed(task_matrix: Array, rows: Array) -> Array:
+_PLANAR_BLOCK = np.ix_(PLANAR_ROWS, PLANAR_ROWS)
+
+
+def embed(task_matrix: Array) -> Array:
     """Return the (6, 6) matrix that has ``task_matrix`` in the task's rows and zero elsewhere."""
-    if rows.size == 6:
+    if task_matrix.shape[0] == SPATIAL_ROWS.size:
         return task_matrix
     full = np.zeros((6, 6))
-    full[np.ix_(rows, rows)] = task_matrix
+    full[_PLANAR_BLOCK] = task_matrix
     return full
+
+
+def planar_block(matrix: Array) -> Array:
+    """Return the (3, 3) part of a (6, 6) matrix that a planar scene has."""
+    return np.asarray(matrix[_PLANAR_BLOCK])

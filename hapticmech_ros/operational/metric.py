@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from hapticmech_ros.mechanism.constraint_space import cholesky_of_upper
 from hapticmech_ros.mechanism.model import Array, se3
+from hapticmech_ros.operational.inverse_inertia import planar_block
 from hapticmech_ros.scene.document import OperationalPoint, Scene
 from hapticmech_ros.scene.rules import inertia_matrix
 
@@ -36,7 +37,7 @@ class TaskMetric:
     def factor(self, rotation: Array, rows: Array) -> Array:
         """Return lower G (t, t) with I_ℓ = G Gᵀ on the task's rows, world axes."""
         inertia = self.inertia(rotation)
-        return cholesky_of_upper(inertia if rows.size == 6 else inertia[np.ix_(rows, rows)])
+        return cholesky_of_upper(inertia if rows.size == 6 else planar_block(inertia))
 
 
 def _inertia_at_point(scene: Scene, point: OperationalPoint) -> Array:

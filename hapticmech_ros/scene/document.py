@@ -144,7 +144,7 @@ class Simulation(Part):
     """Fixed step in s and the integrator that takes it."""
 
     period: Annotated[Positive, Field(le=0.1)] = 0.001
-    integrator: Literal["rk4", "semi_implicit_euler"] = "rk4"
+    integrator: Literal["rk4", "rk2", "semi_implicit_euler"] = "rk4"
 
 
 class Perception(Part):

@@ -9,12 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
-from hapticmech_ros.control import RenderingModel
+from hapticmech_ros.control import DeviceMeasurement, PointMeasurement, RenderingModel
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
 
 NANOSECONDS = 1_000_000_000
+QUATERNION_TOLERANCE = 1e-3
 
 # Field -> size. ``stamp`` is seconds and nanoseconds, as two numbers, to lose no bit.
 RENDERING_FIELDS: dict[str, int] = {
@@ -26,6 +28,17 @@ RENDERING_FIELDS: dict[str, int] = {
     "constraint_projector": 36,
     "balanced_share": 36,
     "free_acceleration": 6,
+    "position": 3,
+    "quaternion": 4,
+    "twist": 6,
+    "contact": 6,
+}
+DEVICE_FIELDS: dict[str, int] = {
+    "stamp": 2,
+    "position": 3,
+    "quaternion": 4,
+    "twist": 6,
+    "hand_wrench": 6,
 }
 ENERGY_FIELDS: dict[str, int] = {
     "stamp": 2,
@@ -40,12 +53,21 @@ ENERGY_FIELDS: dict[str, int] = {
 
 @dataclass(frozen=True, slots=True)
 class Rendering:
-    """A decoded ``rendering`` message: time (ns), count, s (t,), and the controllers' model."""
+    """A decoded ``rendering`` message.
+
+    Attributes:
+        stamp_ns: time it stands for, ns.
+        count: joint constraints reported.
+        s: (t,) sqrt(μ), descending.
+        model: what the controllers use of the analysis.
+        point: the operational point's pose, twist and contact wrench at the same time.
+    """
 
     stamp_ns: int
     count: int
     s: Array
     model: RenderingModel
+    point: PointMeasurement
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +89,36 @@ class Energy:
         return held - self.work_in + self.damping_loss + self.latch_loss
 
 
+def pack_device(stamp_ns: int, measured: DeviceMeasurement) -> Array:
+    """Return the data (21,) of a ``device/state`` message."""
+    return np.concatenate(
+        (
+            divmod(stamp_ns, NANOSECONDS),
+            measured.pose.translation,
+            pin.Quaternion(measured.pose.rotation).coeffs(),
+            measured.twist,
+            measured.hand_wrench,
+        )
+    )
+
+
+def unpack_device(data: object) -> tuple[int, DeviceMeasurement]:
+    """Return time (ns) and measurement of a ``device/state`` message.
+
+    Raises:
+        InvalidInputError: wrong length, not finite, or a quaternion off unit length.
+    """
+    values = checked_values("device state", data, sum(DEVICE_FIELDS.values()))
+    pose = pose_of(values[2:5], values[5:9])
+    stamp_ns = int(values[0]) * NANOSECONDS + int(values[1])
+    return stamp_ns, DeviceMeasurement(pose, values[9:15], values[15:21])
+
+
 def pack_rendering(rendering: Rendering) -> Array:
-    """Return the message's data (124,)."""
+    """Return the message's data (143,)."""
     s = np.zeros(6)
     s[: rendering.s.size] = rendering.s
-    model = rendering.model
+    model, point = rendering.model, rendering.point
     head = (*divmod(rendering.stamp_ns, NANOSECONDS), rendering.count, rendering.s.size)
     return np.concatenate(
         (
@@ -81,6 +128,10 @@ def pack_rendering(rendering: Rendering) -> Array:
             model.constraint_projector.ravel(),
             model.balanced_share.ravel(),
             model.free_acceleration,
+            point.pose.translation,
+            pin.Quaternion(point.pose.rotation).coeffs(),
+            point.twist,
+            point.contact_wrench,
         )
     )
 
@@ -89,15 +140,17 @@ def unpack_rendering(data: object) -> Rendering:
     """Return the decoded message.
 
     Raises:
-        InvalidInputError: wrong length, or not finite.
+        InvalidInputError: wrong length, not finite, or a quaternion off unit length.
     """
-    values = _checked("rendering", data, RENDERING_FIELDS)
+    values = checked_values("rendering", data, sum(RENDERING_FIELDS.values()))
+    pose = pose_of(values[124:127], values[127:131])
     matrices = values[10:118].reshape(3, 6, 6)
     return Rendering(
         int(values[0]) * NANOSECONDS + int(values[1]),
         int(values[2]),
         values[4 : 4 + int(values[3])],
-        RenderingModel(matrices[0], matrices[1], matrices[2], values[118:]),
+        RenderingModel(matrices[0], matrices[1], matrices[2], values[118:124]),
+        PointMeasurement(pose, values[131:137], values[137:143]),
     )
 
 
@@ -122,13 +175,30 @@ def unpack_energy(data: object) -> Energy:
     Raises:
         InvalidInputError: wrong length, or not finite.
     """
-    values = _checked("energy", data, ENERGY_FIELDS)
+    values = checked_values("energy", data, sum(ENERGY_FIELDS.values()))
     return Energy(int(values[0]) * NANOSECONDS + int(values[1]), *map(float, values[2:]))
 
 
-def _checked(what: str, data: object, fields: dict[str, int]) -> Array:
+def pose_of(position: Array, quaternion: Array) -> pin.SE3:
+    """Return the pose of a position (3,), m, and a quaternion (4,), x, y, z, w.
+
+    Raises:
+        InvalidInputError: a quaternion off unit length by more than 1e-3.
+    """
+    length = float(np.sqrt(quaternion @ quaternion))
+    if abs(length - 1.0) > QUATERNION_TOLERANCE:
+        rule = f"quaternion must have unit length within {QUATERNION_TOLERANCE:g}"
+        raise InvalidInputError("length of quaternion", length, rule)
+    return pin.SE3(pin.Quaternion(quaternion / length).matrix(), position)
+
+
+def checked_values(what: str, data: object, size: int) -> Array:
+    """Return the message's data as an array (size,).
+
+    Raises:
+        InvalidInputError: wrong length, or not finite.
+    """
     values = np.array(data, dtype=float)
-    size = sum(fields.values())
     if values.shape != (size,):
         raise InvalidInputError(f"{what} message", values.size, f"must hold {size} numbers")
     if not np.isfinite(values).all():

@@ -49,12 +49,22 @@ ARRAY = "std_msgs/msg/Float64MultiArray"
 DEVICE, MECHANISM = "haptic_device", "mechanism_simulator"
 ANALYSER, CONTROLLER = "nullspace_analyser", "teleoperation_controller"
 
+DEVICE_STATE = Topic(
+    "device/state",
+    ARRAY,
+    DEVICE,
+    (CONTROLLER,),
+    "control",
+    "stream",
+    "measured_cp, measured_cv and measured_cf of one sample in one message; a device without it is "
+    "rendered from those three",
+)
 DEVICE_POSE = Topic(
     "device/measured_cp",
     POSE,
     DEVICE,
     (CONTROLLER,),
-    "control",
+    "view",
     "stream",
     "pose of the point held, in `world`",
 )
@@ -63,7 +73,7 @@ DEVICE_TWIST = Topic(
     TWIST,
     DEVICE,
     (CONTROLLER,),
-    "control",
+    "view",
     "stream",
     "twist of the point held, at that point, axes of `world`",
 )
@@ -72,7 +82,7 @@ DEVICE_FORCE = Topic(
     WRENCH,
     DEVICE,
     (CONTROLLER,),
-    "control",
+    "view",
     "stream",
     "F_h: by the hand, on the device, at the point held, axes of `world`",
 )
@@ -95,12 +105,22 @@ HAND_WRENCH = Topic(
     "command",
     "extra hand wrench: by the hand, on the simulated device, at the point held, axes of `world`",
 )
+STATE = Topic(
+    "mechanism/state",
+    ARRAY,
+    MECHANISM,
+    (ANALYSER,),
+    "control",
+    "stream",
+    "all that the analyser needs in one message: stamp, closed loops, joint positions and "
+    "velocities, F_c at every operational point",
+)
 JOINT_STATES = Topic(
     "mechanism/measured_js",
     "sensor_msgs/msg/JointState",
     MECHANISM,
-    (ANALYSER,),
-    "control",
+    (),
+    "view",
     "stream",
     "positions and velocities of every joint, passive ones included",
 )
@@ -108,8 +128,8 @@ POINT_POSE = Topic(
     "mechanism/{point}/measured_cp",
     POSE,
     MECHANISM,
-    (CONTROLLER,),
-    "control",
+    (),
+    "view",
     "stream",
     "pose of the operational point, in `world`",
 )
@@ -117,8 +137,8 @@ POINT_TWIST = Topic(
     "mechanism/{point}/measured_cv",
     TWIST,
     MECHANISM,
-    (CONTROLLER,),
-    "control",
+    (),
+    "view",
     "stream",
     "twist of the operational point, at that point, axes of `world`",
 )
@@ -126,8 +146,8 @@ CONTACT_FORCE = Topic(
     "mechanism/{point}/contact_cf",
     WRENCH,
     MECHANISM,
-    (CONTROLLER,),
-    "control",
+    (),
+    "view",
     "stream",
     "F_c: by the environment (contacts and `external_cf`), on the mechanism, at the operational "
     "point, axes of `world`",
@@ -155,7 +175,7 @@ CLOSURES = Topic(
     "mechanism/closures",
     "std_msgs/msg/UInt8MultiArray",
     MECHANISM,
-    (ANALYSER,),
+    (),
     "change",
     "latched",
     "1 where a loop closure is closed; names in the layout's labels",
@@ -176,8 +196,8 @@ RENDERING = Topic(
     (CONTROLLER,),
     "control",
     "stream",
-    "all that the controller needs in one message: stamp, count, s, Λ_h⁻¹, P_c, Π, a_0; axes of "
-    "`world`, at the operational point",
+    "all that the controller needs in one message: stamp, count, s, Λ_h⁻¹, P_c, Π, a_0, pose, "
+    "twist and F_c of the operational point; axes of `world`, at the operational point",
 )
 INVERSE_INERTIA = Topic(
     "analysis/{point}/inverse_inertia",
@@ -265,11 +285,13 @@ DIAGNOSTICS = Topic(
 START_HAND = "device/start_hand"
 
 TOPICS: tuple[Topic, ...] = (
+    DEVICE_STATE,
     DEVICE_POSE,
     DEVICE_TWIST,
     DEVICE_FORCE,
     DEVICE_COMMAND,
     HAND_WRENCH,
+    STATE,
     JOINT_STATES,
     POINT_POSE,
     POINT_TWIST,

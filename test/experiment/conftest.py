@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.experiment import ExperimentRecord, run_session
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.session import Sample, Session, rendering_model
-from hapticmech_ros.wire.layouts import Energy, Rendering, pack_energy, pack_rendering
+from hapticmech_ros.wire.layouts import Energy, Rendering, pack_device, pack_energy, pack_rendering
 
 DURATION = 2.5
 EPOCH_NS = 1_700_000_000_123_456_789
@@ -90,19 +90,11 @@ def make_bag(messages: list[tuple[str, str, int, Any]], tmp_path: Path) -> BagMa
 
 def _messages(scene: Scene, samples: list[tuple[Sample, tuple[float, float]]]) -> Any:
     types = get_typestore(Stores.ROS2_JAZZY).types
-    vector, point = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Point"]
+    vector = types["geometry_msgs/msg/Vector3"]
 
     def header(time_ns: int) -> Any:
         stamp = types["builtin_interfaces/msg/Time"](*divmod(time_ns, 1_000_000_000))
         return types["std_msgs/msg/Header"](stamp, "world")
-
-    def pose(time_ns: int, placement: pin.SE3) -> Any:
-        quaternion = pin.Quaternion(placement.rotation).coeffs()
-        orientation = types["geometry_msgs/msg/Quaternion"](*map(float, quaternion))
-        inner = types["geometry_msgs/msg/Pose"](
-            point(*map(float, placement.translation)), orientation
-        )
-        return types["geometry_msgs/msg/PoseStamped"](header(time_ns), inner)
 
     def wrench(time_ns: int, six: np.ndarray) -> Any:
         inner = types["geometry_msgs/msg/Wrench"](
@@ -114,19 +106,24 @@ def _messages(scene: Scene, samples: list[tuple[Sample, tuple[float, float]]]) -
         layout = types["std_msgs/msg/MultiArrayLayout"]([], 0)
         return types["std_msgs/msg/Float64MultiArray"](layout, values)
 
-    poses, wrenches = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
+    wrenches = "geometry_msgs/msg/WrenchStamped"
     arrays, joints = "std_msgs/msg/Float64MultiArray", "sensor_msgs/msg/JointState"
     names = [link.joint.name for link in scene.links]
     for index, (sample, (kinetic, potential)) in enumerate(samples):
         t = EPOCH_NS + round(sample.time * 1e9)
         state, account = sample.mechanism, sample.mechanism.account
-        yield "device/measured_cp", poses, t, pose(t, sample.device.measured_pose)
-        yield "device/measured_cf", wrenches, t, wrench(t, sample.hand_wrench)
-        yield "mechanism/handle/measured_cp", poses, t, pose(t, sample.point.pose)
+        measured = DeviceMeasurement(
+            sample.device.measured_pose, sample.device.measured_twist, sample.hand_wrench
+        )
+        yield "device/state", arrays, t, array(pack_device(t, measured))
         state_message = types[joints](header(t), names, state.q.copy(), state.v.copy(), np.zeros(0))
         yield "mechanism/measured_js", joints, t, state_message
         rendering = Rendering(
-            t, sample.count, sample.analysis.spectrum.s, rendering_model(sample.analysis)
+            t,
+            sample.count,
+            sample.analysis.spectrum.s,
+            rendering_model(sample.analysis),
+            PointMeasurement(sample.point.pose, sample.point.twist, sample.external_wrench),
         )
         yield "analysis/handle/rendering", arrays, t, array(pack_rendering(rendering))
         if index % VIEW_EVERY == 0:

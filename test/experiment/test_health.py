@@ -61,5 +61,5 @@ def test_bag_without_diagnostics(make_bag):
 def test_refuses_other_diagnostics(make_bag, messages):
     _, kind, time_ns, message = messages[0]
     bag = make_bag(extra=[("/diagnostics", kind, time_ns, message)])
-    with pytest.raises(BagError, match="/diagnostics is geometry_msgs"):
+    with pytest.raises(BagError, match="/diagnostics is std_msgs"):
         health_from_bag(bag)

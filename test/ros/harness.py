@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -149,10 +149,16 @@ def six(wrench_or_twist: Any) -> list[float]:
 
 @contextmanager
 def running(
-    name: str, domain: int, scene: str = "five_bar", **parameters: object
+    name: str,
+    domain: int,
+    scene: str = "five_bar",
+    remaps: Mapping[str, str] | None = None,
+    **parameters: object,
 ) -> Iterator[subprocess.Popen[str]]:
     """Run one node, or several joined by commas, in a process that ends with the block."""
     arguments = ros_arguments({"scene": scene, **parameters})
+    for old, new in (remaps or {}).items():
+        arguments += ["-r", f"{old}:={new}"]
     command = [sys.executable, "-m", "hapticmech_ros.nodes.entry", name, *arguments]
     process = start_process(command, private_environment(domain))
     try:

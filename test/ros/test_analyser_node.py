@@ -1,24 +1,27 @@
-"""The analyser alone: what it says of a joint state is what the core says, and nothing kills it."""
+"""The analyser alone: what it says of a state is what the core says, and nothing kills it."""
 
 import numpy as np
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, UInt8, UInt8MultiArray
+from std_msgs.msg import Float64MultiArray, UInt8
 
 from hapticmech_ros import Mechanism, analyse, load_scene
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.nodes.messages import write_array
 from hapticmech_ros.wire.layouts import unpack_rendering
+from hapticmech_ros.wire.state import StateLayout, WireState
 from ros.harness import Peer, refuses, running
 
 pytestmark = pytest.mark.ros
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-NAMES = ["joint1", "joint2", "joint3", "joint4"]
+CONTACT = np.array([[0.1, -0.2, 0.0, 0.0, 0.0, 0.003]])
 
 
-def _state(peer: Peer, q: list[float], v: list[float], names: list[str] = NAMES) -> JointState:
-    message = JointState(name=names, position=q, velocity=v)
-    message.header.stamp = peer.now()
+def _state(
+    peer: Peer, q: np.ndarray, v: np.ndarray, closed: bool = True, late_s: float = 0.0
+) -> Float64MultiArray:
+    now = peer.node.get_clock().now().nanoseconds - round(late_s * 1e9)
+    state = WireState(now, (closed,), q, v, CONTACT)
+    message = Float64MultiArray()
+    write_array(message, StateLayout(Mechanism(load_scene("five_bar"))).pack(state))
     return message
 
 
@@ -32,10 +35,10 @@ def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
     matrices = peer.listen("analysis/handle/inverse_inertia", Float64MultiArray)
     wrenches = peer.listen("analysis/handle/constraint_wrenches", Float64MultiArray)
     with running("nullspace_analyser", domain, view_rate=1000.0):
-        states = peer.publisher("mechanism/measured_js", JointState)
+        states = peer.publisher("mechanism/state", Float64MultiArray)
 
         def answered() -> bool:
-            states.publish(_state(peer, q.tolist(), v.tolist()))
+            states.publish(_state(peer, q, v))
             return bool(renderings and counts and matrices and wrenches)
 
         peer.until(answered, "an analysis")
@@ -46,6 +49,7 @@ def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
     assert np.array_equal(found.model.balanced_share, expected.balanced_share)
     assert np.array_equal(found.model.free_acceleration, expected.free_acceleration)
     assert np.array_equal(found.s, expected.spectrum.s)
+    assert np.array_equal(found.point.contact_wrench, CONTACT[0])
     assert counts[-1].data == found.count == 1
     dims = matrices[-1].layout.dim
     assert [(d.label, d.size, d.stride) for d in dims] == [("row", 6, 36), ("column", 6, 6)]
@@ -57,44 +61,37 @@ def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
     assert np.abs(pull).max() < 1e-13 * scale.max()
 
 
-def test_bad_joint_states_are_refused(domain: int, peer: Peer) -> None:
+def test_bad_states_are_refused(domain: int, peer: Peer) -> None:
     renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)
     statuses = peer.statuses()
+    zero = np.zeros(4)
     with running("nullspace_analyser", domain, diagnostics_period=0.02) as process:
-        states = peer.publisher("mechanism/measured_js", JointState)
-        closures = peer.publisher("mechanism/closures", UInt8MultiArray, LATCHED)
-        stale = _state(peer, [0.0] * 4, [0.0] * 4)
-        stale.header.stamp.sec -= 3
+        states = peer.publisher("mechanism/state", Float64MultiArray)
         for bad in (
-            _state(peer, [float("nan"), 0.0, 0.0, 0.0], [0.0] * 4),
-            _state(peer, [0.0] * 3, [0.0] * 4),
-            _state(peer, [0.0] * 4, []),
-            _state(peer, [0.0] * 4, [0.0] * 4, ["a", "b", "c", "d"]),
-            stale,
-            JointState(),
+            _state(peer, np.array([np.nan, 0.0, 0.0, 0.0]), zero),
+            _state(peer, zero, np.array([0.0, np.inf, 0.0, 0.0])),
+            Float64MultiArray(data=_state(peer, zero, zero).data[:-1]),
+            _state(peer, zero, zero, closed=0.5),
+            _state(peer, zero, zero, late_s=3.0),
+            Float64MultiArray(),
         ):
             refuses(peer, statuses, "nullspace_analyser", states, bad)
-        wrong = UInt8MultiArray(data=[1, 0, 1])
-        refuses(peer, statuses, "nullspace_analyser", closures, wrong)
         assert process.poll() is None
     assert not renderings
 
 
-def test_closures_topic_switches_the_loop(domain: int, peer: Peer) -> None:
+def test_an_open_loop_is_analysed_as_a_chain(domain: int, peer: Peer) -> None:
     mechanism = Mechanism(load_scene("five_bar"))
     q, _ = consistent_initial_state(mechanism)
     expected = analyse(mechanism, q, active=(False,))
     renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)
     with running("nullspace_analyser", domain):
-        closures = peer.publisher("mechanism/closures", UInt8MultiArray, LATCHED)
-        closures.publish(UInt8MultiArray(data=[0]))
-        states = peer.publisher("mechanism/measured_js", JointState)
+        states = peer.publisher("mechanism/state", Float64MultiArray)
 
-        def opened() -> bool:
-            states.publish(_state(peer, q.tolist(), [0.0] * 4))
-            if not renderings:
-                return False
-            found = unpack_rendering(renderings[-1].data)
-            return np.array_equal(found.model.inverse_inertia, expected.inverse_inertia)
+        def answered() -> bool:
+            states.publish(_state(peer, q, np.zeros(4), closed=False))
+            return bool(renderings)
 
-        peer.until(opened, "the analysis of the open chain")
+        peer.until(answered, "the analysis of the open chain")
+    found = unpack_rendering(renderings[-1].data)
+    assert np.array_equal(found.model.inverse_inertia, expected.inverse_inertia)

@@ -12,7 +12,7 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.nodes.messages import write_array, write_pose
 from hapticmech_ros.session import rendering_model
-from hapticmech_ros.wire.layouts import Rendering, pack_rendering
+from hapticmech_ros.wire.layouts import Rendering, pack_device, pack_rendering
 from ros.harness import Peer, refuses, running, six
 
 pytestmark = pytest.mark.ros
@@ -23,19 +23,19 @@ HAND = (-0.5, 0.2, 0.0, 0.0, 0.0, -0.0025)
 class World:
     """Publishes everything the controller needs: device and mechanism at the scene's start."""
 
-    def __init__(self, peer: Peer) -> None:
+    def __init__(self, peer: Peer, device: str = "device", packed: bool = False) -> None:
         self.peer = peer
+        self.packed = packed
         self.sample = Session(SCENE).tick()
         self.model = rendering_model(self.sample.analysis)
         self.pose = self.sample.point.pose
-        self.device_force = peer.publisher("device/measured_cf", WrenchStamped)
-        self.device_twist = peer.publisher("device/measured_cv", TwistStamped)
-        self.device_pose = peer.publisher("device/measured_cp", PoseStamped)
-        self.point_pose = peer.publisher("mechanism/handle/measured_cp", PoseStamped)
-        self.point_twist = peer.publisher("mechanism/handle/measured_cv", TwistStamped)
-        self.contact = peer.publisher("mechanism/handle/contact_cf", WrenchStamped)
+        self.device_force = peer.publisher(f"{device}/measured_cf", WrenchStamped)
+        self.device_twist = peer.publisher(f"{device}/measured_cv", TwistStamped)
+        self.device_pose = peer.publisher(f"{device}/measured_cp", PoseStamped)
+        if packed:
+            self.state = peer.publisher("device/state", Float64MultiArray)
         self.rendering = peer.publisher("analysis/handle/rendering", Float64MultiArray)
-        self.commands = peer.listen("device/servo_cf", WrenchStamped)
+        self.commands = peer.listen(f"{device}/servo_cf", WrenchStamped)
         self.to_mechanism = peer.listen("mechanism/handle/servo_cf", WrenchStamped)
 
     def send(self, offset: float = 0.0, mechanism: bool = True) -> None:
@@ -43,25 +43,32 @@ class World:
         peer = self.peer
         now = peer.node.get_clock().now().nanoseconds
         if mechanism:
-            self.point_pose.publish(_pose(self.pose, now))
-            self.point_twist.publish(peer.twist(*[0.0] * 6))
-            self.contact.publish(peer.wrench(*[0.0] * 6))
             message = Float64MultiArray()
             s = self.sample.analysis.spectrum.s
-            write_array(message, pack_rendering(Rendering(now, 1, s, self.model)))
+            point = PointMeasurement(self.pose, np.zeros(6), np.zeros(6))
+            write_array(message, pack_rendering(Rendering(now, 1, s, self.model, point)))
             self.rendering.publish(message)
+        moved = pin.SE3(self.pose.rotation, self.pose.translation + np.array([0.0, offset, 0.0]))
+        if self.packed:
+            peer.run(0.002)
+            message = Float64MultiArray()
+            measured = DeviceMeasurement(moved, np.zeros(6), np.array(HAND))
+            write_array(message, pack_device(now, measured))
+            self.state.publish(message)
+            peer.run(0.003)
+            return
         self.device_force.publish(peer.wrench(*HAND))
         self.device_twist.publish(peer.twist(*[0.0] * 6))
         # The pose triggers the answer: the rest has to be there before it.
         peer.run(0.002)
-        moved = pin.SE3(self.pose.rotation, self.pose.translation + np.array([0.0, offset, 0.0]))
         self.device_pose.publish(_pose(moved, now))
         peer.run(0.003)
 
 
-def test_answers_as_the_core_does(domain: int, peer: Peer) -> None:
+@pytest.mark.parametrize("packed", [True, False], ids=["packed", "crtk"])
+def test_answers_as_the_core_does(domain: int, peer: Peer, packed: bool) -> None:
     with running("teleoperation_controller", domain):
-        world = World(peer)
+        world = World(peer, packed=packed)
 
         def engaged_and_ramped() -> bool:
             world.send(0.0)
@@ -83,6 +90,19 @@ def test_answers_as_the_core_does(domain: int, peer: Peer) -> None:
     # Poses travel as quaternions: rounding of 1e-16 in angle times stiffnesses of thousands.
     assert np.abs(np.array(six(world.commands[-1])) - expected.device).max() < 1e-10
     assert np.abs(np.array(six(world.to_mechanism[-1])) - expected.mechanism).max() < 1e-10
+
+
+def test_a_real_driver_takes_the_devices_place_by_remapping(domain: int, peer: Peer) -> None:
+    names = ("measured_cp", "measured_cv", "measured_cf", "servo_cf")
+    remaps = {f"device/{name}": f"/omega/{name}" for name in names}
+    with running("teleoperation_controller", domain, remaps=remaps):
+        world = World(peer, "/omega")
+
+        def engaged() -> bool:
+            world.send()
+            return len(world.commands) > 20
+
+        peer.until(engaged, "commands to the driver")
 
 
 def test_falls_silent_without_the_mechanism_and_comes_back_without_a_jump(
@@ -137,7 +157,7 @@ def test_bad_measurements_are_refused(domain: int, peer: Peer) -> None:
         unknown.header.frame_id = "tool0"
         for bad in (peer.pose(math.nan), peer.pose(w=0.5), stale, unknown, PoseStamped()):
             refuses(peer, statuses, "teleoperation_controller", world.device_pose, bad)
-        for bad_data in ([1.0, 2.0], [math.nan] * 124):
+        for bad_data in ([1.0, 2.0], [math.nan] * 143):
             bad = Float64MultiArray(data=bad_data)
             refuses(peer, statuses, "teleoperation_controller", world.rendering, bad)
         assert process.poll() is None

@@ -11,7 +11,8 @@ from ros.harness import Peer, refuses, running, six
 
 pytestmark = pytest.mark.ros
 MASS = load_scene("five_bar").device.mass
-STILL = {"hand_waits": True}
+QUICK = {"view_rate": 1000.0, "diagnostics_period": 0.02}
+STILL = {"hand_waits": True, **QUICK}
 
 
 def test_measures_pose_twist_and_hand_wrench_in_world(domain: int, peer: Peer) -> None:
@@ -52,20 +53,24 @@ def test_accelerates_under_servo_cf_and_coasts_when_it_stops(domain: int, peer: 
 
 def test_hand_lets_go_and_takes_hold_with_the_commands(domain: int, peer: Peer) -> None:
     forces = peer.listen("device/measured_cf", WrenchStamped)
-    with running("haptic_device", domain):
+    with running("haptic_device", domain, **QUICK):
         command = peer.publisher("device/servo_cf", WrenchStamped)
         peer.until(lambda: forces, "forces")
         assert six(forces[-1]) == [0.0] * 6
-        for _ in range(2):
+
+        def pushing() -> bool:
             command.publish(peer.wrench(0.5, 0.0, 0.0, 0.0, 0.0, 0.0025))
-            peer.until(lambda: six(forces[-1])[0] == -0.5, "the hand pushing")
+            return six(forces[-1])[0] == -0.5
+
+        for _ in range(2):
+            peer.until(pushing, "the hand pushing")
             peer.until(lambda: six(forces[-1]) == [0.0] * 6, "the hand letting go")
 
 
 def test_bad_commands_are_refused_and_counted(domain: int, peer: Peer) -> None:
     twists = peer.listen("device/measured_cv", TwistStamped)
     statuses = peer.statuses()
-    with running("haptic_device", domain, diagnostics_period=0.02, **STILL) as process:
+    with running("haptic_device", domain, **STILL) as process:
         command = peer.publisher("device/servo_cf", WrenchStamped)
         stale = peer.wrench(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         stale.header.stamp.sec -= 10
@@ -88,8 +93,12 @@ def test_hand_wrench_topic_pushes_and_expires(domain: int, peer: Peer) -> None:
         unstamped = WrenchStamped()
         unstamped.header.frame_id = "world"
         unstamped.wrench.force.y = 0.25
-        push.publish(unstamped)
-        peer.until(lambda: forces and six(forces[-1])[1] == 0.25, "the push")
+
+        def pushed() -> bool:
+            push.publish(unstamped)
+            return bool(forces) and six(forces[-1])[1] == 0.25
+
+        peer.until(pushed, "the push")
         peer.until(lambda: six(forces[-1]) == [0.0] * 6, "its end")
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_prefix
-from ros.harness import Peer
 
 from hapticmech_ros.graph import stop_process
 from hapticmech_ros.nodes.entry import NODES
+from ros.harness import Peer
 
 pytestmark = pytest.mark.ros
 

@@ -1,6 +1,7 @@
 """The mechanism alone: anyone may push it, bad pushes are refused, lost ones run out."""
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -37,16 +38,21 @@ def test_external_wrench_moves_it_then_expires(domain: int, peer: Peer) -> None:
     energies = peer.listen("mechanism/energy", Float64MultiArray)
     with running("mechanism_simulator", domain, external_timeout=0.1):
         push = peer.publisher("mechanism/handle/external_cf", WrenchStamped)
-        for _ in range(30):
+        end = time.monotonic() + 0.3
+
+        def pushed() -> bool:
             push.publish(peer.wrench(-0.4, 0.1, 0.0, 0.0, 0.0, 0.0))
-            peer.run(0.01)
-        peer.until(lambda: contacts and six(contacts[-1])[:2] == [-0.4, 0.1], "the push")
+            seen = bool(contacts) and six(contacts[-1])[:2] == [-0.4, 0.1]
+            return seen and time.monotonic() > end
+
+        peer.until(pushed, "the push")
         peer.until(lambda: six(contacts[-1]) == [0.0] * 6, "its end")
         peer.until(lambda: len(energies) > 3, "energies")
     last = unpack_energy(energies[-1].data)
     assert last.work_in > 1e-5
-    # The account closes to rounding: work in is kinetic energy or was lost in the joints.
-    assert abs(last.balance) < 1e-9 * last.work_in + 1e-15
+    # Work in is kinetic energy or was lost in the joints, to the truncation of rk2 at 1 ms and the
+    # few rad/s reached here: (3e-3)^2 = 1e-5 of it.
+    assert abs(last.balance) < 1e-5 * last.work_in
 
 
 @pytest.mark.parametrize("topic", ["external_cf", "servo_cf"])

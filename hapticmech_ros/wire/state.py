@@ -1,0 +1,98 @@
+"""Layout of ``mechanism/state``: all that the analyser needs of a mechanism, in one message.
+
+Flags of the closures, joint coordinates and rates, and the contact wrench at every operational
+point, taken at one time, so that they belong together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.mechanism import Active
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.wire.joints import coordinate_names
+from hapticmech_ros.wire.layouts import NANOSECONDS, checked_values
+
+
+@dataclass(frozen=True, slots=True)
+class WireState:
+    """A decoded ``state`` message.
+
+    Attributes:
+        stamp_ns: time it stands for, ns.
+        active: per closure, whether it is closed.
+        q: (nq,) configuration.
+        v: (nv,) rates.
+        contacts: (points, 6) wrench by the environment on the mechanism at each operational point.
+    """
+
+    stamp_ns: int
+    active: Active
+    q: Array
+    v: Array
+    contacts: Array
+
+
+class StateLayout:
+    """Packs and unpacks states of one mechanism.
+
+    Attributes:
+        fields: name of each part of the flat array -> its size, for the message's label.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+        self._neutral = pin.neutral(mechanism.model)
+        self._closures = len(mechanism.closures)
+        self._points = len(mechanism.point_names)
+        names = coordinate_names(mechanism)
+        self.fields = {
+            "stamp": 2,
+            "/".join(["closed", *(loop.name for loop in mechanism.closures)]): self._closures,
+            "/".join(["position", *names]): mechanism.nv,
+            "/".join(["velocity", *names]): mechanism.nv,
+            "/".join(["contact", *mechanism.point_names]): 6 * self._points,
+        }
+        self._size = sum(self.fields.values())
+
+    def pack(self, state: WireState) -> Array:
+        """Return the message's data."""
+        return np.concatenate(
+            (
+                divmod(state.stamp_ns, NANOSECONDS),
+                state.active,
+                self.coordinates(state.q),
+                state.v,
+                state.contacts.ravel(),
+            )
+        )
+
+    def unpack(self, data: object) -> WireState:
+        """Return the decoded message.
+
+        Raises:
+            InvalidInputError: wrong length, not finite, or a flag that is neither 0 nor 1.
+        """
+        values = checked_values("state", data, self._size)
+        nv, first = self._mechanism.nv, 2 + self._closures
+        flags = values[2:first]
+        if not np.isin(flags, (0.0, 1.0)).all():
+            raise InvalidInputError("flags of closures", flags.tolist(), "must be 0 or 1")
+        coordinates = values[first : first + nv]
+        q = pin.integrate(self._mechanism.model, self._neutral, coordinates)
+        return WireState(
+            int(values[0]) * NANOSECONDS + int(values[1]),
+            tuple(bool(flag) for flag in flags),
+            np.asarray(q),
+            values[first + nv : first + 2 * nv],
+            values[first + 2 * nv :].reshape(self._points, 6),
+        )
+
+    def coordinates(self, q: Array) -> Array:
+        """Return (nv,) positions of all degrees of freedom as seen from the neutral ones."""
+        return np.asarray(pin.difference(self._mechanism.model, self._neutral, q))
