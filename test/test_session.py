@@ -236,8 +236,8 @@ def test_energy_is_accounted_for(name):
         held = sum(mechanism.energy(sample.mechanism.q, sample.mechanism.v))
         balance.append(held - account.work_in + account.damping_loss + account.latch_loss)
         work = max(work, abs(account.work_in))
-    # RK4 at 1 ms on motions of some 10 rad/s: (0.01)⁴ per step of the energy moved.
-    assert np.ptp(balance) < 1e-8 * work
+    # rk2 at 1 ms on motions of some 3 rad/s: (3e-3)² = 1e-5 of the energy moved.
+    assert np.ptp(balance) < 1e-5 * work
     assert account.damping_loss > 0.0
     assert (account.latch_loss > 0.0) == (name == "four_bar_closing")
 

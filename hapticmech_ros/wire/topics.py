@@ -30,10 +30,10 @@ class Topic:
     name: str
     type: str
     publisher: str
-    subscribers: tuple[str, ...]
-    rate: Rate
-    qos: Qos
     meaning: str
+    subscribers: tuple[str, ...] = ()
+    rate: Rate = "view"
+    qos: Qos = "stream"
 
     def of(self, point: str) -> str:
         """Return the relative name for an operational point."""
@@ -53,234 +53,180 @@ DEVICE_STATE = Topic(
     "device/state",
     ARRAY,
     DEVICE,
+    "measured_cp, measured_cv and measured_cf of one sample in one message; a device without "
+    "it is rendered from those three",
     (CONTROLLER,),
-    "control",
-    "stream",
-    "measured_cp, measured_cv and measured_cf of one sample in one message; a device without it is "
-    "rendered from those three",
+    rate="control",
 )
 DEVICE_POSE = Topic(
     "device/measured_cp",
     POSE,
     DEVICE,
-    (CONTROLLER,),
-    "view",
-    "stream",
     "pose of the point held, in `world`",
+    (CONTROLLER,),
 )
 DEVICE_TWIST = Topic(
     "device/measured_cv",
     TWIST,
     DEVICE,
-    (CONTROLLER,),
-    "view",
-    "stream",
     "twist of the point held, at that point, axes of `world`",
+    (CONTROLLER,),
 )
 DEVICE_FORCE = Topic(
     "device/measured_cf",
     WRENCH,
     DEVICE,
-    (CONTROLLER,),
-    "view",
-    "stream",
     "F_h: by the hand, on the device, at the point held, axes of `world`",
+    (CONTROLLER,),
 )
 DEVICE_COMMAND = Topic(
     "device/servo_cf",
     WRENCH,
     CONTROLLER,
-    (DEVICE,),
-    "control",
-    "stream",
     "by the device, on the hand, at the point held, axes of `world`; stamp of the device "
     "measurement it answers",
+    (DEVICE,),
+    rate="control",
 )
 HAND_WRENCH = Topic(
     "device/hand_cf",
     WRENCH,
     "any",
-    (DEVICE,),
-    "caller's",
-    "command",
     "extra hand wrench: by the hand, on the simulated device, at the point held, axes of `world`",
+    (DEVICE,),
+    rate="caller's",
+    qos="command",
 )
 STATE = Topic(
     "mechanism/state",
     ARRAY,
     MECHANISM,
-    (ANALYSER,),
-    "control",
-    "stream",
     "all that the analyser needs in one message: stamp, closed loops, joint positions and "
     "velocities, F_c at every operational point",
+    (ANALYSER,),
+    rate="control",
 )
 JOINT_STATES = Topic(
     "mechanism/measured_js",
     "sensor_msgs/msg/JointState",
     MECHANISM,
-    (),
-    "view",
-    "stream",
     "positions and velocities of every joint, passive ones included",
 )
 POINT_POSE = Topic(
     "mechanism/{point}/measured_cp",
     POSE,
     MECHANISM,
-    (),
-    "view",
-    "stream",
     "pose of the operational point, in `world`",
 )
 POINT_TWIST = Topic(
     "mechanism/{point}/measured_cv",
     TWIST,
     MECHANISM,
-    (),
-    "view",
-    "stream",
     "twist of the operational point, at that point, axes of `world`",
 )
 CONTACT_FORCE = Topic(
     "mechanism/{point}/contact_cf",
     WRENCH,
     MECHANISM,
-    (),
-    "view",
-    "stream",
-    "F_c: by the environment (contacts and `external_cf`), on the mechanism, at the operational "
-    "point, axes of `world`",
+    "F_c: by the environment (contacts and `external_cf`), on the mechanism, at the "
+    "operational point, axes of `world`",
 )
 POINT_COMMAND = Topic(
     "mechanism/{point}/servo_cf",
     WRENCH,
     CONTROLLER,
-    (MECHANISM,),
-    "control",
-    "stream",
     "by the hand through the controller, on the mechanism, at the operational point, axes of "
     "`world`",
+    (MECHANISM,),
+    rate="control",
 )
 EXTERNAL_WRENCH = Topic(
     "mechanism/{point}/external_cf",
     WRENCH,
     "any",
-    (MECHANISM,),
-    "caller's",
-    "command",
     "by anyone, on the mechanism, at the operational point, axes of `world`",
+    (MECHANISM,),
+    rate="caller's",
+    qos="command",
 )
 CLOSURES = Topic(
     "mechanism/closures",
     "std_msgs/msg/UInt8MultiArray",
     MECHANISM,
-    (),
-    "change",
-    "latched",
     "1 where a loop closure is closed; names in the layout's labels",
+    rate="change",
+    qos="latched",
 )
 ENERGY = Topic(
     "mechanism/energy",
     ARRAY,
     MECHANISM,
-    (),
-    "view",
-    "stream",
     "stamp, kinetic and potential energy, work by wrenches, losses (J), closure error (m, rad)",
 )
 RENDERING = Topic(
     "analysis/{point}/rendering",
     ARRAY,
     ANALYSER,
+    "all that the controller needs in one message: stamp, count, s, Λ_h⁻¹, P_c, Π, a_0, pose,"
+    " twist and F_c of the operational point; axes of `world`, at the operational point",
     (CONTROLLER,),
-    "control",
-    "stream",
-    "all that the controller needs in one message: stamp, count, s, Λ_h⁻¹, P_c, Π, a_0, pose, "
-    "twist and F_c of the operational point; axes of `world`, at the operational point",
+    rate="control",
 )
 INVERSE_INERTIA = Topic(
     "analysis/{point}/inverse_inertia",
     ARRAY,
     ANALYSER,
-    (),
-    "view",
-    "stream",
     "Λ_h⁻¹, 6 x 6, force rows first; 1/kg, 1/(kg m), 1/(kg m²)",
 )
 PROJECTOR = Topic(
     "analysis/{point}/constraint_projector",
     ARRAY,
     ANALYSER,
-    (),
-    "view",
-    "stream",
     "P_c, 6 x 6: stiffness per N/m along constrained directions",
 )
 CONSTRAINT_WRENCHES = Topic(
     "analysis/{point}/constraint_wrenches",
     ARRAY,
     ANALYSER,
-    (),
-    "view",
-    "stream",
     "6 x count: wrenches at the hand that the joints balance, a column each",
 )
 SPECTRUM = Topic(
     "analysis/{point}/spectrum",
     ARRAY,
     ANALYSER,
-    (),
-    "view",
-    "stream",
     "μ, descending: 0 is rigid, 1 as free as the link alone",
 )
 COUNT = Topic(
     "analysis/{point}/constraint_count",
     "std_msgs/msg/UInt8",
     ANALYSER,
-    (),
-    "view",
-    "stream",
     "number of joint constraints felt",
 )
 IMPEDANCE_PART = Topic(
     "controller/impedance_cf",
     WRENCH,
     CONTROLLER,
-    (),
-    "view",
-    "stream",
     "impedance controller's part of `device/servo_cf`",
 )
 CONSTRAINT_PART = Topic(
     "controller/joint_constraint_cf",
     WRENCH,
     CONTROLLER,
-    (),
-    "view",
-    "stream",
     "joint-constraint controller's part of `device/servo_cf`",
 )
 CHANNEL_PART = Topic(
     "controller/four_channel_cf",
     WRENCH,
     CONTROLLER,
-    (),
-    "view",
-    "stream",
     "four-channel controller's part of `device/servo_cf`",
 )
 DIAGNOSTICS = Topic(
     "/diagnostics",
     "diagnostic_msgs/msg/DiagnosticArray",
     "every node",
-    (),
-    "1 Hz",
-    "stream",
     "periods, missed deadlines, message ages, latency percentiles, refused messages",
+    rate="1 Hz",
 )
-
 # Service of the simulated device, std_srvs/srv/Trigger: a hand that waits takes hold.
 START_HAND = "device/start_hand"
 

@@ -28,7 +28,7 @@ def test_the_hand_moves_the_mechanism(domain: int, peer: Peer, composed: bool) -
         peer.until(lambda: device and point and _travel(device) > 0.01, "the device to move 10 mm")
         peer.until(lambda: set(NODES) <= set(statuses), "diagnostics of all nodes")
         assert _travel(point) > 0.008
-        assert counts[-1].data == 1
+        assert counts[0].data == 1
         graph.check()
         codes = graph.stop()
     assert set(codes.values()) == {0}
