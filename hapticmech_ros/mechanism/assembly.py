@@ -33,7 +33,7 @@ def assemble(mechanism: Mechanism, q: Array, v: Array, active: Active) -> tuple[
     """
     names = mechanism.names_of(active)
     for _ in range(ASSEMBLY_ITERATIONS):
-        residual, space = mechanism.closing_terms(q, active)
+        residual, _, space = mechanism.closing_terms(q, active)
         if not residual.size or np.abs(residual).max() <= ASSEMBLY_TOLERANCE:
             break
         step = -space.correction(residual)

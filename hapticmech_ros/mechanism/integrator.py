@@ -7,7 +7,7 @@ Runge–Kutta stages live in local coordinates θ around the step's start, q = q
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -15,8 +15,7 @@ import pinocchio as pin
 from hapticmech_ros.mechanism.model import Array
 
 
-@dataclass(frozen=True, slots=True)
-class Rates:
+class Rates(NamedTuple):
     """What the equations of motion give at a stage: v̇, and two powers to be summed (W)."""
 
     acceleration: Array
@@ -27,8 +26,7 @@ class Rates:
 Motion = Callable[[Array, Array], Rates]
 
 
-@dataclass(frozen=True, slots=True)
-class Advance:
+class Advance(NamedTuple):
     """A step's outcome before projection: state, and work done and energy lost in it (J)."""
 
     q: Array

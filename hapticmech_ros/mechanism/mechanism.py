@@ -5,7 +5,7 @@ D(q) v̇ + h(q, v) = τ + Σ Jᵀ F - Wᵀ λ,      W v̇ + Ẇ v = 0
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -24,8 +24,15 @@ Active = tuple[bool, ...]
 _NOTHING = np.zeros(0)
 
 
-@dataclass(frozen=True, slots=True)
-class PointKinematics:
+class Closing(NamedTuple):
+    """Active closures at a configuration: φ (m,), W (m, nv), and the factorisation of D and W."""
+
+    residual: Array
+    jacobian: Array
+    space: ConstraintSpace
+
+
+class PointKinematics(NamedTuple):
     """An operational point at a state, axes of the world, origin at the point.
 
     Attributes:
@@ -41,8 +48,7 @@ class PointKinematics:
     drift: Array
 
 
-@dataclass(frozen=True, slots=True)
-class Evaluation:
+class Evaluation(NamedTuple):
     """All terms of Eq. 1 at one state.
 
     Attributes:
@@ -114,37 +120,53 @@ class Mechanism:
         self._choices: dict[Active, tuple[list[LoopClosure], Array]] = {}
         self.initially_active: Active = tuple(closure.active for closure in scene.closures)
 
-    def evaluate(self, q: Array, v: Array, active: Active) -> Evaluation:
+    def evaluate(
+        self, q: Array, v: Array, active: Active, closing: Closing | None = None
+    ) -> Evaluation:
         """Evaluate every term of Eq. 1 at (q, v) with the given closures active.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) rates.
+            active: which closures are closed.
+            closing: what :meth:`closing_terms` gave at the same q and closures, to save time.
 
         Raises:
             SingularInertiaError: D is not positive definite.
         """
+        if closing is None:
+            closing = self.closing_terms(q, active)
         model, data = self.model, self.data
         pin.computeAllTerms(model, data, q, v)
-        factor = cholesky_of_upper(data.M.reshape(self.nv, self.nv))
         # Once more, for accelerations at v̇ = 0 that do not contain gravity.
         pin.forwardKinematics(model, data, q, v, self._zero)
         pin.updateFramePlacements(model, data)
-        residual, jacobian, drift, lengths = self._closure_terms(active, with_motion=True)
         return Evaluation(
             bias_force=data.nle.copy(),
             passive_force=-self.tree.damping * v,
-            closure_residual=residual,
-            closure_jacobian=jacobian,
-            closure_bias=drift,
-            space=constraint_space(factor, jacobian, lengths, residual),
+            closure_residual=closing.residual,
+            closure_jacobian=closing.jacobian,
+            closure_bias=self._closure_bias(active),
+            space=closing.space,
             points=tuple(self._point(frame, v) for frame in self._point_frames),
         )
 
-    def closing_terms(self, q: Array, active: Active) -> tuple[Array, ConstraintSpace]:
-        """Return φ of the active closures and the factorisation at q: what projections need."""
+    def closing_terms(self, q: Array, active: Active) -> Closing:
+        """Return φ, W and the factorisation at q: what projections need."""
         model, data = self.model, self.data
         factor = cholesky_of_upper(pin.crba(model, data, q).reshape(self.nv, self.nv))
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
-        residual, jacobian, _, lengths = self._closure_terms(active, with_motion=False)
-        return residual, constraint_space(factor, jacobian, lengths, residual)
+        loops, lengths = self._chosen(active)
+        if len(loops) == 1:
+            residual, jacobian = loops[0].residual(data), loops[0].jacobian(model, data)
+        elif loops:
+            residual = np.concatenate([loop.residual(data) for loop in loops])
+            jacobian = np.vstack([loop.jacobian(model, data) for loop in loops])
+        else:
+            residual, jacobian = _NOTHING, np.zeros((0, self.nv))
+        space = constraint_space(factor, jacobian, lengths, residual)
+        return Closing(residual, jacobian, space)
 
     def distance_of(self, index: int, q: Array, v: Array) -> tuple[float, float]:
         """Return |φ| of closure ``index``, active or not, and the rate at which it grows."""
@@ -207,22 +229,13 @@ class Mechanism:
         drift = pin.getFrameClassicalAcceleration(model, data, frame, WORLD_AXES).vector
         return PointKinematics(data.oMf[frame].copy(), jacobian, jacobian @ v, drift)
 
-    def _closure_terms(
-        self, active: Active, with_motion: bool
-    ) -> tuple[Array, Array, Array, Array]:
-        model, data = self.model, self.data
-        loops, lengths = self._chosen(active)
+    def _closure_bias(self, active: Active) -> Array:
+        loops, _ = self._chosen(active)
         if len(loops) == 1:
-            bias = loops[0].bias(model, data) if with_motion else _NOTHING
-            return loops[0].residual(data), loops[0].jacobian(model, data), bias, lengths
+            return loops[0].bias(self.model, self.data)
         if not loops:
-            return _NOTHING, np.zeros((0, self.nv)), _NOTHING, lengths
-        residual = np.concatenate([loop.residual(data) for loop in loops])
-        jacobian = np.vstack([loop.jacobian(model, data) for loop in loops])
-        if not with_motion:
-            return residual, jacobian, _NOTHING, lengths
-        bias = np.concatenate([loop.bias(model, data) for loop in loops])
-        return residual, jacobian, bias, lengths
+            return _NOTHING
+        return np.concatenate([loop.bias(self.model, self.data) for loop in loops])
 
     def _chosen(self, active: Active) -> tuple[list[LoopClosure], Array]:
         """Return the active closures and their row units; found once per set of closures."""

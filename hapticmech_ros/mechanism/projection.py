@@ -5,10 +5,12 @@ q ← q ⊖ D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ φ,      v ← v - D⁻¹Wᵀ(W D⁻¹W�
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism.mechanism import Active, Mechanism
+from hapticmech_ros.mechanism.mechanism import Active, Closing, Mechanism
 from hapticmech_ros.mechanism.model import Array
 
 # The loop stops once φ is this fraction of the mechanism's length (rad for axes)...
@@ -18,17 +20,27 @@ PROJECTION_FAILURE = 1e-6
 PROJECTION_ITERATIONS = 10
 
 
-def project(mechanism: Mechanism, q: Array, v: Array, active: Active) -> tuple[Array, Array, float]:
-    """Return (q, v) on the active closures and the largest residual left (m or rad).
+class Projected(NamedTuple):
+    """A state on the closures, the largest residual left (m or rad), and the terms found there."""
+
+    q: Array
+    v: Array
+    error: float
+    closing: Closing
+
+
+def project(mechanism: Mechanism, q: Array, v: Array, active: Active) -> Projected:
+    """Return (q, v) on the active closures.
 
     Raises:
         ClosureError: the residual stays above 1e-6 of the mechanism's length.
     """
     tolerance = PROJECTION_TOLERANCE * mechanism.length
     for _ in range(PROJECTION_ITERATIONS):
-        residual, space = mechanism.closing_terms(q, active)
+        closing = mechanism.closing_terms(q, active)
+        residual, space = closing.residual, closing.space
         if not residual.size:
-            return q, v, 0.0
+            return Projected(q, v, 0.0, closing)
         worst = float(np.abs(residual).max())
         if worst <= tolerance:
             break
@@ -38,4 +50,4 @@ def project(mechanism: Mechanism, q: Array, v: Array, active: Active) -> tuple[A
             names = mechanism.names_of(active)
             raise ClosureError("a closed loop came apart", worst, names)
     rate = space.without_closure_part(space.factor.T @ v)
-    return q, space.from_mass_metric(rate), worst
+    return Projected(q, space.from_mass_metric(rate), worst, closing)

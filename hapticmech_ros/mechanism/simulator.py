@@ -11,7 +11,7 @@ import numpy as np
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.integrator import INTEGRATORS, Rates
-from hapticmech_ros.mechanism.mechanism import Active, Evaluation, Mechanism
+from hapticmech_ros.mechanism.mechanism import Active, Closing, Evaluation, Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene.document import Scene
@@ -58,6 +58,7 @@ class Simulator:
         self.period = scene.simulation.period
         self._integrate = INTEGRATORS[scene.simulation.integrator]
         self._evaluated: tuple[MechanismState, Evaluation] | None = None
+        self._projected: tuple[MechanismState, Closing] | None = None
         self._can_latch = [
             index for index, loop in enumerate(self.mechanism.closures) if loop.latch_distance
         ]
@@ -70,14 +71,17 @@ class Simulator:
         """
         q, v = consistent_initial_state(self.mechanism)
         active = self.mechanism.initially_active
-        residual, _ = self.mechanism.closing_terms(q, active)
+        residual = self.mechanism.closing_terms(q, active).residual
         error = float(np.abs(residual).max()) if residual.size else 0.0
         return MechanismState(0.0, _frozen(q), _frozen(v), active, error)
 
     def evaluate(self, state: MechanismState) -> Evaluation:
         """Return every term of Eq. 1 at ``state``; asked twice for the same, it remembers."""
         if self._evaluated is None or self._evaluated[0] is not state:
-            self._evaluated = state, self.mechanism.evaluate(state.q, state.v, state.active)
+            known = self._projected
+            closing = known[1] if known is not None and known[0] is state else None
+            terms = self.mechanism.evaluate(state.q, state.v, state.active, closing)
+            self._evaluated = state, terms
         return self._evaluated[1]
 
     def step(self, state: MechanismState, wrenches: Array) -> MechanismState:
@@ -109,7 +113,7 @@ class Simulator:
         advance = self._integrate(self.mechanism.model, motion, state.q, state.v, self.period)
         if not (np.isfinite(advance.q).all() and math.isfinite(advance.v @ advance.v)):
             raise InvalidInputError("mechanism state", advance.q.tolist(), "must stay finite")
-        q, v, error = project(self.mechanism, advance.q, advance.v, active)
+        q, v, error, closing = project(self.mechanism, advance.q, advance.v, active)
         account = EnergyAccount(
             state.account.work_in + advance.work_in,
             state.account.damping_loss + advance.energy_lost,
@@ -118,6 +122,7 @@ class Simulator:
         stepped = MechanismState(
             state.time + self.period, _frozen(q), _frozen(v), active, error, account
         )
+        self._projected = stepped, closing
         return self._latch(stepped)
 
     def switch(self, state: MechanismState, closures: Mapping[str, bool]) -> MechanismState:
@@ -150,7 +155,7 @@ class Simulator:
 
     def _activated(self, state: MechanismState, active: Active) -> MechanismState:
         before = sum(self.mechanism.energy(state.q, state.v))
-        q, v, error = project(self.mechanism, state.q, state.v, active)
+        q, v, error, _ = project(self.mechanism, state.q, state.v, active)
         after = sum(self.mechanism.energy(q, v))
         account = replace(state.account, latch_loss=state.account.latch_loss + before - after)
         return replace(

@@ -72,7 +72,7 @@ class Analyser:
         jacobian = point.jacobian if self.rows.size == 6 else point.jacobian[self.rows]
         perception = self.mechanism.scene.perception
         root_matrix = root(terms.space, jacobian)
-        found = spectrum(root_matrix, self.metric.factor(point.pose.rotation, self.rows))
+        found = spectrum(root_matrix, *self.metric.factors(point.pose.rotation))
         weights = rigidity(found.s, perception.s_on, perception.s_off)
         free_rates, _ = terms.acceleration(np.zeros(self.mechanism.nv))
         return OperationalAnalysis(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg.blas import dtrsm
 
 from hapticmech_ros.mechanism.constraint_space import cholesky_of_upper
 from hapticmech_ros.mechanism.model import Array, se3
@@ -18,32 +19,46 @@ from hapticmech_ros.scene.rules import inertia_matrix
 
 
 class TaskMetric:
-    """I_ℓ of one operational point; constant in the point's own axes.
+    """I_ℓ of one operational point; constant in the axes of the link, so factored once.
 
     Attributes:
         mass: reference mass m_ℓ in kg: of the link, or of the point's ``metric``.
     """
 
     def __init__(self, scene: Scene, point: OperationalPoint) -> None:
-        self._body_inertia = _inertia_at_point(scene, point)
-        self.mass = float(self._body_inertia[0, 0])
+        inertia = _inertia_at_point(scene, point)
+        self.mass = float(inertia[0, 0])
+        self._planar = scene.task_space == "planar"
+        if self._planar:
+            inertia = planar_block(inertia)
+        self._factor = cholesky_of_upper(inertia)
+        self._dual_factor = np.asarray(
+            dtrsm(1.0, self._factor, np.eye(inertia.shape[0]), lower=1, trans_a=1)
+        )
+        self._point_to_link = se3(point.origin).rotation.T
 
-    def inertia(self, rotation: Array) -> Array:
-        """Return I_ℓ (6, 6) in world axes for the point's orientation (3, 3); kg, kg m, kg m²."""
-        turn = np.zeros((6, 6))
-        turn[:3, :3] = turn[3:, 3:] = rotation
-        return np.asarray(turn @ self._body_inertia @ turn.T)
+    def factors(self, rotation: Array) -> tuple[Array, Array]:
+        """Return G (t, t) with I_ℓ = G Gᵀ, and G⁻ᵀ, on the task's rows and in world axes.
 
-    def factor(self, rotation: Array, rows: Array) -> Array:
-        """Return lower G (t, t) with I_ℓ = G Gᵀ on the task's rows, world axes."""
-        inertia = self.inertia(rotation)
-        return cholesky_of_upper(inertia if rows.size == 6 else planar_block(inertia))
+        Args:
+            rotation: (3, 3) orientation of the operational point.
+        """
+        link = rotation @ self._point_to_link
+        if self._planar:
+            turn = np.eye(3)
+            turn[:2, :2] = link[:2, :2]
+        else:
+            turn = np.zeros((6, 6))
+            turn[:3, :3] = turn[3:, 3:] = link
+        return turn @ self._factor, turn @ self._dual_factor
 
 
 def _inertia_at_point(scene: Scene, point: OperationalPoint) -> Array:
+    """Return I_ℓ (6, 6) at the point, in the axes of its link."""
     if point.metric is not None:
         mass, length = point.metric.mass, point.metric.length
         return np.diag([mass] * 3 + [mass * length**2] * 3)
     inertial = next(link.inertial for link in scene.links if link.name == point.link)
     body = pin.Inertia(inertial.mass, np.array(inertial.com), inertia_matrix(inertial.inertia))
-    return np.asarray(body.se3ActionInverse(se3(point.origin)).matrix())
+    at_point = pin.SE3(np.eye(3), np.array(point.origin.xyz))
+    return np.asarray(body.se3ActionInverse(at_point).matrix())

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dgesdd
 
 from hapticmech_ros.errors import HapticMechError
@@ -50,8 +49,14 @@ class Spectrum:
         return self.wrenches[:, self.rank :]
 
 
-def spectrum(root_matrix: Array, metric_factor: Array) -> Spectrum:
-    """Return the spectrum of S (nv, t) in the metric I_ℓ = G Gᵀ with G (t, t) lower."""
+def spectrum(root_matrix: Array, metric_factor: Array, dual_factor: Array) -> Spectrum:
+    """Return the spectrum of S (nv, t) in the metric I_ℓ = G Gᵀ.
+
+    Args:
+        root_matrix: (nv, t) S.
+        metric_factor: (t, t) G.
+        dual_factor: (t, t) G⁻ᵀ.
+    """
     size = metric_factor.shape[0]
     _, values, right, info = dgesdd(root_matrix @ metric_factor, full_matrices=1)
     if info != 0:
@@ -59,5 +64,4 @@ def spectrum(root_matrix: Array, metric_factor: Array) -> Spectrum:
     s = np.zeros(size)
     s[: values.size] = values[:size]
     vectors = right.T
-    duals = np.asarray(dtrsm(1.0, metric_factor, vectors, lower=1, trans_a=1))
-    return Spectrum(s, metric_factor @ vectors, duals)
+    return Spectrum(s, metric_factor @ vectors, dual_factor @ vectors)

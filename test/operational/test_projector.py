@@ -23,7 +23,7 @@ def random_spectrum(seed, s):
     root = rng.normal(size=(size, size))
     g = np.linalg.cholesky(root @ root.T + 0.3 * np.eye(size))
     left, right = (np.linalg.qr(rng.normal(size=(size, size)))[0] for _ in range(2))
-    return g, spectrum(left @ np.diag(s) @ right.T @ np.linalg.inv(g), g)
+    return g, spectrum(left @ np.diag(s) @ right.T @ np.linalg.inv(g), g, np.linalg.inv(g).T)
 
 
 def test_weight_is_one_below_zero_above_and_falls_between():
