@@ -10,13 +10,16 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.topics import DIAGNOSTICS, Topic
 
 M = TypeVar("M")
@@ -97,6 +100,18 @@ class HapticNode(Node):
         accept: Callable[[M, int], None],
     ) -> None:
         """Subscribe; what ``accept(message, now_ns)`` refuses with InvalidInputError is counted."""
+        self.create_subscription(message_type, name, self._guarded(name, accept), qos)
+
+    def input_array(self, name: str, qos: QoSProfile, accept: Callable[[Array, int], None]) -> None:
+        """Subscribe to a Float64MultiArray's data, read from the bytes on the wire."""
+
+        def read(message: bytes, now_ns: int) -> None:
+            accept(decode(message), now_ns)
+
+        guarded = self._guarded(name, read)
+        self.create_subscription(Float64MultiArray, name, guarded, qos, raw=True)
+
+    def _guarded(self, name: str, accept: Callable[[M, int], None]) -> Callable[[M], None]:
 
         def callback(message: M) -> None:
             now = self.now_ns()
@@ -105,7 +120,7 @@ class HapticNode(Node):
             except InvalidInputError as error:
                 self._refuse(name, error, now)
 
-        self.create_subscription(message_type, name, callback, qos)
+        return callback
 
     def now_ns(self) -> int:
         """Return the node's time, ns."""

@@ -19,9 +19,7 @@ from hapticmech_ros.nodes.base import NANOSECONDS, ClockedNode
 from hapticmech_ros.nodes.inputs import ExpiringWrench, Latest
 from hapticmech_ros.nodes.messages import (
     checked_stamp,
-    fields_message,
     read_wrench,
-    write_array,
     write_pose,
     write_twist,
     write_wrench,
@@ -29,6 +27,7 @@ from hapticmech_ros.nodes.messages import (
 from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, CONTROL_SUBSCRIBER
 from hapticmech_ros.nodes.statistics import DurationHistogram
+from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, pack_device
 from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,
@@ -78,7 +77,7 @@ class HapticDeviceNode(ClockedNode):
         self.latency = DurationHistogram()
         self._pose, self._twist, self._force = PoseStamped(), TwistStamped(), WrenchStamped()
         self._ticks = 0
-        self._wire: Float64MultiArray = fields_message(DEVICE_FIELDS)
+        self._wire = FlatArray(DEVICE_FIELDS)
         self._publish_wire = self.output(DEVICE_STATE, Float64MultiArray)
         self._publish_force = self.output(DEVICE_FORCE, WrenchStamped)
         self._publish_twist = self.output(DEVICE_TWIST, TwistStamped)
@@ -98,8 +97,7 @@ class HapticDeviceNode(ClockedNode):
             self._ticks_held += self._held is not None
         state = self._state
         measured = DeviceMeasurement(state.measured_pose, state.measured_twist, self._hand_wrench())
-        write_array(self._wire, pack_device(deadline_ns, measured))
-        self._publish_wire.publish(self._wire)
+        self._publish_wire.publish(self._wire.encode(pack_device(deadline_ns, measured)))
         if self._ticks % self.view_every == 0:
             self._publish_view(measured, deadline_ns)
         self._ticks += 1

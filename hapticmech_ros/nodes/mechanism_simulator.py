@@ -17,10 +17,8 @@ from hapticmech_ros.nodes.base import NANOSECONDS, ClockedNode
 from hapticmech_ros.nodes.inputs import ExpiringWrench
 from hapticmech_ros.nodes.messages import (
     checked_stamp,
-    fields_message,
     read_wrench,
     set_stamp,
-    write_array,
     write_pose,
     write_twist,
     write_wrench,
@@ -32,6 +30,7 @@ from hapticmech_ros.nodes.qos import (
     LATCHED,
     STREAM_PUBLISHER,
 )
+from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, Energy, pack_energy
 from hapticmech_ros.wire.state import StateLayout, WireState
@@ -87,8 +86,8 @@ class MechanismSimulatorNode(ClockedNode):
         self._pose, self._twist, self._wrench = PoseStamped(), TwistStamped(), WrenchStamped()
         self._joints = JointState(name=list(coordinate_names(self._simulator.mechanism)))
         self._layout = StateLayout(self._simulator.mechanism)
-        self._wire: Float64MultiArray = fields_message(self._layout.fields)
-        self._energy: Float64MultiArray = fields_message(ENERGY_FIELDS)
+        self._wire = FlatArray(self._layout.fields)
+        self._energy = FlatArray(ENERGY_FIELDS)
         self._publish_wire = self.output(STATE, Float64MultiArray)
         self._publish_joints = self.output(JOINT_STATES, JointState)
         self._publish_energy = self.output(ENERGY, Float64MultiArray)
@@ -117,8 +116,7 @@ class MechanismSimulatorNode(ClockedNode):
             self._announce_closures()
         state = self._state
         wire = WireState(deadline_ns, state.active, state.q, state.v, external)
-        write_array(self._wire, self._layout.pack(wire))
-        self._publish_wire.publish(self._wire)
+        self._publish_wire.publish(self._wire.encode(self._layout.pack(wire)))
         if self._ticks % self.view_every == 0:
             self._publish_view(terms, external, deadline_ns)
         self._ticks += 1
@@ -149,8 +147,7 @@ class MechanismSimulatorNode(ClockedNode):
         self._joints.position = self._layout.coordinates(self._state.q).tolist()
         self._joints.velocity = self._state.v.tolist()
         self._publish_joints.publish(self._joints)
-        write_array(self._energy, pack_energy(self._energies(time_ns)))
-        self._publish_energy.publish(self._energy)
+        self._publish_energy.publish(self._energy.encode(pack_energy(self._energies(time_ns))))
 
     def _energies(self, time_ns: int) -> Energy:
         state = self._state

@@ -6,7 +6,6 @@ Reading raises :class:`InvalidInputError` naming value and rule; writing fills a
 from __future__ import annotations
 
 import array
-from collections.abc import Mapping
 
 import numpy as np
 import pinocchio as pin
@@ -128,15 +127,6 @@ def matrix_message(row_label: str, column_label: str, rows: int, columns: int) -
         MultiArrayDimension(label=row_label, size=rows, stride=rows * columns),
         MultiArrayDimension(label=column_label, size=columns, stride=columns),
     ]
-    return message
-
-
-def fields_message(fields: Mapping[str, int]) -> Float64MultiArray:
-    """Return an empty message whose layout names the fields of one flat array, in order."""
-    message = Float64MultiArray()
-    total = sum(fields.values())
-    label = ",".join(f"{name}:{size}" for name, size in fields.items())
-    message.layout.dim = [MultiArrayDimension(label=label, size=total, stride=total)]
     return message
 
 

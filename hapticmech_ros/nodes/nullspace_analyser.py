@@ -8,12 +8,14 @@ from std_msgs.msg import Float64MultiArray, UInt8
 
 from hapticmech_ros.control import PointMeasurement
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.base import NANOSECONDS, HapticNode
-from hapticmech_ros.nodes.messages import check_age, fields_message, matrix_message, write_array
+from hapticmech_ros.nodes.messages import check_age, matrix_message, write_array
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.counter import CountState, first_count, next_count
 from hapticmech_ros.session import rendering_model
+from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import RENDERING_FIELDS, Rendering, pack_rendering
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import (
@@ -42,7 +44,7 @@ class NullspaceAnalyserNode(HapticNode):
         self._last_ns = 0
         self._first_ns = 0
         self.analyses = 0
-        self._rendering = fields_message(RENDERING_FIELDS)
+        self._rendering = FlatArray(RENDERING_FIELDS)
         self._square = matrix_message("row", "column", 6, 6)
         self._publish_rendering = self.output(RENDERING, Float64MultiArray)
         self._publish_inertia = self.output(INVERSE_INERTIA, Float64MultiArray)
@@ -50,7 +52,7 @@ class NullspaceAnalyserNode(HapticNode):
         self._publish_wrenches = self.output(CONSTRAINT_WRENCHES, Float64MultiArray)
         self._publish_spectrum = self.output(SPECTRUM, Float64MultiArray)
         self._publish_count = self.output(COUNT, UInt8)
-        self.input(STATE.name, Float64MultiArray, CONTROL_SUBSCRIBER, self._on_state)
+        self.input_array(STATE.name, CONTROL_SUBSCRIBER, self._on_state)
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return what was analysed and how often."""
@@ -62,8 +64,8 @@ class NullspaceAnalyserNode(HapticNode):
         figures = {"analyses": str(self.analyses), "achieved_rate_hz": f"{rate:.1f}"}
         return fresh, sentence, figures
 
-    def _on_state(self, message: Float64MultiArray, now_ns: int) -> None:
-        state = self._layout.unpack(message.data)
+    def _on_state(self, values: Array, now_ns: int) -> None:
+        state = self._layout.unpack(values)
         check_age(state.stamp_ns, now_ns, self.age_limit_ns)
         self.ages.add(now_ns - state.stamp_ns)
         terms = self._mechanism.evaluate(state.q, state.v, state.active)
@@ -75,8 +77,7 @@ class NullspaceAnalyserNode(HapticNode):
         rendering = Rendering(
             state.stamp_ns, count, found.spectrum.s, rendering_model(found), measured
         )
-        write_array(self._rendering, pack_rendering(rendering))
-        self._publish_rendering.publish(self._rendering)
+        self._publish_rendering.publish(self._rendering.encode(pack_rendering(rendering)))
         if self.analyses % self.view_every == 0:
             self._publish_view(found, count)
         self.analyses += 1

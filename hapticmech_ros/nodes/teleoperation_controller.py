@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
-from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.control import (
     ControlArchitecture,
@@ -76,10 +75,10 @@ class TeleoperationControllerNode(HapticNode):
             for topic in (IMPEDANCE_PART, CONSTRAINT_PART, CHANNEL_PART)
         ]
         qos = CONTROL_SUBSCRIBER
-        self.input(DEVICE_STATE.name, Float64MultiArray, qos, self._on_device_state)
+        self.input_array(DEVICE_STATE.name, qos, self._on_device_state)
         self.input(DEVICE_FORCE.name, WrenchStamped, qos, self._on_force)
         self.input(DEVICE_TWIST.name, TwistStamped, qos, self._on_twist)
-        self.input(RENDERING.of(self.point), Float64MultiArray, qos, self._on_rendering)
+        self.input_array(RENDERING.of(self.point), qos, self._on_rendering)
         self.input(DEVICE_POSE.name, PoseStamped, qos, self._on_device_pose)
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
@@ -98,8 +97,8 @@ class TeleoperationControllerNode(HapticNode):
         figures = {"answers": str(self._answers), "engagements": str(self.engagements)}
         return engaged, sentence, figures
 
-    def _on_device_state(self, message: Float64MultiArray, now_ns: int) -> None:
-        stamp, device = unpack_device(message.data)
+    def _on_device_state(self, values: Array, now_ns: int) -> None:
+        stamp, device = unpack_device(values)
         check_age(stamp, now_ns, self.age_limit_ns)
         self._state_ns = now_ns
         self._answer(device, stamp, now_ns)
@@ -178,8 +177,8 @@ class TeleoperationControllerNode(HapticNode):
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
         self._twist.put(read_twist(message), stamp)
 
-    def _on_rendering(self, message: Float64MultiArray, now_ns: int) -> None:
-        found = unpack_rendering(message.data)
+    def _on_rendering(self, values: Array, now_ns: int) -> None:
+        found = unpack_rendering(values)
         check_age(found.stamp_ns, now_ns, self.age_limit_ns)
         self._rendering.put(found, found.stamp_ns)
         self.ages.add(now_ns - found.stamp_ns)

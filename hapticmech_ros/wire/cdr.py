@@ -1,0 +1,74 @@
+"""Float64MultiArray as bytes on the wire (XCDR1), for the messages of the control rate.
+
+Written and read without building the message's Python objects, which cost more than the physics in
+between. What is written is an ordinary message, with one labelled dimension; what is read may have
+any layout.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+
+import numpy as np
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.model import Array
+
+_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+_HEADER = len(_LITTLE_ENDIAN)
+
+
+class FlatArray:
+    """Messages that carry one flat array of named fields.
+
+    Args:
+        fields: name -> size, in order; becomes the label of the message's one dimension.
+    """
+
+    def __init__(self, fields: Mapping[str, int]) -> None:
+        self.size = sum(fields.values())
+        label = ",".join(f"{name}:{size}" for name, size in fields.items()).encode() + b"\0"
+        body = struct.pack("<II", 1, len(label)) + label
+        body += b"\0" * (-len(body) % 4)
+        # size and stride of the dimension, offset of the data, length of the data
+        body += struct.pack("<IIII", self.size, self.size, 0, self.size)
+        body += b"\0" * (-len(body) % 8)
+        self._prefix = _LITTLE_ENDIAN + body
+
+    def encode(self, values: Array) -> bytes:
+        """Return the serialized message.
+
+        Raises:
+            InvalidInputError: not ``size`` numbers.
+        """
+        if values.shape != (self.size,):
+            raise InvalidInputError("array", values.shape, f"must have shape ({self.size},)")
+        return self._prefix + np.ascontiguousarray(values, dtype="<f8").tobytes()
+
+
+def decode(message: bytes) -> Array:
+    """Return the data of a serialized Float64MultiArray, read-only.
+
+    Raises:
+        InvalidInputError: cut short, or not such a message.
+    """
+    if message[:2] != _LITTLE_ENDIAN[:2]:
+        raise InvalidInputError("encapsulation", message[:2], "must be little-endian CDR")
+    try:
+        at = _HEADER
+        (dimensions,) = struct.unpack_from("<I", message, at)
+        at += 4
+        for _ in range(dimensions):
+            at += -(at - _HEADER) % 4
+            (length,) = struct.unpack_from("<I", message, at)
+            at += 4 + length
+            at += -(at - _HEADER) % 4 + 8
+        _, count = struct.unpack_from("<II", message, at)
+        at += 8
+        if count:
+            at += -(at - _HEADER) % 8
+        return np.frombuffer(message, dtype="<f8", count=count, offset=at)
+    except (struct.error, ValueError) as error:
+        rule = "must be a whole Float64MultiArray"
+        raise InvalidInputError("message", f"{len(message)} bytes: {error}", rule) from None
