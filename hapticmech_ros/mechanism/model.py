@@ -1,18 +1,20 @@
 """The tree of a scene as a Pinocchio model (loops cut open), and the frames the scene names in it.
 
-Pinocchio's joint order is the order of the scene's links (parents come first by rule), with fixed
-links merged into the joint that carries them.
+Joints are in depth-first order, whatever the order of the scene's links: Pinocchio's algorithms
+take it for granted that a subtree's joints follow each other, and give a wrong D where they do not.
+Fixed links are merged into the joint that carries them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.errors import SceneError, SceneProblem
-from hapticmech_ros.scene.document import Joint, Origin, Scene
+from hapticmech_ros.scene.document import Joint, Link, Origin, Scene
 from hapticmech_ros.scene.rules import POSITION_SIZE, UNIT_PART, VELOCITY_SIZE, inertia_matrix
 
 Array = np.ndarray
@@ -62,7 +64,7 @@ def build_tree(scene: Scene) -> TreeModel:
     names: list[str] = []
     types: list[str] = []
     damping: list[float] = []
-    for link in scene.links:
+    for link in _depth_first(scene):
         parent_joint, parent_placement = link_joint[link.parent]
         placement = parent_placement * se3(link.joint.origin)
         if link.joint.type == "fixed":
@@ -84,6 +86,18 @@ def build_tree(scene: Scene) -> TreeModel:
         )
         model.appendBodyToJoint(joint, body, body_placement)
     return TreeModel(model, tuple(names), tuple(types), link_joint, np.array(damping))
+
+
+def _depth_first(scene: Scene) -> Iterator[Link]:
+    """Yield the links parents first and each subtree whole, siblings in the scene's order."""
+    children: dict[str, list[Link]] = {"world": []}
+    for link in scene.links:
+        children.setdefault(link.parent, []).append(link)
+    waiting = children["world"][::-1]
+    while waiting:
+        link = waiting.pop()
+        yield link
+        waiting += children.get(link.name, [])[::-1]
 
 
 def authored_state(scene: Scene, tree: TreeModel) -> tuple[Array, Array]:
