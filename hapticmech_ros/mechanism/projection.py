@@ -13,8 +13,12 @@ from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.mechanism import Active, Closing, Mechanism
 from hapticmech_ros.mechanism.model import Array
 
-# The loop stops once φ is this fraction of the mechanism's length (rad for axes)...
-PROJECTION_TOLERANCE = 1e-11
+# The loop stops once φ is this fraction of the mechanism's length (rad for axes): next to rounding,
+# since close to a singular position, at a relative singular value σ, an error of φ turns the free
+# velocities by φ/σ². On the N-four-bar 1e-11 cost five digits.
+PROJECTION_TOLERANCE = 1e-14
+# It also stops where φ is this small and halves no more: rounding, far from the world's origin...
+ROUNDING_TOLERANCE = 1e-11
 # ...and a loop that is still open by this fraction after all iterations has come apart.
 PROJECTION_FAILURE = 1e-6
 PROJECTION_ITERATIONS = 10
@@ -36,14 +40,17 @@ def project(mechanism: Mechanism, q: Array, v: Array, active: Active) -> Project
         ClosureError: the residual stays above 1e-6 of the mechanism's length.
     """
     tolerance = PROJECTION_TOLERANCE * mechanism.length
+    rounding = ROUNDING_TOLERANCE * mechanism.length
+    before = np.inf
     for _ in range(PROJECTION_ITERATIONS):
         closing = mechanism.closing_terms(q, active)
         residual, space = closing.residual, closing.space
         if not residual.size:
             return Projected(q, v, 0.0, closing)
         worst = float(np.abs(residual).max())
-        if worst <= tolerance:
+        if worst <= tolerance or (worst <= rounding and worst > 0.5 * before):
             break
+        before = worst
         q = mechanism.integrate(q, -space.correction(residual))
     else:
         if not worst <= PROJECTION_FAILURE * mechanism.length:
