@@ -47,6 +47,10 @@ class ExpiringWrench:
         """Take a new command (6,)."""
         self._latest.put(wrench, now_ns)
 
+    def heard(self, now_ns: int) -> bool:
+        """Return whether a command came within the timeout."""
+        return self._latest.fresh(now_ns, self.timeout_ns)
+
     def at(self, now_ns: int) -> Array:
         """Return the wrench (6,) that stands at ``now_ns``."""
         wrench = self._latest.value

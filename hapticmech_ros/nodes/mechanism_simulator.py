@@ -115,7 +115,8 @@ class MechanismSimulatorNode(ClockedNode):
         if self._state.active != active:
             self._announce_closures()
         state = self._state
-        wire = WireState(deadline_ns, state.active, state.q, state.v, external)
+        commanded = tuple(port.command.heard(deadline_ns) for port in self._ports)
+        wire = WireState(deadline_ns, state.active, state.q, state.v, external, commanded)
         self._publish_wire.publish(self._wire.encode(self._layout.pack(wire)))
         if self._ticks % self.view_every == 0:
             self._publish_view(terms, external, deadline_ns)

@@ -75,7 +75,12 @@ class NullspaceAnalyserNode(HapticNode):
         point = terms.points[index]
         measured = PointMeasurement(point.pose, point.twist, state.contacts[index])
         rendering = Rendering(
-            state.stamp_ns, count, found.spectrum.s, rendering_model(found), measured
+            state.stamp_ns,
+            count,
+            found.spectrum.s,
+            rendering_model(found),
+            measured,
+            state.commanded[index],
         )
         self._publish_rendering.publish(self._rendering.encode(pack_rendering(rendering)))
         if self.analyses % self.view_every == 0:

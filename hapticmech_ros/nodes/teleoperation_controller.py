@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 
 from hapticmech_ros.control import (
@@ -48,8 +49,8 @@ PREDICTION_LIMIT_S = 0.005
 class TeleoperationControllerNode(HapticNode):
     """Runs a :class:`ControlArchitecture` on every sample of the device.
 
-    While any input is missing or stale it is disengaged and sends nothing, so that device and
-    mechanism let their commands run out; when all are back it engages anew, without a jump.
+    While an input is missing or stale, or the mechanism does not hear it, it is disengaged and
+    sends the device nothing, so that commands run out; then it engages anew, without a jump.
     """
 
     def __init__(self) -> None:
@@ -130,6 +131,12 @@ class TeleoperationControllerNode(HapticNode):
             return
         if gap > self.timeout_ns:
             self._disengage([DEVICE_STATE.name])
+        if not rendering.commanded:
+            # The mechanism does not hear us (yet): the device is left alone until it does.
+            self._disengage([POINT_COMMAND.of(self.point) + " at the mechanism"])
+            write_wrench(self._message, np.zeros(6), stamp)
+            self._publish_point.publish(self._message)
+            return
         ahead = (stamp - rendering.stamp_ns) / NANOSECONDS
         ahead = min(max(ahead, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
         seen = rendering.point

@@ -32,6 +32,7 @@ RENDERING_FIELDS: dict[str, int] = {
     "quaternion": 4,
     "twist": 6,
     "contact": 6,
+    "commanded": 1,
 }
 DEVICE_FIELDS: dict[str, int] = {
     "stamp": 2,
@@ -61,6 +62,7 @@ class Rendering:
         s: (t,) sqrt(μ), descending.
         model: what the controllers use of the analysis.
         point: the operational point's pose, twist and contact wrench at the same time.
+        commanded: whether the mechanism heard the controller's commands then.
     """
 
     stamp_ns: int
@@ -68,6 +70,7 @@ class Rendering:
     s: Array
     model: RenderingModel
     point: PointMeasurement
+    commanded: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +118,7 @@ def unpack_device(data: object) -> tuple[int, DeviceMeasurement]:
 
 
 def pack_rendering(rendering: Rendering) -> Array:
-    """Return the message's data (143,)."""
+    """Return the message's data (144,)."""
     s = np.zeros(6)
     s[: rendering.s.size] = rendering.s
     model, point = rendering.model, rendering.point
@@ -132,6 +135,7 @@ def pack_rendering(rendering: Rendering) -> Array:
             pin.Quaternion(point.pose.rotation).coeffs(),
             point.twist,
             point.contact_wrench,
+            (rendering.commanded,),
         )
     )
 
@@ -151,6 +155,7 @@ def unpack_rendering(data: object) -> Rendering:
         values[4 : 4 + int(values[3])],
         RenderingModel(matrices[0], matrices[1], matrices[2], values[118:124]),
         PointMeasurement(pose, values[131:137], values[137:143]),
+        bool(values[143]),
     )
 
 

@@ -29,6 +29,7 @@ class WireState:
         q: (nq,) configuration.
         v: (nv,) rates.
         contacts: (points, 6) wrench by the environment on the mechanism at each operational point.
+        commanded: per operational point, whether commands for it are heard.
     """
 
     stamp_ns: int
@@ -36,6 +37,7 @@ class WireState:
     q: Array
     v: Array
     contacts: Array
+    commanded: tuple[bool, ...]
 
 
 class StateLayout:
@@ -57,6 +59,7 @@ class StateLayout:
             "/".join(["position", *names]): mechanism.nv,
             "/".join(["velocity", *names]): mechanism.nv,
             "/".join(["contact", *mechanism.point_names]): 6 * self._points,
+            "/".join(["commanded", *mechanism.point_names]): self._points,
         }
         self._size = sum(self.fields.values())
 
@@ -69,6 +72,7 @@ class StateLayout:
                 self.coordinates(state.q),
                 state.v,
                 state.contacts.ravel(),
+                state.commanded,
             )
         )
 
@@ -80,17 +84,18 @@ class StateLayout:
         """
         values = checked_values("state", data, self._size)
         nv, first = self._mechanism.nv, 2 + self._closures
-        flags = values[2:first]
+        flags = np.concatenate((values[2:first], values[-self._points :]))
         if not np.isin(flags, (0.0, 1.0)).all():
-            raise InvalidInputError("flags of closures", flags.tolist(), "must be 0 or 1")
+            raise InvalidInputError("flags", flags.tolist(), "must be 0 or 1")
         coordinates = values[first : first + nv]
         q = pin.integrate(self._mechanism.model, self._neutral, coordinates)
         return WireState(
             int(values[0]) * NANOSECONDS + int(values[1]),
-            tuple(bool(flag) for flag in flags),
+            tuple(bool(flag) for flag in flags[: self._closures]),
             np.asarray(q),
             values[first + nv : first + 2 * nv],
-            values[first + 2 * nv :].reshape(self._points, 6),
+            values[first + 2 * nv : -self._points].reshape(self._points, 6),
+            tuple(bool(flag) for flag in flags[self._closures :]),
         )
 
     def coordinates(self, q: Array) -> Array:

@@ -124,6 +124,7 @@ def _messages(scene: Scene, samples: list[tuple[Sample, tuple[float, float]]]) -
             sample.analysis.spectrum.s,
             rendering_model(sample.analysis),
             PointMeasurement(sample.point.pose, sample.point.twist, sample.external_wrench),
+            True,
         )
         yield "analysis/handle/rendering", arrays, t, array(pack_rendering(rendering))
         if index % VIEW_EVERY == 0:

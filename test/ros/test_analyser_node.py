@@ -19,7 +19,7 @@ def _state(
     peer: Peer, q: np.ndarray, v: np.ndarray, closed: bool = True, late_s: float = 0.0
 ) -> Float64MultiArray:
     now = peer.node.get_clock().now().nanoseconds - round(late_s * 1e9)
-    state = WireState(now, (closed,), q, v, CONTACT)
+    state = WireState(now, (closed,), q, v, CONTACT, (True,))
     message = Float64MultiArray()
     write_array(message, StateLayout(Mechanism(load_scene("five_bar"))).pack(state))
     return message

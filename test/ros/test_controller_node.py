@@ -26,6 +26,7 @@ class World:
     def __init__(self, peer: Peer, device: str = "device", packed: bool = False) -> None:
         self.peer = peer
         self.packed = packed
+        self.commanded = True
         self.sample = Session(SCENE).tick()
         self.model = rendering_model(self.sample.analysis)
         self.pose = self.sample.point.pose
@@ -46,7 +47,9 @@ class World:
             message = Float64MultiArray()
             s = self.sample.analysis.spectrum.s
             point = PointMeasurement(self.pose, np.zeros(6), np.zeros(6))
-            write_array(message, pack_rendering(Rendering(now, 1, s, self.model, point)))
+            write_array(
+                message, pack_rendering(Rendering(now, 1, s, self.model, point, self.commanded))
+            )
             self.rendering.publish(message)
         moved = pin.SE3(self.pose.rotation, self.pose.translation + np.array([0.0, offset, 0.0]))
         if self.packed:
@@ -147,6 +150,34 @@ def test_falls_silent_without_the_mechanism_and_comes_back_without_a_jump(
     assert np.abs(np.array(six(world.commands[-1])) - still.device).max() < 1e-9
 
 
+def test_leaves_the_device_alone_until_the_mechanism_hears_it(domain: int, peer: Peer) -> None:
+    with running("teleoperation_controller", domain):
+        world = World(peer)
+        world.commanded = False
+
+        def answered() -> bool:
+            world.send()
+            return len(world.to_mechanism) > 20
+
+        peer.until(answered, "commands to the mechanism")
+        assert all(six(message) == [0.0] * 6 for message in world.to_mechanism)
+        assert not world.commands
+        world.commanded = True
+
+        def engaged() -> bool:
+            world.send()
+            return len(world.commands) > 20
+
+        peer.until(engaged, "commands to the device")
+        world.commanded = False
+        for _ in range(5):
+            world.send()
+        seen = len(world.commands)
+        for _ in range(10):
+            world.send()
+        assert len(world.commands) == seen
+
+
 def test_bad_measurements_are_refused(domain: int, peer: Peer) -> None:
     statuses = peer.statuses()
     with running("teleoperation_controller", domain, diagnostics_period=0.02) as process:
@@ -157,7 +188,7 @@ def test_bad_measurements_are_refused(domain: int, peer: Peer) -> None:
         unknown.header.frame_id = "tool0"
         for bad in (peer.pose(math.nan), peer.pose(w=0.5), stale, unknown, PoseStamped()):
             refuses(peer, statuses, "teleoperation_controller", world.device_pose, bad)
-        for bad_data in ([1.0, 2.0], [math.nan] * 143):
+        for bad_data in ([1.0, 2.0], [math.nan] * 144):
             bad = Float64MultiArray(data=bad_data)
             refuses(peer, statuses, "teleoperation_controller", world.rendering, bad)
         assert process.poll() is None
