@@ -1,4 +1,4 @@
-"""Push on a running mechanism from a node of one's own: 0.4 N in -x for three seconds.
+"""Push on a running mechanism from a node of one's own: 0.4 N in y for three seconds.
 
 Start a graph first (`hapticmech run five_bar`), then run this with the same Python.
 """
@@ -34,7 +34,7 @@ class Push(Node):
         message = WrenchStamped()
         message.header.frame_id = "world"
         message.header.stamp = self.get_clock().now().to_msg()
-        message.wrench.force.x = -0.4
+        message.wrench.force.y = 0.4
         self.push.publish(message)
         self.sent += 1
         if self.sent % 50 == 0 and self.point is not None:

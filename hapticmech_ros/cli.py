@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 import sys
-import time
+import threading
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
@@ -55,14 +56,14 @@ def run(
     from hapticmech_ros.scene import load_scene
 
     load_scene(scene)
+    stop = threading.Event()
+    # Also where a shell has switched SIGINT off, as for jobs in the background.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
     with Graph(scene, composed, namespace) as graph:
         console.print(f"running {scene}; Ctrl-C ends it")
-        try:
-            while True:
-                graph.check()
-                time.sleep(CHECK_PERIOD_S)
-        except KeyboardInterrupt:
-            console.print("stopping")
+        while not stop.wait(CHECK_PERIOD_S):
+            graph.check()
 
 
 @app.command()

@@ -135,3 +135,21 @@ def _alive(pid: int) -> bool:
     except FileNotFoundError:
         return False
     return status.rsplit(")", 1)[1].split()[0] != "Z"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_run_command_ends_its_graph(domain: int, peer: Peer, number: signal.Signals) -> None:
+    statuses = peer.statuses()
+    command = [sys.executable, "-c", "from hapticmech_ros.cli import main; main()"]
+    process = subprocess.Popen(
+        [*command, "run", "two_link", "--composed"], env=private_environment(domain)
+    )
+    try:
+        peer.until(lambda: set(NODES) <= set(statuses), "the graph")
+        process.send_signal(number)
+        assert process.wait(10.0) == 0
+        statuses.clear()
+        peer.run(1.5)
+        assert not statuses
+    finally:
+        stop_process(process)
