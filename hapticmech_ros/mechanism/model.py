@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.scene.document import Joint, Link, Origin, Scene
-from hapticmech_ros.scene.rules import POSITION_SIZE, UNIT_PART, VELOCITY_SIZE, inertia_matrix
+from hapticmech_ros.scene.rules import UNIT_PART, VELOCITY_SIZE, inertia_matrix
 
 Array = np.ndarray
 
@@ -141,6 +141,3 @@ def _joint_model(joint: Joint) -> pin.JointModel:
         "planar": pin.JointModelPlanar,
     }
     return simple[joint.type]()
-
-
-__all__ = ["POSITION_SIZE", "Array", "TreeModel", "authored_state", "build_tree", "se3"]

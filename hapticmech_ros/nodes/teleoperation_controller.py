@@ -93,6 +93,9 @@ class TeleoperationControllerNode(HapticNode):
             )
             if now - heard > self.timeout_ns
         ]
+        rendering = self._rendering.value
+        if not silent and rendering is not None and not rendering.commanded:
+            silent.append(POINT_COMMAND.of(self.point) + " to reach the mechanism")
         engaged = self._engagement is not None and not silent
         sentence = "engaged" if engaged else f"waiting for {', '.join(silent) or 'a device'}"
         figures = {"answers": str(self._answers), "engagements": str(self.engagements)}
