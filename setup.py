@@ -7,7 +7,14 @@ from setuptools import find_packages, setup
 
 PACKAGE = "hapticmech_ros"
 SHARE = f"share/{PACKAGE}"
-NODES = ["haptic_device", "mechanism_simulator", "nullspace_analyser", "teleoperation_controller"]
+EXECUTABLES = [
+    "haptic_device",
+    "mechanism_simulator",
+    "nullspace_analyser",
+    "teleoperation_controller",
+    "scene_viewer",
+    "composed",
+]
 
 HERE = Path(__file__).resolve().parent
 MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
@@ -51,18 +58,21 @@ setup(
         (SHARE, ["package.xml"]),
         *shared("config", "*.yaml"),
         *shared("config", "*.xml"),
+        *shared("config", "*.rviz"),
+        *shared("config", "*.json"),
         *shared("launch", "*.py"),
         # `ros2 run` looks in lib/<package>/; pip puts scripts in bin/ only, so these start those.
-        (f"lib/{PACKAGE}", [f"resource/executables/{name}" for name in NODES]),
+        (f"lib/{PACKAGE}", [f"resource/executables/{name}" for name in EXECUTABLES]),
     ],
     entry_points={
         "console_scripts": [
             "hapticmech = hapticmech_ros.cli:main",
-            *(f"{name} = hapticmech_ros.nodes.entry:{name}" for name in NODES),
+            *(f"{name} = hapticmech_ros.nodes.entry:{name}" for name in EXECUTABLES),
         ]
     },
     install_requires=[
         "matplotlib",
+        "numba>=0.61",
         "numpy",
         "pin>=4.1,<5",
         "pydantic>=2",

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import TracebackType
+from typing import Any
 
-from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.kernel_cache import compile_ahead
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.share import shared
 
 # A node answers a signal within its longest wait; what does not end by then is killed.
 STOP_TIMEOUT_S = 5.0
 _PR_SET_PDEATHSIG = 1
+MECHANISM = "mechanism_simulator"
 
 
 class NodeDiedError(HapticMechError):
@@ -35,6 +39,10 @@ class Graph:
         namespace: put all topics and nodes under this name.
         parameters: further parameters, ``node.parameter`` or just ``parameter`` for all nodes.
         environment: of the processes; this one's if left out.
+        nodes: which of :data:`NODES`; all if left out.
+        hold: operational points, each held by a device of its own; none: the scene's first one.
+            Of several, each has its device, analyser and controller in a namespace of its name.
+        arguments: further ROS arguments for all nodes.
     """
 
     def __init__(
@@ -44,15 +52,20 @@ class Graph:
         namespace: str = "",
         parameters: Mapping[str, object] | None = None,
         environment: Mapping[str, str] | None = None,
+        nodes: Collection[str] = tuple(NODES),
+        hold: Sequence[str] = (),
+        arguments: Sequence[str] = (),
     ) -> None:
         self._environment = dict(os.environ if environment is None else environment)
-        arguments = ros_arguments({"scene": scene, **(parameters or {})}, namespace)
-        groups = [",".join(NODES)] if composed else list(NODES)
+        self._commands: dict[str, list[str]] = {}
         self.processes: dict[str, subprocess.Popen[str]] = {}
+        compile_ahead()
+        given = {"scene": scene, **(parameters or {})}
         try:
-            for group in groups:
-                command = [sys.executable, "-m", "hapticmech_ros.nodes.entry", group, *arguments]
-                self.processes[group] = start_process(command, self._environment)
+            for name, group, ros in _plan(given, namespace, composed, nodes, hold):
+                command = [sys.executable, "-m", "hapticmech_ros.nodes.entry", group, *ros]
+                self._commands[name] = [*command, *arguments]
+                self.processes[name] = start_process(self._commands[name], self._environment)
         except BaseException:
             self.stop()
             raise
@@ -63,6 +76,25 @@ class Graph:
             code = process.poll()
             if code is not None:
                 raise NodeDiedError(f"{name} ended by itself with exit code {code}")
+
+    def ended(self) -> list[str]:
+        """Return the names of the processes that are no more."""
+        return [name for name, process in self.processes.items() if process.poll() is not None]
+
+    def kill(self, name: str) -> None:
+        """End a process as a crash would: without warning."""
+        self.processes[name].kill()
+        self.processes[name].wait()
+
+    def restart(self, name: str) -> None:
+        """Start a process again that has ended.
+
+        Raises:
+            InvalidInputError: it has not.
+        """
+        if self.processes[name].poll() is None:
+            raise InvalidInputError("process", name, "must have ended before it is started again")
+        self.processes[name] = start_process(self._commands[name], self._environment)
 
     def stop(self) -> dict[str, int]:
         """End every process, SIGINT first, and return exit codes by name."""
@@ -84,8 +116,12 @@ class Graph:
         self.stop()
 
 
-def ros_arguments(parameters: Mapping[str, object], namespace: str = "") -> list[str]:
-    """Return ``--ros-args`` that set parameters and a namespace."""
+def ros_arguments(
+    parameters: Mapping[str, object],
+    namespace: str = "",
+    remaps: Mapping[str, str] | None = None,
+) -> list[str]:
+    """Return ``--ros-args`` that set parameters, a namespace, and other names of topics."""
     arguments = ["--ros-args"]
     for name, value in parameters.items():
         node, _, parameter = name.rpartition(".")
@@ -93,7 +129,37 @@ def ros_arguments(parameters: Mapping[str, object], namespace: str = "") -> list
         arguments += ["-p", f"{node + ':' if node else ''}{parameter}:={text}"]
     if namespace:
         arguments += ["-r", f"__ns:=/{namespace.strip('/')}"]
+    for old, new in (remaps or {}).items():
+        arguments += ["-r", f"{old}:={new}"]
     return arguments
+
+
+def _plan(
+    parameters: Mapping[str, object],
+    namespace: str,
+    composed: bool,
+    nodes: Collection[str],
+    hold: Sequence[str],
+) -> Iterator[tuple[str, str, list[str]]]:
+    """Yield what each process is called, the nodes in it, and its ROS arguments."""
+    if len(hold) < 2:
+        chosen = {**parameters, **({"operational_point": hold[0]} if hold else {})}
+        arguments = ros_arguments(chosen, namespace)
+        for group in [",".join(nodes)] if composed else nodes:
+            yield group, group, arguments
+        return
+    if MECHANISM in nodes:
+        held = {**parameters, f"{MECHANISM}.held_points": ",".join(hold)}
+        yield MECHANISM, MECHANISM, ros_arguments(held, namespace)
+    rest = [name for name in nodes if name != MECHANISM]
+    root = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+    for point in hold:
+        shared = ("mechanism/state", f"mechanism/{point}/servo_cf")
+        remaps = {name: f"{root}/{name}" for name in shared}
+        chosen = {**parameters, "operational_point": point}
+        arguments = ros_arguments(chosen, f"{root}/{point}", remaps)
+        for group in [",".join(rest)] if composed else rest:
+            yield f"{point}/{group}", group, arguments
 
 
 def start_process(
@@ -120,6 +186,13 @@ def stop_process(process: subprocess.Popen[str]) -> int:
         except subprocess.TimeoutExpired:
             continue
     return process.wait()
+
+
+def told_by(process: subprocess.Popen[str]) -> Iterator[dict[str, Any]]:
+    """Yield the events that a process tells by lines of JSON on its standard output."""
+    for line in process.stdout or ():
+        if line.startswith("{"):
+            yield json.loads(line)
 
 
 def private_environment(domain: int | None = None) -> dict[str, str]:

@@ -11,7 +11,7 @@ PACKAGE = Path(hapticmech_ros.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
 CORE = ("scene", "mechanism", "operational", "control", "device", "wire", "session", "errors")
 # Above the core, still without ROS: they run sessions and read files.
-TOOLS = ("experiment", "bag")
+TOOLS = ("experiment", "bag", "view")
 CLOCKS = {"time", "datetime", "random", "secrets", "uuid", "sched", "timeit"}
 # A bag says when it was recorded; that is data, and may be formatted for people.
 MAY_SPEAK_OF_DATES = {"bag"}

@@ -10,14 +10,33 @@ from pathlib import Path
 
 import pytest
 
+from hapticmech_ros.nodes.parameter_table import markdown as parameter_table
 from hapticmech_ros.wire.table import markdown
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
+def _commands() -> list[str]:
+    """Return the command lines of all documents, continued lines joined."""
+    lines = []
+    for document in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
+        text = document.read_text(encoding="utf-8")
+        for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL):
+            joined = block.replace("\\\n", " ")
+            lines += [line.strip() for line in joined.splitlines() if line.strip()]
+    return [line for line in lines if not line.startswith(("#", "|"))]
+
+
+OURS = [line for line in _commands() if Path(line.split()[0]).name == "hapticmech"]
+
+
 def test_the_table_of_topics_is_the_codes() -> None:
     assert markdown() in (ROOT / "docs" / "topics.md").read_text(encoding="utf-8")
+
+
+def test_the_table_of_parameters_is_the_codes() -> None:
+    assert parameter_table() in (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8")
 
 
 def test_the_readme_program_runs(tmp_path: Path) -> None:
@@ -37,15 +56,33 @@ def test_the_readme_program_runs(tmp_path: Path) -> None:
     assert "3.0 s: 2 constraint(s)" in run.stdout
 
 
-def test_every_command_of_the_environment_that_the_readme_names_exists() -> None:
-    words = {word for block in _shell_blocks() for word in shlex.split(block.replace("<", " "))}
-    commands = {Path(word).name for word in words if word.startswith(".venv/bin/")}
-    assert {"hapticmech", "haptic_device", "python"} <= commands
-    missing = [name for name in commands if not (Path(sys.prefix) / "bin" / name).exists()]
+def test_every_command_that_the_readme_names_exists() -> None:
+    firsts = {Path(line.split()[0]).name for line in _commands()}
+    # make, git, cd, source, export: the shell's; ros2, rviz2, rosdep, colcon: a ROS installation's.
+    others = {"make", "git", "cd", "source", "export", "ros2", "rviz2", "rosdep", "colcon", "pip"}
+    ours = firsts - others
+    assert {"hapticmech", "haptic_device", "python"} <= ours
+    missing = [name for name in ours if not (Path(sys.prefix) / "bin" / name).exists()]
     assert not missing
 
 
-@pytest.mark.parametrize("command", ["demo", "experiment", "run", "topics"])
+@pytest.mark.parametrize("line", OURS)
+def test_every_hapticmech_command_of_the_documents_is_understood(line: str) -> None:
+    """Options are read up to --help, which then ends the command."""
+    words = shlex.split(line, comments=True)
+    run = subprocess.run(
+        [Path(sys.prefix) / "bin" / "hapticmech", *words[1:], "--help"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+
+
+@pytest.mark.parametrize(
+    "command", ["demo", "experiment", "run", "topics", "parameters", "bag", "bench"]
+)
 def test_subcommands_explain_themselves(command: str) -> None:
     run = subprocess.run(
         [Path(sys.prefix) / "bin" / "hapticmech", command, "--help"],
@@ -62,7 +99,3 @@ def test_links_in_the_documents_lead_somewhere() -> None:
     for document in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
         for target in re.findall(r"\]\(([^)#:]+)\)", document.read_text(encoding="utf-8")):
             assert (document.parent / target).exists(), f"{document.name}: {target}"
-
-
-def _shell_blocks() -> list[str]:
-    return re.findall(r"```sh\n(.*?)```", README, re.DOTALL)

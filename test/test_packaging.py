@@ -20,7 +20,14 @@ from ament_index_python.packages import get_package_prefix, get_package_share_di
 from ament_index_python.resources import get_resource
 
 PACKAGE = "hapticmech_ros"
-NODES = ["haptic_device", "mechanism_simulator", "nullspace_analyser", "teleoperation_controller"]
+EXECUTABLES = [
+    "composed",
+    "haptic_device",
+    "mechanism_simulator",
+    "nullspace_analyser",
+    "scene_viewer",
+    "teleoperation_controller",
+]
 ROOT = Path(__file__).resolve().parents[1]
 # What an installation is made from; a fresh clone has nothing else of relevance.
 SOURCES = [PACKAGE, "config", "launch", "resource"]
@@ -83,7 +90,8 @@ def modules(folder: Path) -> set[Path]:
 
 
 def shared_files(folder: Path) -> set[Path]:
-    return {path.relative_to(folder) for path in folder.glob("config/**/*.yaml")} | {
+    files = (path for path in folder.glob("config/**/*") if path.is_file())
+    return {path.relative_to(folder) for path in files} | {
         path.relative_to(folder) for path in folder.glob("launch/**/*.py")
     }
 
@@ -156,13 +164,13 @@ def test_pip_installs_every_module_and_every_shared_file(prefix: Path, site_pack
     assert shared_files(prefix / "share" / PACKAGE) == shared_files(ROOT)
 
 
-@pytest.mark.parametrize("node", NODES)
+@pytest.mark.parametrize("node", EXECUTABLES)
 def test_executable_that_pip_installed_runs(prefix: Path, site_packages: Path, node: str) -> None:
     env = own_world(PYTHONPATH=str(site_packages))
     assert_answers_help(prefix / "lib" / PACKAGE / node, prefix, env)
 
 
-@pytest.mark.parametrize("node", NODES)
+@pytest.mark.parametrize("node", EXECUTABLES)
 def test_executable_of_this_environment_runs(tmp_path: Path, node: str) -> None:
     # `pip install -e` does not make it: install with `make`, or with `pip install .`.
     executable = Path(sys.prefix) / "lib" / PACKAGE / node
@@ -178,14 +186,14 @@ def test_executables_that_colcon_built_run(workspace: Path) -> None:
     base = workspace / "install" / PACKAGE
     folder = base / "lib" / PACKAGE
     # Exactly ours: scripts that setuptools put here as well would hide the wrappers.
-    assert sorted(path.name for path in folder.iterdir()) == NODES
-    for node in NODES:
+    assert sorted(path.name for path in folder.iterdir()) == EXECUTABLES
+    for node in EXECUTABLES:
         assert (folder / node).read_bytes() == (ROOT / "resource/executables" / node).read_bytes()
     assert shared_files(base / "share" / PACKAGE) == shared_files(ROOT)
     sourced = 'set -e; . install/setup.bash; for node in "$@"; do "$node" --help; done'
-    executables = [folder / node for node in NODES]
+    executables = [folder / node for node in EXECUTABLES]
     usage = run("bash", "-c", sourced, "bash", *executables, cwd=workspace)
-    assert re.findall(r"^usage: (\w+)", usage, flags=re.MULTILINE) == NODES
+    assert re.findall(r"^usage: (\w+)", usage, flags=re.MULTILINE) == EXECUTABLES
     where = f". install/setup.bash; python3 -c 'import {PACKAGE}; print({PACKAGE}.__file__)'"
     env = own_world(PATH=f"{workspace}/environment/bin{os.pathsep}{os.environ['PATH']}")
     imported = Path(run("bash", "-c", where, cwd=workspace, env=env).strip())
@@ -196,11 +204,11 @@ def test_entry_points_and_wrappers_name_the_same_nodes(
     prefix: Path, installed: Distribution
 ) -> None:
     scripts = {entry.name for entry in installed.entry_points.select(group="console_scripts")}
-    assert scripts == {*NODES, "hapticmech"}
+    assert scripts == {*EXECUTABLES, "hapticmech"}
     assert {path.name for path in (prefix / "bin").iterdir()} == scripts
     wrappers = sorted((ROOT / "resource" / "executables").iterdir())
-    assert [path.name for path in wrappers] == NODES
-    assert sorted(path.name for path in (prefix / "lib" / PACKAGE).iterdir()) == NODES
+    assert [path.name for path in wrappers] == EXECUTABLES
+    assert sorted(path.name for path in (prefix / "lib" / PACKAGE).iterdir()) == EXECUTABLES
     # One text for all: a wrapper finds its node by its own name.
     assert len({path.read_bytes() for path in wrappers}) == 1
 

@@ -1,4 +1,4 @@
-"""Reading and writing rosbag2 files (mcap and sqlite3) without ROS."""
+"""Reading, writing, checking, comparing and repairing rosbag2 files without ROS."""
 
 from hapticmech_ros.bag.reader import BagMessage, BagReader, BagTopic, read_topic
 from hapticmech_ros.bag.writer import BagWriter

@@ -2,26 +2,43 @@
 
 from __future__ import annotations
 
+import heapq
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import Connection
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, Nodetype, Qos
 from rosbags.typesys import Stores, get_typestore
 
+from hapticmech_ros.bag.metadata import is_unfinished, read_metadata
+from hapticmech_ros.bag.stamps import stamp_reader
+from hapticmech_ros.bag.storage import SUFFIXES
 from hapticmech_ros.errors import BagError
+
+# How far messages of one file may be older than the last ones of the file before it.
+OVERLAP_NS = 2_000_000_000
+Raw = tuple[Connection, int, bytes]
 
 
 @dataclass(frozen=True, slots=True)
 class BagTopic:
-    """A topic of a bag: message type, and number of messages."""
+    """A topic of a bag.
+
+    Attributes:
+        type: message type.
+        count: number of messages.
+        offered: what its publishers offered; empty if nobody wrote it down.
+        type_hash: ``RIHS01_...``; empty if nobody wrote it down.
+    """
 
     type: str
     count: int
+    offered: tuple[Qos, ...] = ()
+    type_hash: str = ""
 
 
 class BagMessage(NamedTuple):
@@ -45,10 +62,9 @@ class BagReader:
         self.path = Path(path)
         if not self.path.exists():
             raise BagError(f"no bag at {self.path}")
-        if self.path.is_dir() and not (self.path / "metadata.yaml").is_file():
-            raise BagError(
-                f"bag {self.path} has no metadata.yaml: not a bag, or its recording was cut short"
-            )
+        self._files = 1
+        if self.path.is_dir():
+            self._check_folder()
         try:
             store = get_typestore(Stores.ROS2_JAZZY)
             self._reader = AnyReader([self.path], default_typestore=store)
@@ -57,7 +73,7 @@ class BagReader:
             raise _damaged(self.path, error) from error
         self._is_open = True
         self.topics: dict[str, BagTopic] = {
-            name: BagTopic(info.msgtype or "several types", info.msgcount)
+            name: _topic(info.msgtype, info.connections)
             for name, info in sorted(self._reader.topics.items())
         }
 
@@ -81,19 +97,76 @@ class BagReader:
                 raise _damaged(self.path, error, connection.topic) from error
             yield BagMessage(connection.topic, time_ns, message)
 
-    def serialized(self, *names: str) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, time (ns) and CDR bytes of messages, otherwise as :meth:`messages`."""
-        for connection, time_ns, data in self._raw(names):
+    def serialized(
+        self, *names: str, start_ns: int | None = None, stop_ns: int | None = None
+    ) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, time (ns) and CDR bytes of messages, otherwise as :meth:`messages`.
+
+        Nothing is decoded.
+
+        Args:
+            names: of topics.
+            start_ns: leave out what was received earlier.
+            stop_ns: leave out what was received then or later.
+        """
+        for connection, time_ns, data in self._raw(names, start_ns, stop_ns):
             yield connection.topic, time_ns, bytes(data)
 
-    def _raw(self, names: tuple[str, ...]) -> Iterator[tuple[Connection, int, bytes]]:
+    def decode(self, name: str, data: bytes) -> Any:
+        """Return the message of CDR bytes of a topic.
+
+        Raises:
+            BagError: topic not in the bag, or bytes that cannot be decoded.
+        """
+        if name not in self.topics:
+            raise BagError(f"bag {self.path}: no topic {name}")
+        try:
+            return self._reader.deserialize(data, self.topics[name].type)
+        except Exception as error:  # See __init__.
+            raise _damaged(self.path, error, name) from error
+
+    def stamps_of(self, name: str) -> Callable[[bytes], int | None] | None:
+        """Return what reads a topic's stamps (ns) from its bytes; None for a type without stamps.
+
+        Raises:
+            BagError: topic not in the bag.
+        """
+        if name not in self.topics:
+            raise BagError(f"bag {self.path}: no topic {name}")
+        msgtype = self.topics[name].type
+        _, fields = self._reader.typestore.fielddefs.get(msgtype, ((), ()))
+        kind, detail = fields[0][1] if fields else (None, "")
+        return stamp_reader(msgtype, str(detail) if kind == Nodetype.NAME else "")
+
+    def _check_folder(self) -> None:
+        stored = any(file.suffix in SUFFIXES for file in self.path.iterdir())
+        hint = f"; `hapticmech bag repair {self.path}` recovers what is there" if stored else ""
+        if not (self.path / "metadata.yaml").is_file():
+            rule = "not a bag, or its recording was cut short"
+            raise BagError(f"bag {self.path} has no metadata.yaml: {rule}{hint}")
+        information = read_metadata(self.path)
+        if is_unfinished(information):
+            rule = "it is still being recorded, or its recording was cut short"
+            raise BagError(f"bag {self.path} is unfinished: {rule}{hint}")
+        files = information.get("relative_file_paths")
+        self._files = len(files) if isinstance(files, list) else 1
+
+    def _raw(
+        self, names: tuple[str, ...], start_ns: int | None = None, stop_ns: int | None = None
+    ) -> Iterator[Raw]:
         unknown = [name for name in names if name not in self.topics]
         if unknown:
             raise BagError(f"bag {self.path}: no topic {', '.join(unknown)}")
         chosen = [c for c in self._reader.connections if not names or c.topic in names]
         if not chosen:
             return
-        stream = self._reader.messages(connections=chosen)
+        stream = self._guarded(chosen, start_ns, stop_ns)
+        yield from stream if self._files == 1 else _in_order(stream)
+
+    def _guarded(
+        self, chosen: list[Connection], start_ns: int | None, stop_ns: int | None
+    ) -> Iterator[Raw]:
+        stream = self._reader.messages(connections=chosen, start=start_ns, stop=stop_ns)
         while True:
             try:
                 item = next(stream, None)
@@ -132,7 +205,36 @@ def read_topic(path: str | os.PathLike[str], name: str) -> Iterator[tuple[int, A
             yield item.time_ns, item.message
 
 
+def _topic(msgtype: str | None, connections: list[Connection]) -> BagTopic:
+    offered = (
+        profile
+        for connection in connections
+        if isinstance(connection.ext, ConnectionExtRosbag2)
+        for profile in connection.ext.offered_qos_profiles
+    )
+    return BagTopic(
+        msgtype or "several types",
+        sum(connection.msgcount for connection in connections),
+        tuple(offered),
+        next((connection.digest for connection in connections if connection.digest), ""),
+    )
+
+
+def _in_order(stream: Iterator[Raw]) -> Iterator[Raw]:
+    """Put the messages around the end of a file in order: each file is ordered in itself only."""
+    waiting: list[tuple[int, int, Raw]] = []
+    newest = 0
+    for number, item in enumerate(stream):
+        heapq.heappush(waiting, (item[1], number, item))
+        newest = max(newest, item[1])
+        while waiting[0][0] < newest - OVERLAP_NS:
+            yield heapq.heappop(waiting)[2]
+    while waiting:
+        yield heapq.heappop(waiting)[2]
+
+
 def _damaged(path: Path, error: Exception, topic: str = "") -> BagError:
     where = f" (topic {topic})" if topic else ""
     reason = str(error) or type(error).__name__
-    return BagError(f"bag {path}{where} is damaged, or its recording was cut short: {reason}")
+    hint = "" if topic else f"; `hapticmech bag repair {path}` recovers what can be read"
+    return BagError(f"bag {path}{where} is damaged, or its recording was cut short: {reason}{hint}")

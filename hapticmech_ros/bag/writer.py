@@ -1,96 +1,137 @@
-"""Writes rosbag2 files from serialized messages."""
+"""Writes rosbag2 folders from serialized messages: one file, or several by size or duration."""
 
 from __future__ import annotations
 
 import os
 import sqlite3
 import threading
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
 
-from rosbags.interfaces import Connection
-from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer, WriterError
-from rosbags.rosbag2.storage_mcap import McapWriter
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
+from rosbags.interfaces import (
+    Connection,
+    ConnectionExtRosbag2,
+    MessageDefinition,
+    MessageDefinitionFormat,
+    Qos,
+)
+from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.typesys import Stores, TypesysError, get_typestore
 
+from hapticmech_ros.bag.metadata import (
+    VERSION,
+    FileSpan,
+    as_yaml,
+    bag_information,
+    write_metadata,
+)
 from hapticmech_ros.bag.offered_qos import offered_qos
+from hapticmech_ros.bag.storage import STORAGE_FILES, StorageFile
 from hapticmech_ros.errors import BagError
 
-STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
-VERSION: Literal[9] = 9
-
-
-class _SqliteWriter(Sqlite3Writer):
-    """Storage that any thread may use, one at a time; :class:`BagWriter`'s lock sees to that."""
-
-    def __init__(self, path: Path, compression: CompressionMode) -> None:
-        super().__init__(path, compression)
-        self.conn.close()
-        self.conn = sqlite3.connect(f"file:{self.path}", uri=True, check_same_thread=False)
-        self.cursor = self.conn.cursor()
-
-
-class _Writer(Writer):
-    STORAGE_PLUGINS: Mapping[StoragePlugin, Any] = {
-        StoragePlugin.SQLITE3: _SqliteWriter,
-        StoragePlugin.MCAP: McapWriter,
-    }
+# What is older than this, by the messages' times, a killed writer leaves on disk.
+FLUSH_NS = 500_000_000
+_FAILURES = (OSError, sqlite3.Error)
 
 
 class BagWriter:
     """A rosbag2 folder being written; may be used from any thread.
 
     The bag is complete only after :meth:`close`. As a context manager it closes at the end, also
-    when an error passes through, so that what was recorded until then can be read.
+    when an error passes through, so that what was recorded until then can be read. Of a writer that
+    is killed, ``hapticmech bag repair`` recovers all but the last half second.
 
     Args:
         path: folder to make; its parents are made too.
         storage: ``mcap`` or ``sqlite3``.
+        split_bytes: begin a new file once the present one is that large.
+        split_ns: begin a new file once the present one spans more than that, ns.
 
     Raises:
-        BagError: something is there already, unknown storage, or no permission to write.
+        BagError: something is there already, unknown storage, a limit that is not positive, or no
+            permission to write.
     """
 
-    def __init__(self, path: str | os.PathLike[str], storage: str = "mcap") -> None:
-        if storage not in STORAGES:
-            raise BagError(f"storage {storage!r}: must be one of {sorted(STORAGES)}")
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        storage: str = "mcap",
+        *,
+        split_bytes: int | None = None,
+        split_ns: int | None = None,
+    ) -> None:
+        if storage not in STORAGE_FILES:
+            raise BagError(f"storage {storage!r}: must be one of {sorted(STORAGE_FILES)}")
+        for limit in (split_bytes, split_ns):
+            if limit is not None and limit <= 0:
+                raise BagError(f"limit of a file's size or duration, {limit}: must be positive")
         self.path = Path(path)
+        self._storage = storage
+        self._split_bytes, self._split_ns = split_bytes, split_ns
         self._typestore = get_typestore(Stores.ROS2_JAZZY)
         self._connections: dict[str, Connection] = {}
+        self._counts: dict[str, int] = {}
+        self._files: list[FileSpan] = []
+        self._flushed_ns: int | None = None
+        self._stale = False
         self._lock = threading.Lock()
         self._closed = False
         try:
-            self._writer = _Writer(self.path, version=VERSION, storage_plugin=STORAGES[storage])
-            self._writer.open()
-        except (WriterError, OSError, sqlite3.Error) as error:
+            self.path.mkdir(parents=True)
+            self._open_file()
+            self._save_metadata()
+        except FileExistsError:
+            rule = "exists already, not overwriting"
+            raise BagError(f"cannot write bag {self.path}: {rule}") from None
+        except _FAILURES as error:
             raise BagError(f"cannot write bag {self.path}: {error}") from None
 
-    def add_topic(self, name: str, msgtype: str, qos_name: str = "stream") -> None:
+    def add_topic(
+        self,
+        name: str,
+        msgtype: str,
+        qos_name: str = "stream",
+        *,
+        offered: Sequence[Qos] | None = None,
+        definition: tuple[MessageDefinition, str] | None = None,
+    ) -> None:
         """Announce a topic.
 
         Args:
             name: absolute topic name.
-            msgtype: such as ``geometry_msgs/msg/PoseStamped``; one of the types of ROS 2 Jazzy.
+            msgtype: such as ``geometry_msgs/msg/PoseStamped``; one of the types of ROS 2 Jazzy,
+                unless ``definition`` is given.
             qos_name: ``qos`` of the topic in wire/topics.py.
+            offered: what each of its publishers offers, instead of ``qos_name``'s profile.
+            definition: of the message type, with its hash (``RIHS01_...``).
 
         Raises:
             BagError: topic already announced, unknown type or profile, or bag closed.
         """
-        profile = offered_qos(qos_name)
+        profiles = [offered_qos(qos_name)] if offered is None else list(offered)
         with self._lock:
             self._check_open()
             if name in self._connections:
                 raise BagError(f"bag {self.path}: topic {name} is already there")
+            text, digest = definition or self._definition(name, msgtype)
+            connection = Connection(
+                id=len(self._connections) + 1,
+                topic=name,
+                msgtype=msgtype,
+                msgdef=text,
+                digest=digest,
+                msgcount=0,
+                ext=ConnectionExtRosbag2("cdr", profiles),
+                owner=self,
+            )
             try:
-                self._connections[name] = self._writer.add_connection(
-                    name, msgtype, typestore=self._typestore, offered_qos_profiles=[profile]
-                )
-            except (KeyError, TypesysError):
-                rule = "not a message type of ROS 2 Jazzy"
-                raise BagError(f"bag {self.path}: {msgtype!r} of {name}: {rule}") from None
+                self._announce(connection)
+            except _FAILURES as error:
+                raise BagError(f"cannot write bag {self.path}: {error}") from error
+            self._connections[name] = connection
+            self._counts[name] = 0
+            self._stale = True
 
     def write(self, name: str, time_ns: int, data: bytes | memoryview) -> None:
         """Write one serialized message (CDR with its four-byte header), received at ``time_ns``.
@@ -104,8 +145,44 @@ class BagWriter:
             if connection is None:
                 raise BagError(f"bag {self.path}: topic {name} was not announced")
             try:
-                self._writer.write(connection, time_ns, data)
-            except (WriterError, OSError, sqlite3.Error) as error:
+                if self._is_full(time_ns):
+                    self._next_file()
+                self._file.write(connection, time_ns, data)
+                self._counts[name] += 1
+                self._files[-1].add(time_ns)
+                if self._flushed_ns is None:
+                    self._flushed_ns = time_ns
+                elif abs(time_ns - self._flushed_ns) >= FLUSH_NS:
+                    self._flushed_ns = time_ns
+                    self._flush()
+            except _FAILURES as error:
+                raise BagError(f"cannot write bag {self.path}: {error}") from error
+
+    def flush(self) -> None:
+        """Put all that was written where the death of this process cannot lose it.
+
+        Raises:
+            BagError: bag closed, or storage full.
+        """
+        with self._lock:
+            self._check_open()
+            try:
+                self._flush()
+            except _FAILURES as error:
+                raise BagError(f"cannot write bag {self.path}: {error}") from error
+
+    def split(self) -> None:
+        """Begin a new file, unless the present one is empty.
+
+        Raises:
+            BagError: bag closed, or storage full.
+        """
+        with self._lock:
+            self._check_open()
+            try:
+                if self._files[-1].count:
+                    self._next_file()
+            except _FAILURES as error:
                 raise BagError(f"cannot write bag {self.path}: {error}") from error
 
     def close(self) -> None:
@@ -119,14 +196,66 @@ class BagWriter:
                 return
             self._closed = True
             try:
-                self._writer.close()
-            except (WriterError, OSError, sqlite3.Error) as error:
+                self._file.close(VERSION, as_yaml(self._information(finished=True)))
+                write_metadata(self.path, self._information(finished=True))
+            except _FAILURES as error:
                 raise BagError(f"cannot finish bag {self.path}: {error}") from error
 
     @property
     def counts(self) -> dict[str, int]:
         """Messages written so far, by topic."""
-        return {n: self._writer.counts[c.id] for n, c in self._connections.items()}
+        return dict(self._counts)
+
+    def _definition(self, name: str, msgtype: str) -> tuple[MessageDefinition, str]:
+        try:
+            text, _ = self._typestore.generate_msgdef(msgtype, ros_version=2)
+            digest = self._typestore.hash_rihs01(msgtype)
+        except (KeyError, TypesysError):
+            rule = "not a message type of ROS 2 Jazzy"
+            raise BagError(f"bag {self.path}: {msgtype!r} of {name}: {rule}") from None
+        return MessageDefinition(MessageDefinitionFormat.MSG, text), digest
+
+    def _announce(self, connection: Connection) -> None:
+        extra = connection.ext
+        profiles = extra.offered_qos_profiles if isinstance(extra, ConnectionExtRosbag2) else []
+        if connection.msgtype not in self._types_in_file:
+            self._types_in_file.add(connection.msgtype)
+            self._file.add_msgtype(connection)
+        self._file.add_connection(connection, as_yaml(dump_qos_v9(list(profiles))))
+
+    def _is_full(self, time_ns: int) -> bool:
+        span = self._files[-1]
+        if not span.count:
+            return False
+        if self._split_ns is not None and time_ns - span.start_ns > self._split_ns:
+            return True
+        return self._split_bytes is not None and self._file.size() >= self._split_bytes
+
+    def _open_file(self) -> None:
+        stem = f"{self.path.name}_{len(self._files)}"
+        self._file: StorageFile = STORAGE_FILES[self._storage](self.path, stem)
+        self._types_in_file: set[str] = set()
+        self._files.append(FileSpan(self._file.path.name))
+        for connection in self._connections.values():
+            self._announce(connection)
+
+    def _next_file(self) -> None:
+        self._file.close(VERSION, as_yaml(self._information(finished=True)))
+        self._open_file()
+        self._save_metadata()
+
+    def _flush(self) -> None:
+        self._file.flush()
+        if self._stale:
+            self._save_metadata()
+
+    def _save_metadata(self) -> None:
+        self._stale = False
+        write_metadata(self.path, self._information(finished=False))
+
+    def _information(self, finished: bool) -> dict[str, object]:
+        topics = [(c, self._counts[name]) for name, c in self._connections.items()]
+        return bag_information(self._storage, self._files, topics, finished)
 
     def _check_open(self) -> None:
         if self._closed:

@@ -24,6 +24,12 @@ def hand_law(hand: Hand) -> HandLaw:
     return _constant(hand) if isinstance(hand, ConstantWrenchHand) else _spring_damper(hand)
 
 
+def no_hand(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
+    """Return the wrench (6,) of a hand that is not there: zero."""
+    del elapsed, pose, twist, held
+    return np.zeros(6)
+
+
 def _constant(hand: ConstantWrenchHand) -> HandLaw:
     pushing = np.array(hand.force + hand.torque)
     idle = np.zeros(6)

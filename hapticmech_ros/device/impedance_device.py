@@ -41,9 +41,11 @@ class ImpedanceDevice:
     def __init__(self, device: Device, period: float, planar: bool) -> None:
         self.device = device
         self.period = period
-        self._inverse_inertia = 1.0 / np.array([device.mass] * 3 + [device.inertia] * 3)
+        self._step = period / device.substeps
         self._damping = np.array([device.damping] * 3 + [device.angular_damping] * 3)
-        self._task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
+        task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
+        # Change of the twist per wrench and step, in the directions that the scene has.
+        self._gain = self._step * task / np.array([device.mass] * 3 + [device.inertia] * 3)
         self._ideal = device.position_resolution == 0.0 and device.angle_resolution == 0.0
         cut_off = 2.0 * np.pi * device.velocity_filter * period
         self._filter_gain = cut_off / (1.0 + cut_off)
@@ -51,6 +53,10 @@ class ImpedanceDevice:
     def at_rest(self, pose: pin.SE3) -> DeviceState:
         """Return the device standing still at ``pose``."""
         return DeviceState(pose, np.zeros(6), self._quantised(pose), np.zeros(6))
+
+    def limited(self, command: Array) -> Array:
+        """Return what the actuators give of a command (6,)."""
+        return limited(command, self.device.force_limit, self.device.torque_limit)
 
     def step(
         self, state: DeviceState, command: Array, hand: HandLaw, elapsed: float, held: pin.SE3
@@ -64,13 +70,13 @@ class ImpedanceDevice:
             elapsed: s since engagement, for the hand.
             held: pose when the hand took hold.
         """
-        actuators = limited(command, self.device.force_limit, self.device.torque_limit)
-        step = self.period / self.device.substeps
+        actuators = self.limited(command)
+        step, gain = self._step, self._gain
         pose, twist = state.pose, state.twist
         for index in range(self.device.substeps):
             push = hand(elapsed + index * step, pose, twist, held)
             force = push + actuators - self._damping * twist
-            twist = twist + step * self._task * self._inverse_inertia * force
+            twist = twist + gain * force
             pose = pin.SE3(
                 pin.exp3(step * twist[3:]) @ pose.rotation, pose.translation + step * twist[:3]
             )

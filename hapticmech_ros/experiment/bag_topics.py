@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.errors import BagError
+from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
     DEVICE_STATE,
     ENERGY,
     JOINT_STATES,
     RENDERING,
-    Topic,
 )
 
 NEEDED = (DEVICE_STATE, RENDERING, CONSTRAINT_PART, ENERGY)

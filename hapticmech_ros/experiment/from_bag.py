@@ -18,13 +18,13 @@ from hapticmech_ros.experiment.record import ExperimentRecord, first_push
 from hapticmech_ros.experiment.stamped import samples_of
 from hapticmech_ros.mechanism.model import Array, build_tree
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
     DEVICE_STATE,
     ENERGY,
     JOINT_STATES,
     RENDERING,
-    Topic,
 )
 
 _Series = tuple[Array, Array]

@@ -48,5 +48,4 @@ def assemble(mechanism: Mechanism, q: Array, v: Array, active: Active) -> tuple[
         if on and loop.on_wrong_branch(mechanism.data):
             message = "axes of a closure are more than 90 degrees apart; author a nearer pose"
             raise ClosureError(message, float(np.abs(residual).max()), [loop.name])
-    rate = space.without_closure_part(space.factor.T @ v)
-    return q, space.from_mass_metric(rate)
+    return q, space.closed_rates(v)

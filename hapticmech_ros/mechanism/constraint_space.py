@@ -72,6 +72,10 @@ class ConstraintSpace:
         """Return D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ rows: of all changes with W change = rows the smallest."""
         return self.from_mass_metric(self.basis @ ((self.rows.T @ rows) / self.sigma))
 
+    def closed_rates(self, rates: Array) -> Array:
+        """Return the rates nearest to ``rates`` in the mass metric that keep the loops closed."""
+        return self.from_mass_metric(self.without_closure_part(self.factor.T @ rates))
+
     def multipliers(self, along_basis: Array) -> Array:
         """Return the smallest (scaled) λ with L⁻¹Wᵀ λ = U along_basis."""
         return np.asarray(self.rows @ (along_basis / self.sigma))
@@ -85,11 +89,16 @@ def cholesky_of_upper(inertia_upper: Array) -> Array:
     """
     upper, info = dpotrf(inertia_upper, lower=0, clean=1)
     if info != 0:
-        raise SingularInertiaError(
-            f"joint-space inertia is not positive definite at degree of freedom {info - 1}: "
-            "every joint must move some mass"
-        )
+        raise singular_inertia(info - 1)
     return np.asarray(upper.T)
+
+
+def singular_inertia(rate: int) -> SingularInertiaError:
+    """Return the error of a D that is not positive definite at this degree of freedom."""
+    return SingularInertiaError(
+        f"joint-space inertia is not positive definite at degree of freedom {rate}: "
+        "every joint must move some mass"
+    )
 
 
 def solve_lower(factor: Array, columns: Array) -> Array:

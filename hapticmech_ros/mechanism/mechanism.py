@@ -5,7 +5,7 @@ D(q) v̇ + h(q, v) = τ + Σ Jᵀ F - Wᵀ λ,      W v̇ + Ẇ v = 0
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -30,6 +30,11 @@ class Closing(NamedTuple):
     residual: Array
     jacobian: Array
     space: ConstraintSpace
+
+    @property
+    def error(self) -> float:
+        """Largest |φ|, m or rad; 0 without closures."""
+        return float(np.abs(self.residual).max()) if self.residual.size else 0.0
 
 
 class PointKinematics(NamedTuple):
@@ -99,7 +104,10 @@ class Mechanism:
         nv: number of degrees of freedom of the open tree.
         nq: length of the configuration vector.
         length: characteristic length, m; the unit of closures' point rows.
+        compiled: whether kernels compute the terms.
     """
+
+    compiled: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -176,6 +184,39 @@ class Mechanism:
         distance = float(np.sqrt(residual @ residual))
         rate = residual @ (self.closures[index].jacobian(self.model, self.data) @ v)
         return distance, float(rate) / distance if distance > 0.0 else 0.0
+
+    def link_jacobian(self, q: Array, link: str) -> Array:
+        """Return (6, nv) Jacobian of a link's frame at q: world axes, at the frame's origin.
+
+        Raises:
+            InvalidInputError: no such link.
+        """
+        if link not in self.tree.link_joint:
+            raise InvalidInputError("link", link, f"must be one of {list(self.tree.link_joint)}")
+        joint, placement = self.tree.link_joint[link]
+        pin.computeJointJacobians(self.model, self.data, q)
+        jacobian = pin.getJointJacobian(self.model, self.data, joint, WORLD_AXES)
+        x, y, z = self.data.oMi[joint].rotation @ placement.translation
+        jacobian[:3] -= np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))) @ jacobian[3:]
+        return np.asarray(jacobian)
+
+    def frame_pose(self, q: Array, frame: str) -> pin.SE3:
+        """Return the pose in ``world`` of a link, a point, or ``<point>_world`` (world's axes).
+
+        Raises:
+            InvalidInputError: no such frame.
+        """
+        pin.forwardKinematics(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+        if frame in self.tree.link_joint:
+            joint, placement = self.tree.link_joint[frame]
+            return self.data.oMi[joint] * placement
+        point = frame.removesuffix("_world")
+        if point not in self.point_names:
+            known = [*self.tree.link_joint, *self.point_names]
+            raise InvalidInputError("frame", frame, f"must be one of {known}")
+        pose = self.data.oMf[self._point_frames[self.point_names.index(point)]].copy()
+        return pose if frame == point else pin.SE3(np.eye(3), pose.translation)
 
     def names_of(self, active: Active) -> list[str]:
         """Return the names of the active closures."""

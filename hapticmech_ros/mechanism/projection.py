@@ -47,7 +47,7 @@ def project(mechanism: Mechanism, q: Array, v: Array, active: Active) -> Project
         residual, space = closing.residual, closing.space
         if not residual.size:
             return Projected(q, v, 0.0, closing)
-        worst = float(np.abs(residual).max())
+        worst = closing.error
         if worst <= tolerance or (worst <= rounding and worst > 0.5 * before):
             break
         before = worst
@@ -56,5 +56,4 @@ def project(mechanism: Mechanism, q: Array, v: Array, active: Active) -> Project
         if not worst <= PROJECTION_FAILURE * mechanism.length:
             names = mechanism.names_of(active)
             raise ClosureError("a closed loop came apart", worst, names)
-    rate = space.without_closure_part(space.factor.T @ v)
-    return Projected(q, space.from_mass_metric(rate), worst, closing)
+    return Projected(q, space.closed_rates(v), worst, closing)

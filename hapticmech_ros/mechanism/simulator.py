@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.build import build
 from hapticmech_ros.mechanism.integrator import INTEGRATORS, Rates
-from hapticmech_ros.mechanism.mechanism import Active, Closing, Evaluation, Mechanism
+from hapticmech_ros.mechanism.mechanism import Active, Closing, Evaluation
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene.document import Scene
 
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.
 CLOSE_BY_HAND = 0.02
+NOTHING: Mapping[str, Array] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +53,16 @@ class MechanismState:
 
 
 class Simulator:
-    """Steps a :class:`Mechanism` under wrenches at its operational points."""
+    """Steps a mechanism under wrenches at its operational points.
 
-    def __init__(self, scene: Scene) -> None:
+    Args:
+        scene: what to simulate.
+        compiled: by kernels, or by the readable implementation; see :func:`build`.
+    """
+
+    def __init__(self, scene: Scene, compiled: bool = True) -> None:
         self.scene = scene
-        self.mechanism = Mechanism(scene)
+        self.mechanism = build(scene, compiled)
         self.period = scene.simulation.period
         self._integrate = INTEGRATORS[scene.simulation.integrator]
         self._evaluated: tuple[MechanismState, Evaluation] | None = None
@@ -71,8 +79,7 @@ class Simulator:
         """
         q, v = consistent_initial_state(self.mechanism)
         active = self.mechanism.initially_active
-        residual = self.mechanism.closing_terms(q, active).residual
-        error = float(np.abs(residual).max()) if residual.size else 0.0
+        error = self.mechanism.closing_terms(q, active).error
         return MechanismState(0.0, _frozen(q), _frozen(v), active, error)
 
     def evaluate(self, state: MechanismState) -> Evaluation:
@@ -84,16 +91,19 @@ class Simulator:
             self._evaluated = state, terms
         return self._evaluated[1]
 
-    def step(self, state: MechanismState, wrenches: Array) -> MechanismState:
+    def step(
+        self, state: MechanismState, wrenches: Array, on_links: Mapping[str, Array] = NOTHING
+    ) -> MechanismState:
         """Advance by one period with wrenches held.
 
         Args:
             state: where to start.
             wrenches: (points, 6) on the mechanism at each operational point, world axes, N and N m.
+            on_links: further wrenches (6,) by name of the link, at the origin of its frame.
 
         Raises:
             ClosureError: a closed loop came apart.
-            InvalidInputError: the state is no longer finite.
+            InvalidInputError: the state is no longer finite, or an unknown link.
         """
         active = state.active
 
@@ -103,15 +113,15 @@ class Simulator:
             at_start = q is state.q and v is state.v
             terms = self.evaluate(state) if at_start else self.mechanism.evaluate(q, v, active)
             force = np.zeros(v.size)
-            power = 0.0
             for point, wrench in zip(terms.points, wrenches, strict=True):
-                force += point.jacobian.T @ wrench
-                power += float(point.twist @ wrench)
+                force += wrench @ point.jacobian
+            for link, wrench in on_links.items():
+                force += wrench @ self.mechanism.link_jacobian(q, link)
             acceleration, _ = terms.acceleration(force)
-            return Rates(acceleration, power, -float(terms.passive_force @ v))
+            return Rates(acceleration, float(force @ v), -float(terms.passive_force @ v))
 
         advance = self._integrate(self.mechanism.model, motion, state.q, state.v, self.period)
-        if not (np.isfinite(advance.q).all() and math.isfinite(advance.v @ advance.v)):
+        if not math.isfinite(advance.q @ advance.q + advance.v @ advance.v):
             raise InvalidInputError("mechanism state", advance.q.tolist(), "must stay finite")
         q, v, error, closing = project(self.mechanism, advance.q, advance.v, active)
         account = EnergyAccount(

@@ -11,12 +11,17 @@ import os
 import sys
 from collections.abc import Sequence
 
+from hapticmech_ros.share import shared
+
 NODES = {
     "haptic_device": "simulated impedance-type haptic device and the hand that holds it",
     "mechanism_simulator": "the virtual mechanism, moving under wrenches at its operational points",
     "nullspace_analyser": "Λ_h⁻¹, its spectrum and its null space, at the mechanism's state",
     "teleoperation_controller": "impedance, joint-constraint and four-channel controllers (Fig. 3)",
 }
+# Looks on; not part of the graph.
+VIEWER = "scene_viewer"
+PURPOSES = {**NODES, VIEWER: "markers, frames and a URDF model of a running graph, for people"}
 USAGE = """usage: {name} [--ros-args -p scene:=SCENE -p NAME:=VALUE -r FROM:=TO ...]
 
 {purpose}.
@@ -37,7 +42,7 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
     if any(argument in ("-h", "--help") for argument in arguments):
         from hapticmech_ros.scene import shipped_scenes
 
-        purpose = "; ".join(NODES[name] for name in names)
+        purpose = "; ".join(PURPOSES[name] for name in names)
         scenes = ", ".join(shipped_scenes())
         print(USAGE.format(name=title, purpose=purpose, scenes=scenes))
         return 0
@@ -49,6 +54,10 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
     # UDP also on one machine: whoever is killed while it holds a lock in shared memory would stop
     # its peers for seconds. Fast DDS reads this where the discovery range is not LOCALHOST.
     os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    # A node that comes back shall be found within a second, not within Fast DDS's three and more.
+    profiles = shared("config/dds/discovery.xml")
+    if profiles is not None:
+        os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(profiles))
     runtime = importlib.import_module("hapticmech_ros.nodes.runtime")
     return int(runtime.run(names, arguments))
 
@@ -71,6 +80,16 @@ def nullspace_analyser() -> None:
 def teleoperation_controller() -> None:
     """Run the teleoperation controller alone."""
     sys.exit(start(["teleoperation_controller"]))
+
+
+def scene_viewer() -> None:
+    """Run the scene viewer alone."""
+    sys.exit(start([VIEWER]))
+
+
+def composed() -> None:
+    """Run the four nodes in one process."""
+    sys.exit(start(list(NODES)))
 
 
 if __name__ == "__main__":

@@ -8,99 +8,154 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from hapticmech_ros.control import DeviceMeasurement
-from hapticmech_ros.device import DeviceState, ImpedanceDevice, hand_law
+from hapticmech_ros.device import DeviceState, ImpedanceDevice, hand_law, no_hand
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.nodes.base import NANOSECONDS, ClockedNode
-from hapticmech_ros.nodes.inputs import ExpiringWrench, Latest
+from hapticmech_ros.nodes.actor import NANOSECONDS, ClockedActor
+from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.inputs import Latest, Stamped
 from hapticmech_ros.nodes.messages import (
-    checked_stamp,
-    read_wrench,
+    WORLD,
+    set_stamp,
     write_pose,
     write_twist,
     write_wrench,
 )
-from hapticmech_ros.nodes.period_clock import Backlog
-from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, CONTROL_SUBSCRIBER
+from hapticmech_ros.nodes.parameters import DeviceParameters
+from hapticmech_ros.nodes.pushes import Pushes
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, pack_device
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DeviceSample, pack_device
 from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,
     DEVICE_FORCE,
+    DEVICE_JOINTS,
     DEVICE_POSE,
+    DEVICE_SETPOINT,
     DEVICE_STATE,
     DEVICE_TWIST,
     HAND_WRENCH,
     START_HAND,
 )
 
+_NO_WRENCH = np.zeros(6)
+# The six coordinates as joints: metres, and the rotation vector's components in radians.
+COORDINATES = ("x", "y", "z", "rx", "ry", "rz")
 
-class HapticDeviceNode(ClockedNode):
+
+class HapticDevice(ClockedActor[DeviceParameters]):
     """Drives an :class:`ImpedanceDevice` at the control rate.
 
     The hand takes hold when commands arrive and lets go when they stop; without commands the
-    actuators are at zero.
+    actuators are at zero. In lockstep the hand holds from the start, and the command that acts over
+    a period answers the sample one period before it.
     """
 
-    def __init__(self) -> None:
-        super().__init__("haptic_device")
+    name = "haptic_device"
+    parameters_type = DeviceParameters
+
+    def __init__(self, node: Host, parameters: DeviceParameters) -> None:
+        self._pushes: Pushes | None = None
+        super().__init__(node, parameters)
         scene = self.scene
-        timeout = self.number_parameter(
-            "command_timeout", 0.05, "servo_cf older than this counts as lost, s", 0.001, 1.0
-        )
-        hand_timeout = self.number_parameter(
-            "hand_timeout", 0.2, "hand_cf stands this long, s; 0 for ever", 0.0, 3600.0
-        )
-        # With hand_waits the hand first takes hold when the service start_hand is called.
-        self._hand_waits = self.flag_parameter(
-            "hand_waits", False, "the hand takes hold only once device/start_hand is called"
-        )
-        self.timeout_ns = round(timeout * NANOSECONDS)
+        self._hand_waits = parameters.hand_waits
         self._device = ImpedanceDevice(
             scene.device, scene.simulation.period, scene.task_space == "planar"
         )
-        self._hand = hand_law(scene.hand)
+        self._hand = hand_law(scene.hand) if parameters.hand == "scene" else no_hand
         self._push = np.zeros(6)
-        self._extra = ExpiringWrench(round(hand_timeout * NANOSECONDS), NANOSECONDS // 20)
+        self._awaited: Stamped[Array] = Stamped()
         self._command: Latest[Array] = Latest()
+        self._commands: Stamped[Array] = Stamped()
+        self._applied = np.zeros(6)
         self._state: DeviceState = self._device.at_rest(self._start_pose())
-        # A real device would not have waited for a stall to pass: its motion is caught up.
-        self._backlog = Backlog()
         self._held: pin.SE3 | None = None
         self._ticks_held = 0
         self.times_held = 0
         self.latency = DurationHistogram()
         self._pose, self._twist, self._force = PoseStamped(), TwistStamped(), WrenchStamped()
+        self._setpoint, self._joints = WrenchStamped(), JointState(name=list(COORDINATES))
+        self._joints.header.frame_id = WORLD
         self._ticks = 0
         self._wire = FlatArray(DEVICE_FIELDS)
         self._publish_wire = self.output(DEVICE_STATE, Float64MultiArray)
         self._publish_force = self.output(DEVICE_FORCE, WrenchStamped)
         self._publish_twist = self.output(DEVICE_TWIST, TwistStamped)
+        self._publish_setpoint = self.output(DEVICE_SETPOINT, WrenchStamped)
+        self._publish_joints = self.output(DEVICE_JOINTS, JointState)
         self._publish_pose = self.output(DEVICE_POSE, PoseStamped)
-        self.create_service(Trigger, START_HAND, self._on_start_hand)
-        self.input(DEVICE_COMMAND.name, WrenchStamped, CONTROL_SUBSCRIBER, self._on_command)
-        self.input(HAND_WRENCH.name, WrenchStamped, COMMAND_SUBSCRIBER, self._on_hand_wrench)
+        node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
+        self.input_command(DEVICE_COMMAND.name, self.control_input, self._on_command)
+        if self._awaits_hand:
+            qos = self.control_input
+            self.input_command(HAND_WRENCH.name, qos, self._on_awaited, unstamped_is_now=False)
+        else:
+            verbs = {"hand_cf": False, "held_cf": True}
+            frames = ["device", "device_world"]
+            self._pushes = Pushes(self, {"hand": "device"}, verbs, frames)
+            self._pushes.listen(HAND_WRENCH.name)
+            self.adopt(parameters)
+
+    @property
+    def _awaits_hand(self) -> bool:
+        return self.lockstep and self.parameters.hand == "commanded"
+
+    def adopt(self, parameters: DeviceParameters) -> None:
+        """Take new parameters: the timeouts count from now on."""
+        super().adopt(parameters)
+        self.timeout_ns = round(parameters.command_timeout * NANOSECONDS)
+        if self._pushes is not None:
+            self._pushes.set_timeout(round(parameters.hand_timeout * NANOSECONDS))
+
+    def activate(self) -> None:
+        """Begin where the device is, held by nobody; in lockstep, held from the start."""
+        if self._pushes is not None:
+            self._pushes.forget()
+        self._applied = self._push = _NO_WRENCH
+        self._command = Latest()
+        self._held = self._state.pose if self.lockstep else None
+        self.times_held = int(self.lockstep)
+
+    def deactivate(self) -> None:
+        """Put the actuators at zero and let go."""
+        self._command = Latest()
+        self._held = None
+        state = self._state
+        self._state = self._device.at_rest(state.pose)
+
+    def ready(self, deadline_ns: int) -> bool:
+        """Return whether the command to act on, and the hand's wrench if awaited, are there."""
+        if self._awaits_hand and not self._awaited.has(deadline_ns):
+            return False
+        return self._ticks < 2 or self._commands.has(self._answered_ns(deadline_ns))
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Move the device on under the command that stands, and publish what it measures."""
-        command = self._standing_command(deadline_ns)
-        self._push = self._extra.at(deadline_ns)
-        for _ in range(self._backlog.steps(periods)):
-            held = self._state.pose if self._held is None else self._held
-            elapsed = self._ticks_held * self.period_s
-            self._state = self._device.step(self._state, command, self._hand_now, elapsed, held)
-            self._ticks_held += self._held is not None
+        if self._ticks or not self.lockstep:
+            period_ns = round(self.period_s * NANOSECONDS)
+            for behind in reversed(range(self.backlog.steps(periods))):
+                command = self._standing_command(deadline_ns - behind * period_ns)
+                self._applied = self._device.limited(command)
+                self._move()
+        self._push = self._pushing(deadline_ns)
         state = self._state
         measured = DeviceMeasurement(state.measured_pose, state.measured_twist, self._hand_wrench())
-        self._publish_wire.publish(self._wire.encode(pack_device(deadline_ns, measured)))
+        sample = DeviceSample(deadline_ns, measured, self._applied)
+        self._publish_wire.publish(self._wire.encode(pack_device(sample)))
         if self._ticks % self.view_every == 0:
             self._publish_view(measured, deadline_ns)
         self._ticks += 1
+
+    def _move(self) -> None:
+        held = self._state.pose if self._held is None else self._held
+        elapsed = self._ticks_held * self.period_s
+        self._state = self._device.step(self._state, self._applied, self._hand_now, elapsed, held)
+        self._ticks_held += self._held is not None
 
     def _publish_view(self, measured: DeviceMeasurement, deadline_ns: int) -> None:
         write_wrench(self._force, measured.hand_wrench, deadline_ns)
@@ -108,6 +163,19 @@ class HapticDeviceNode(ClockedNode):
         write_pose(self._pose, measured.pose, deadline_ns)
         self._publish_force.publish(self._force)
         self._publish_twist.publish(self._twist)
+        write_wrench(self._setpoint, self._applied, deadline_ns)
+        self._publish_setpoint.publish(self._setpoint)
+        pose, twist, applied = measured.pose, measured.twist, self._applied
+        turned = pin.log3(pose.rotation)
+        # Rates of the rotation vector, and torques that do the same work with them.
+        spin = pose.rotation @ pin.Jexp3(turned)
+        rates = pin.Jlog3(pose.rotation) @ pose.rotation.T @ twist[3:]
+        set_stamp(self._joints.header.stamp, deadline_ns)
+        self._joints.position = [*pose.translation.tolist(), *turned.tolist()]
+        self._joints.velocity = [*twist[:3].tolist(), *rates.tolist()]
+        self._joints.effort = [*applied[:3].tolist(), *(spin.T @ applied[3:]).tolist()]
+        self._publish_joints.publish(self._joints)
+        # Last of the sample: who speaks CRTK only answers the pose.
         self._publish_pose.publish(self._pose)
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
@@ -118,18 +186,23 @@ class HapticDeviceNode(ClockedNode):
             rendering,
             sentence,
             {
-                **self.clock_figures(self._backlog),
+                **self.clock_figures(),
                 "times_held": str(self.times_held),
                 **self.latency.summary("loop_latency"),
+                **({} if self._pushes is None else self._pushes.figures(self.now_ns())),
             },
         )
 
     def _standing_command(self, now_ns: int) -> Array:
         """Return servo_cf, or zero when it is stale; the hand takes hold and lets go with it."""
+        if self.lockstep:
+            if self._ticks < 2:
+                return np.zeros(6)
+            return self._commands.take(self._answered_ns(now_ns))
         command = self._command.value
         if command is None or not self._command.fresh(now_ns, self.timeout_ns):
             if self._held is not None:
-                self.get_logger().warning("servo_cf is lost: actuators at zero")
+                self.node.get_logger().warning("servo_cf is lost: actuators at zero")
             self._held = None
             return np.zeros(6)
         if self._held is None and not self._hand_waits:
@@ -137,6 +210,19 @@ class HapticDeviceNode(ClockedNode):
             self._ticks_held = 0
             self.times_held += 1
         return command
+
+    def _answered_ns(self, deadline_ns: int) -> int:
+        """Return the sample whose answer acts over the period that ends at a deadline."""
+        return deadline_ns - 2 * round(self.period_s * NANOSECONDS)
+
+    def _pushing(self, now_ns: int) -> Array:
+        """Return what others add to the hand's wrench from now on."""
+        if self._pushes is None:
+            return self._awaited.take(now_ns)
+        return self._pushes.at(now_ns, self._rotation_of).get("hand", _NO_WRENCH)
+
+    def _rotation_of(self, frame: str) -> Array:
+        return np.eye(3) if frame == "device_world" else np.asarray(self._state.pose.rotation)
 
     def _hand_now(self, elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
         if self._held is None:
@@ -148,15 +234,17 @@ class HapticDeviceNode(ClockedNode):
         held = state.pose if self._held is None else self._held
         return self._hand_now(self._ticks_held * self.period_s, state.pose, state.twist, held)
 
-    def _on_command(self, message: WrenchStamped, now_ns: int) -> None:
-        measured = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
-        self._command.put(read_wrench(message), now_ns)
-        self.latency.add(now_ns - measured)
-        self.ages.add(now_ns - measured)
+    def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
+        self.latency.add(now_ns - stamp_ns)
+        self.ages.add(now_ns - stamp_ns)
+        self._command.put(wrench, now_ns)
+        if self.lockstep:
+            self._commands.put(wrench, stamp_ns)
+            self.act(now_ns)
 
-    def _on_hand_wrench(self, message: WrenchStamped, now_ns: int) -> None:
-        checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
-        self._extra.put(read_wrench(message), now_ns)
+    def _on_awaited(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
+        self._awaited.put(wrench, stamp_ns)
+        self.act(now_ns)
 
     def _on_start_hand(
         self, request: Trigger.Request, response: Trigger.Response
@@ -169,6 +257,7 @@ class HapticDeviceNode(ClockedNode):
 
     def _start_pose(self) -> pin.SE3:
         """Return where the device stands at the start: at the operational point."""
-        simulator = Simulator(self.scene)
+        # Once, at the start: not worth the time that compiled kernels take to load.
+        simulator = Simulator(self.scene, compiled=False)
         terms = simulator.evaluate(simulator.initial_state())
         return terms.points[simulator.mechanism.point_index(self.point)].pose

@@ -2,89 +2,62 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
-from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Evaluation, MechanismState, Simulator
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.nodes.base import NANOSECONDS, ClockedNode
-from hapticmech_ros.nodes.inputs import ExpiringWrench
-from hapticmech_ros.nodes.messages import (
-    checked_stamp,
-    read_wrench,
-    set_stamp,
-    write_pose,
-    write_twist,
-    write_wrench,
-)
-from hapticmech_ros.nodes.period_clock import Backlog
-from hapticmech_ros.nodes.qos import (
-    COMMAND_SUBSCRIBER,
-    CONTROL_SUBSCRIBER,
-    LATCHED,
-    STREAM_PUBLISHER,
-)
+from hapticmech_ros.nodes.actor import NANOSECONDS, ClockedActor
+from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.messages import WORLD, set_stamp
+from hapticmech_ros.nodes.parameters import MechanismParameters
+from hapticmech_ros.nodes.point_port import PointPort
+from hapticmech_ros.nodes.pushes import Pushes
+from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, Energy, pack_energy
 from hapticmech_ros.wire.state import StateLayout, WireState
-from hapticmech_ros.wire.topics import (
-    CLOSURES,
-    CONTACT_FORCE,
-    ENERGY,
-    EXTERNAL_WRENCH,
-    JOINT_STATES,
-    POINT_COMMAND,
-    POINT_POSE,
-    POINT_TWIST,
-    STATE,
-    Topic,
-)
+from hapticmech_ros.wire.topics import CLOSURES, ENERGY, EXTERNAL_WRENCH, JOINT_STATES, STATE
 
 # How long a mechanism that failed is silent, so that everyone notices, before it goes on at rest.
 FAILURE_SILENCE_NS = NANOSECONDS // 2
 
 
-@dataclass(slots=True)
-class PointPort:
-    """Topics of one operational point: what it is told, and what it tells."""
+class MechanismSimulator(ClockedActor[MechanismParameters]):
+    """Drives a :class:`Simulator` at the control rate.
 
-    command: ExpiringWrench
-    external: ExpiringWrench
-    publish_pose: Publisher
-    publish_twist: Publisher
-    publish_contact: Publisher
+    In lockstep the command that acts over a period answers the sample one period before it.
+    """
 
-
-class MechanismSimulatorNode(ClockedNode):
-    """Drives a :class:`Simulator` at the control rate."""
-
+    name = "mechanism_simulator"
+    parameters_type = MechanismParameters
     # Half a period after the device, so that a command computed from the device's measurement has
     # arrived when the mechanism steps.
     phase = 0.5
 
-    def __init__(self) -> None:
-        super().__init__("mechanism_simulator")
-        timeout = self.number_parameter(
-            "command_timeout", 0.05, "servo_cf older than this counts as lost, s", 0.001, 1.0
-        )
-        external = self.number_parameter(
-            "external_timeout", 0.2, "external_cf stands this long, s; 0 for ever", 0.0, 3600.0
-        )
+    def __init__(self, node: Host, parameters: MechanismParameters) -> None:
+        self._ports: list[PointPort] = []
+        self._pushes: Pushes | None = None
+        super().__init__(node, parameters)
         self._simulator = Simulator(self.scene)
         self._state: MechanismState = self._simulator.initial_state()
-        self._backlog = Backlog()
+        names = self._simulator.mechanism.point_names
+        self._commands = np.zeros((len(names), 6))
+        self._external = np.zeros((len(names), 6))
+        held = parameters.held_points.split(",") if parameters.held_points else [self.point]
+        self._held = [self._simulator.mechanism.point_index(name.strip()) for name in held]
+        self._on_links: dict[str, Array] = {}
         self._silent_until_ns = 0
         self.failures = 0
         self._ticks = 0
-        self._pose, self._twist, self._wrench = PoseStamped(), TwistStamped(), WrenchStamped()
         self._joints = JointState(name=list(coordinate_names(self._simulator.mechanism)))
+        self._joints.header.frame_id = WORLD
         self._layout = StateLayout(self._simulator.mechanism)
         self._wire = FlatArray(self._layout.fields)
         self._energy = FlatArray(ENERGY_FIELDS)
@@ -92,62 +65,132 @@ class MechanismSimulatorNode(ClockedNode):
         self._publish_joints = self.output(JOINT_STATES, JointState)
         self._publish_energy = self.output(ENERGY, Float64MultiArray)
         self._publish_closures = self.output(CLOSURES, UInt8MultiArray, LATCHED)
-        self._ports = [
-            self._port(name, round(timeout * NANOSECONDS), round(external * NANOSECONDS))
-            for name in self._simulator.mechanism.point_names
-        ]
+        self._ports = [PointPort(self, name, self.act) for name in names]
+        if not parameters.awaits_external:
+            self._pushes = self._listen_to_pushes(names)
+        self.adopt(parameters)
+        self._announced = self._state.active
         self._announce_closures()
+
+    def adopt(self, parameters: MechanismParameters) -> None:
+        """Take new parameters: the timeouts count from now on."""
+        super().adopt(parameters)
+        timeout_ns = round(parameters.command_timeout * NANOSECONDS)
+        for port in self._ports:
+            port.set_timeout(timeout_ns)
+        if self._pushes is not None:
+            self._pushes.set_timeout(round(parameters.external_timeout * NANOSECONDS))
+
+    def activate(self) -> None:
+        """Go on where the mechanism is; what was commanded before counts no more."""
+        for port in self._ports:
+            port.command.clear()
+        if self._pushes is not None:
+            self._pushes.forget()
+        self._commands = np.zeros_like(self._commands)
+        self._external = np.zeros_like(self._external)
+        self._on_links = {}
+
+    def deactivate(self) -> None:
+        """Come to rest: on activation the mechanism goes on from here."""
+        self._state = replace(self._state, v=np.zeros_like(self._state.v))
+
+    def ready(self, deadline_ns: int) -> bool:
+        """Return whether the commands to act on, and awaited wrenches, are there."""
+        if self.parameters.awaits_external and not all(
+            port.awaited.has(deadline_ns) for port in self._ports
+        ):
+            return False
+        answered = self._answered_ns(deadline_ns)
+        return self._ticks < 2 or all(self._ports[i].commands.has(answered) for i in self._held)
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Step the mechanism under the wrenches that stand, and publish its state."""
         if deadline_ns < self._silent_until_ns:
             return
-        external = np.array([port.external.at(deadline_ns) for port in self._ports])
-        wrenches = external + np.array([port.command.at(deadline_ns) for port in self._ports])
-        active = self._state.active
         try:
-            for _ in range(self._backlog.steps(periods)):
-                self._state = self._simulator.step(self._state, wrenches)
-            terms = self._simulator.evaluate(self._state)
+            if self._ticks or not self.lockstep:
+                period_ns = round(self.period_s * NANOSECONDS)
+                for behind in reversed(range(self.backlog.steps(periods))):
+                    self._commands = self._commanded(deadline_ns - behind * period_ns)
+                    self._move()
+            self._external = self._pushing(deadline_ns)
+            self._publish(deadline_ns)
         except HapticMechError as error:
             self._fail(error, deadline_ns)
-            return
-        if self._state.active != active:
-            self._announce_closures()
-        state = self._state
-        commanded = tuple(port.command.heard(deadline_ns) for port in self._ports)
-        wire = WireState(deadline_ns, state.active, state.q, state.v, external, commanded)
+
+    def _publish(self, deadline_ns: int) -> None:
+        state, external = self._state, self._external
+        heard = tuple(self.lockstep or p.command.heard(deadline_ns) for p in self._ports)
+        wire = WireState(deadline_ns, state.active, state.q, state.v, external, heard)
         self._publish_wire.publish(self._wire.encode(self._layout.pack(wire)))
+        if state.active != self._announced:
+            self._announce_closures()
         if self._ticks % self.view_every == 0:
-            self._publish_view(terms, external, deadline_ns)
+            self._publish_view(self._simulator.evaluate(state), external, deadline_ns)
         self._ticks += 1
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the mechanism's state and figures."""
-        closed = self._simulator.mechanism.names_of(self._state.active)
-        sentence = f"closed loops: {', '.join(closed) or 'none'}"
-        return (
-            self.failures == 0,
-            sentence,
-            {
-                **self.clock_figures(self._backlog),
-                "closure_error": f"{self._state.closure_error:.3e}",
-                "failures": str(self.failures),
-            },
-        )
+        closed = ", ".join(self._simulator.mechanism.names_of(self._state.active)) or "none"
+        pushing = {} if self._pushes is None else self._pushes.figures(self.now_ns())
+        energy = self._energies(0)
+        space = self._simulator.evaluate(self._state).space
+        figures = {
+            **self.clock_figures(),
+            **pushing,
+            "closures": closed,
+            "closure_rank": str(space.rank),
+            "closure_error": f"{self._state.closure_error:.3e}",
+            "kinetic_energy_j": f"{energy.kinetic:.6g}",
+            "potential_energy_j": f"{energy.potential:.6g}",
+            "energy_balance_j": f"{energy.balance:.9g}",
+            "failures": str(self.failures),
+        }
+        return self.failures == 0, f"closed loops: {closed}", figures
+
+    def _move(self) -> None:
+        wrenches = self._commands + self._external
+        self._state = self._simulator.step(self._state, wrenches, self._on_links)
+
+    def _commanded(self, deadline_ns: int) -> Array:
+        """Return the wrench (points, 6) by the controllers that acts until a deadline."""
+        if not self.lockstep:
+            return np.array([port.command.at(deadline_ns) for port in self._ports])
+        wrenches = np.zeros_like(self._external)
+        if self._ticks >= 2:
+            answered = self._answered_ns(deadline_ns)
+            for index in self._held:
+                wrenches[index] = self._ports[index].commands.take(answered)
+        return wrenches
+
+    def _pushing(self, now_ns: int) -> Array:
+        """Return F_c (points, 6) from now on, and keep what pushes on links."""
+        if self._pushes is None:
+            return np.array([port.awaited.take(now_ns) for port in self._ports])
+        pushed = self._pushes.at(now_ns, self._rotation_of)
+        mechanism = self._simulator.mechanism
+        external = np.zeros_like(self._external)
+        for index, name in enumerate(mechanism.point_names):
+            if name in pushed:
+                external[index] = pushed.pop(name)
+        self._on_links = pushed
+        return external
+
+    def _rotation_of(self, frame: str) -> Array:
+        return np.asarray(self._simulator.mechanism.frame_pose(self._state.q, frame).rotation)
+
+    def _answered_ns(self, deadline_ns: int) -> int:
+        """Return the sample whose answer acts over the period that ends at a deadline."""
+        return deadline_ns - 2 * round(self.period_s * NANOSECONDS)
 
     def _publish_view(self, terms: Evaluation, external: Array, time_ns: int) -> None:
-        for port, point, contact in zip(self._ports, terms.points, external, strict=True):
-            write_wrench(self._wrench, contact, time_ns)
-            write_twist(self._twist, point.twist, time_ns)
-            write_pose(self._pose, point.pose, time_ns)
-            port.publish_contact.publish(self._wrench)
-            port.publish_twist.publish(self._twist)
-            port.publish_pose.publish(self._pose)
         set_stamp(self._joints.header.stamp, time_ns)
         self._joints.position = self._layout.coordinates(self._state.q).tolist()
         self._joints.velocity = self._state.v.tolist()
         self._publish_joints.publish(self._joints)
+        for port, point, force in zip(self._ports, terms.points, external, strict=True):
+            port.publish(point, force, self._joints, time_ns)
         self._publish_energy.publish(self._energy.encode(pack_energy(self._energies(time_ns))))
 
     def _energies(self, time_ns: int) -> Energy:
@@ -165,6 +208,7 @@ class MechanismSimulatorNode(ClockedNode):
         )
 
     def _announce_closures(self) -> None:
+        self._announced = self._state.active
         message = UInt8MultiArray(data=[int(on) for on in self._state.active])
         label = ",".join(closure.name for closure in self._simulator.mechanism.closures)
         size = len(self._state.active)
@@ -174,31 +218,19 @@ class MechanismSimulatorNode(ClockedNode):
     def _fail(self, error: HapticMechError, now_ns: int) -> None:
         """Stand still where all was well, and be silent long enough to be noticed."""
         self.failures += 1
-        self.get_logger().error(f"mechanism stopped: {error}")
+        self.node.get_logger().error(f"mechanism stopped: {error}")
         self._state = replace(self._state, v=np.zeros_like(self._state.v))
         self._silent_until_ns = now_ns + FAILURE_SILENCE_NS
 
-    def _port(self, name: str, timeout_ns: int, external_ns: int) -> PointPort:
-        def publisher(topic: Topic, message_type: type) -> Publisher:
-            return self.create_publisher(message_type, topic.of(name), STREAM_PUBLISHER)
-
-        port = PointPort(
-            ExpiringWrench(timeout_ns, timeout_ns),
-            ExpiringWrench(external_ns, NANOSECONDS // 20),
-            publisher(POINT_POSE, PoseStamped),
-            publisher(POINT_TWIST, TwistStamped),
-            publisher(CONTACT_FORCE, WrenchStamped),
+    def _listen_to_pushes(self, points: Sequence[str]) -> Pushes:
+        bodies = [*points, *(link.name for link in self.scene.links)]
+        pushes = Pushes(
+            self,
+            {body: f"mechanism/{body}" for body in bodies},
+            {"external_cf": False, "held_cf": True},
+            [*bodies, *(f"{name}_world" for name in points)],
+            root="mechanism",
         )
-
-        def on_command(message: WrenchStamped, now_ns: int) -> None:
-            measured = checked_stamp(message.header, now_ns, self.age_limit_ns, True)
-            port.command.put(read_wrench(message), now_ns)
-            self.ages.add(now_ns - measured)
-
-        def on_external(message: WrenchStamped, now_ns: int) -> None:
-            checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
-            port.external.put(read_wrench(message), now_ns)
-
-        self.input(POINT_COMMAND.of(name), WrenchStamped, CONTROL_SUBSCRIBER, on_command)
-        self.input(EXTERNAL_WRENCH.of(name), WrenchStamped, COMMAND_SUBSCRIBER, on_external)
-        return port
+        for name in points:
+            pushes.listen(EXTERNAL_WRENCH.of(name))
+        return pushes

@@ -37,7 +37,15 @@ def checked_stamp(header: Header, now_ns: int, limit_ns: int, unstamped_is_now: 
         InvalidInputError: further than ``limit_ns`` from now; or zero where that is not allowed to
             mean now.
     """
-    time_ns = stamp_ns(header)
+    return checked_time(stamp_ns(header), now_ns, limit_ns, unstamped_is_now)
+
+
+def checked_time(time_ns: int, now_ns: int, limit_ns: int, unstamped_is_now: bool) -> int:
+    """Return a stamp, ns, by the same rules as :func:`checked_stamp`.
+
+    Raises:
+        InvalidInputError: as there.
+    """
     if time_ns == 0 and unstamped_is_now:
         return now_ns
     check_age(time_ns, now_ns, limit_ns)
@@ -55,13 +63,13 @@ def check_age(time_ns: int, now_ns: int, limit_ns: int) -> None:
         raise InvalidInputError("age of stamp, s", (now_ns - time_ns) / NANOSECONDS, rule)
 
 
-def read_wrench(message: WrenchStamped) -> Array:
-    """Return (6,) force and torque, N and N m, given in ``world``.
+def read_wrench(message: WrenchStamped, frame: str = WORLD) -> Array:
+    """Return (6,) force and torque, N and N m, in the axes of ``frame``.
 
     Raises:
         InvalidInputError: another frame, or not finite.
     """
-    check_frame(message.header)
+    check_frame(message.header, frame)
     return _six("wrench", message.wrench.force, message.wrench.torque)
 
 
@@ -89,14 +97,14 @@ def read_pose(message: PoseStamped) -> pin.SE3:
     return pose_of(values[:3], values[3:])
 
 
-def check_frame(header: Header) -> None:
-    """Refuse any frame but ``world``.
+def check_frame(header: Header, frame: str = WORLD) -> None:
+    """Refuse any frame but one.
 
     Raises:
-        InvalidInputError: unknown frame.
+        InvalidInputError: another frame.
     """
-    if header.frame_id != WORLD:
-        raise InvalidInputError("frame_id", header.frame_id, f"must be '{WORLD}'")
+    if header.frame_id != frame:
+        raise InvalidInputError("frame_id", header.frame_id, f"must be '{frame}'")
 
 
 def write_wrench(message: WrenchStamped, wrench: Array, time_ns: int) -> None:

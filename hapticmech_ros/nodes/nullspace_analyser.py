@@ -7,11 +7,12 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray, UInt8
 
 from hapticmech_ros.control import PointMeasurement
-from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism import build
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.nodes.base import NANOSECONDS, HapticNode
+from hapticmech_ros.nodes.actor import NANOSECONDS, Actor
+from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import check_age, matrix_message, write_array
-from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
+from hapticmech_ros.nodes.parameters import AnalyserParameters
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.counter import CountState, first_count, next_count
 from hapticmech_ros.session import rendering_model
@@ -32,15 +33,19 @@ from hapticmech_ros.wire.topics import (
 RESTART_PAUSE_NS = NANOSECONDS // 4
 
 
-class NullspaceAnalyserNode(HapticNode):
+class NullspaceAnalyser(Actor[AnalyserParameters]):
     """Runs an :class:`Analyser` on every state of the mechanism."""
 
-    def __init__(self) -> None:
-        super().__init__("nullspace_analyser")
-        self._mechanism = Mechanism(self.scene)
+    name = "nullspace_analyser"
+    parameters_type = AnalyserParameters
+
+    def __init__(self, node: Host, parameters: AnalyserParameters) -> None:
+        super().__init__(node, parameters)
+        self._mechanism = build(self.scene)
         self._analyser = Analyser(self._mechanism, self.point)
         self._layout = StateLayout(self._mechanism)
         self._count: CountState | None = None
+        self._rank = 0
         self._last_ns = 0
         self._first_ns = 0
         self.analyses = 0
@@ -52,7 +57,11 @@ class NullspaceAnalyserNode(HapticNode):
         self._publish_wrenches = self.output(CONSTRAINT_WRENCHES, Float64MultiArray)
         self._publish_spectrum = self.output(SPECTRUM, Float64MultiArray)
         self._publish_count = self.output(COUNT, UInt8)
-        self.input_array(STATE.name, CONTROL_SUBSCRIBER, self._on_state)
+        self.input_array(STATE.name, self.control_input, self._on_state)
+
+    def activate(self) -> None:
+        """Start the count anew."""
+        self._count = None
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return what was analysed and how often."""
@@ -61,7 +70,12 @@ class NullspaceAnalyserNode(HapticNode):
         rate = (self.analyses - 1) / span_s if span_s > 0.0 else 0.0
         count = "unknown" if self._count is None else str(self._count.count)
         sentence = f"{count} joint constraints" if fresh else "no states of the mechanism"
-        figures = {"analyses": str(self.analyses), "achieved_rate_hz": f"{rate:.1f}"}
+        figures = {
+            "analyses": str(self.analyses),
+            "achieved_rate_hz": f"{rate:.1f}",
+            "count": count,
+            "inverse_inertia_rank": str(self._rank),
+        }
         return fresh, sentence, figures
 
     def _on_state(self, values: Array, now_ns: int) -> None:
@@ -70,6 +84,7 @@ class NullspaceAnalyserNode(HapticNode):
         self.ages.add(now_ns - state.stamp_ns)
         terms = self._mechanism.evaluate(state.q, state.v, state.active)
         found = self._analyser.analyse(terms)
+        self._rank = found.rank
         count = self._counted(found, state.stamp_ns)
         index = self._analyser.index
         point = terms.points[index]

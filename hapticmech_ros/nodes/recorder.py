@@ -30,7 +30,8 @@ from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
 from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.wire.layouts import unpack_device
-from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS, Topic
+from hapticmech_ros.wire.topic import Topic
+from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS
 
 # Nodes publish diagnostics once a second: recording goes on this long so that the last are in.
 TAIL_S = 1.2
@@ -65,7 +66,7 @@ class RecorderNode(Node):
             if name == self._watched and self.started_ns is None:
                 self._look_for_start(data, now)
 
-        self.create_subscription(_message_class(topic.type), name, callback, qos, raw=True)
+        self.create_subscription(message_class(topic.type), name, callback, qos, raw=True)
 
     def start_hand_when_ready(self) -> None:
         """Let the hand start once every topic of the graph has been heard."""
@@ -78,7 +79,7 @@ class RecorderNode(Node):
         return sorted(self._silent)
 
     def _look_for_start(self, data: bytes, now_ns: int) -> None:
-        _, measured = unpack_device(deserialize_message(data, Float64MultiArray).data)
+        measured = unpack_device(deserialize_message(data, Float64MultiArray).data).measured
         if measured.hand_wrench.any():
             self.started_ns = now_ns
 
@@ -102,12 +103,12 @@ def main(arguments: Sequence[str]) -> int:
             messages = node.messages
             node.destroy_node()
         if failure:
-            _tell("failed", reason=failure)
+            tell("failed", reason=failure)
             return 1
-        _tell("done", messages=messages)
+        tell("done", messages=messages)
         return 0
     except HapticMechError as error:
-        _tell("failed", reason=str(error))
+        tell("failed", reason=str(error))
         return 1
     finally:
         rclpy.try_shutdown()
@@ -119,7 +120,7 @@ def _record_until_done(
     """Return None when all is recorded, or why not."""
     executor = EventsExecutor()
     executor.add_node(node)
-    _tell("ready")
+    tell("ready")
     begun = time.monotonic()
     started = last_told = 0.0
     while rclpy.ok() and not stop.asked:
@@ -133,10 +134,10 @@ def _record_until_done(
             continue
         if not started:
             started = now
-            _tell("started")
+            tell("started")
         if now - last_told >= PROGRESS_PERIOD_S:
             last_told = now
-            _tell("progress", elapsed_s=min(now - started, options.duration))
+            tell("progress", elapsed_s=min(now - started, options.duration))
         if now - started >= options.duration + TAIL_S:
             return None
     return "stopped by a signal before the experiment was over"
@@ -147,11 +148,13 @@ def _expected(point: str) -> list[str]:
     return [t.of(point) for t in TOPICS if t.publisher != "any" and t.rate in ("control", "view")]
 
 
-def _tell(event: str, **facts: object) -> None:
+def tell(event: str, **facts: object) -> None:
+    """Print a line of JSON for the parent process."""
     print(json.dumps({"event": event, **facts}), flush=True)
 
 
-def _message_class(name: str) -> Any:
+def message_class(name: str) -> Any:
+    """Return the class of a message type such as ``std_msgs/msg/String``."""
     package, _, kind = name.split("/")
     return getattr(importlib.import_module(f"{package}.msg"), kind)
 

@@ -6,12 +6,14 @@ happens here and nowhere else. One thread runs callbacks and ticks, so nodes nee
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from types import FrameType
+from typing import Any, Protocol
 
 import rclpy
 from rclpy.executors import Executor, ExternalShutdownException
@@ -20,18 +22,23 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.nodes.base import ClockedNode, HapticNode
-from hapticmech_ros.nodes.haptic_device import HapticDeviceNode
-from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulatorNode
-from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyserNode
-from hapticmech_ros.nodes.period_clock import PeriodClock
-from hapticmech_ros.nodes.teleoperation_controller import TeleoperationControllerNode
+from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.haptic_device import HapticDevice
+from hapticmech_ros.nodes.managed import ManagedNode
+from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
+from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
+from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
+from hapticmech_ros.nodes.viewer.scene_viewer import SceneViewer
 
-NODE_TYPES: dict[str, Callable[[], HapticNode]] = {
-    "haptic_device": HapticDeviceNode,
-    "mechanism_simulator": MechanismSimulatorNode,
-    "nullspace_analyser": NullspaceAnalyserNode,
-    "teleoperation_controller": TeleoperationControllerNode,
+ACTORS: dict[str, type[Actor[Any]]] = {
+    actor.name: actor
+    for actor in (
+        HapticDevice,
+        MechanismSimulator,
+        NullspaceAnalyser,
+        TeleoperationController,
+        SceneViewer,
+    )
 }
 NANOSECONDS = 1_000_000_000
 # Longest wait for a message or deadline: also how late a signal is answered at the worst.
@@ -39,6 +46,7 @@ LONGEST_WAIT_S = 0.1
 # A deadline closer than this is waited for by looking at the clock: timers wake up later than that.
 SHORTEST_WAIT_S = 20e-6
 _NEVER = Future()
+_PR_SET_TIMERSLACK = 29
 
 
 class StopRequest:
@@ -57,14 +65,18 @@ class StopRequest:
 def run(names: Sequence[str], arguments: Sequence[str]) -> int:
     """Create the named nodes and run them in this thread until a signal; return the exit code."""
     stop = StopRequest()
+    wake_up_in_time()
     rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
-    nodes: list[HapticNode] = []
+    nodes: list[ManagedNode] = []
     try:
         # One by one: those made before a failure are destroyed.
-        nodes.extend(NODE_TYPES[name]() for name in names)
-        _loop(nodes, stop)
+        for name in names:
+            nodes.append(ManagedNode(ACTORS[name]))
+            nodes[-1].start()
+        run_until(stop, nodes)
         for node in nodes:
             print(node.final_report(), flush=True)
+            node.end()
         return 0
     except HapticMechError as error:
         sys.stderr.write(f"{error}\n")
@@ -77,35 +89,46 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
         rclpy.try_shutdown()
 
 
-def wait_for_messages(executor: Executor, timeout_s: float) -> None:
-    """Run callbacks of messages for at most ``timeout_s``, which must be finite."""
-    executor.spin_until_future_complete(_NEVER, timeout_sec=timeout_s)
+def wake_up_in_time() -> None:
+    """Ask Linux not to gather this process's wake-ups, by which it delays each by some 50 µs."""
+    ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1)
 
 
-def _loop(nodes: Sequence[HapticNode], stop: StopRequest) -> None:
+def wait_for_messages(executor: Executor, timeout_s: float, until: Future = _NEVER) -> None:
+    """Run callbacks for at most ``timeout_s``, which must be finite, or until a future is done."""
+    executor.spin_until_future_complete(until, timeout_sec=timeout_s)
+
+
+class HasDeadlines(Protocol):
+    """A node that says when it wants to act next."""
+
+    def next_deadline_ns(self) -> int | None:
+        """Return the time by the machine's clock, ns; None: never."""
+
+    def act(self, now_ns: int) -> None:
+        """Act on the deadlines that have come."""
+
+
+def run_until(stop: StopRequest, nodes: Sequence[HasDeadlines]) -> None:
+    """Run nodes in this thread until a signal: messages as they come, deadlines when they come."""
     executor = EventsExecutor()
     for node in nodes:
-        executor.add_node(node)
-    now = time.time_ns()
-    clocked: list[tuple[ClockedNode, PeriodClock]] = []
-    for node in nodes:
-        if isinstance(node, ClockedNode):
-            node.clock = PeriodClock.on_grid(node.period_s, node.phase, now)
-            clocked.append((node, node.clock))
+        executor.add_node(node)  # type: ignore[arg-type]
     gc.collect()
     gc.freeze()
     while rclpy.ok() and not stop.asked:
-        wait_for_messages(executor, _wait_s(clocked))
-        for node, clock in clocked:
-            periods = clock.due(time.time_ns())
-            if periods:
-                node.tick(periods, clock.last_deadline_ns)
+        wait_for_messages(executor, _wait_s(nodes))
+        for node in nodes:
+            deadline = node.next_deadline_ns()
+            if deadline is not None and deadline <= (now := time.time_ns()):
+                node.act(now)
     executor.shutdown()
 
 
-def _wait_s(clocked: Sequence[tuple[ClockedNode, PeriodClock]]) -> float:
+def _wait_s(nodes: Sequence[HasDeadlines]) -> float:
     """Return how long to wait for messages: to the next deadline, within finite bounds."""
-    if not clocked:
+    deadlines = [deadline for node in nodes if (deadline := node.next_deadline_ns()) is not None]
+    if not deadlines:
         return LONGEST_WAIT_S
-    ahead = (min(clock.next_ns for _, clock in clocked) - time.time_ns()) / NANOSECONDS
+    ahead = (min(deadlines) - time.time_ns()) / NANOSECONDS
     return min(max(ahead, SHORTEST_WAIT_S), LONGEST_WAIT_S)

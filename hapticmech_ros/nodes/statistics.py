@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from array import array
+
 import numpy as np
 
 BIN_NS = 10_000
@@ -12,7 +14,7 @@ class DurationHistogram:
     """Durations in bins of 10 µs up to 200 ms; longer ones are in the last bin."""
 
     def __init__(self) -> None:
-        self._counts = [0] * BINS
+        self._counts = array("q", bytes(8 * BINS))
         self.count = 0
         self.max_ns = 0
 
@@ -27,7 +29,7 @@ class DurationHistogram:
         """Return percentiles (0 to 100) in µs, upper edge of the bin; 0 if nothing was counted."""
         if self.count == 0:
             return (0.0,) * len(shares)
-        totals = np.cumsum(self._counts)
+        totals = np.cumsum(np.frombuffer(self._counts, dtype=np.int64))
         needed = [np.ceil(share / 100.0 * self.count) for share in shares]
         indices = [int(np.searchsorted(totals, max(need, 1.0))) for need in needed]
         return tuple((index + 1) * BIN_NS / 1000.0 for index in indices)
@@ -36,6 +38,7 @@ class DurationHistogram:
         """Return the figures for diagnostics, keys ``<name>_p50_us`` and so on."""
         p50, p90, p99 = self.percentiles_us(50.0, 90.0, 99.0)
         return {
+            f"{name}_count": str(self.count),
             f"{name}_p50_us": f"{p50:.0f}",
             f"{name}_p90_us": f"{p90:.0f}",
             f"{name}_p99_us": f"{p99:.0f}",

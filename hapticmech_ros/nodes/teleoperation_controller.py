@@ -16,8 +16,9 @@ from hapticmech_ros.control import (
 )
 from hapticmech_ros.control.prediction import carried_on
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.nodes.base import NANOSECONDS, HapticNode
-from hapticmech_ros.nodes.inputs import NEVER, Latest
+from hapticmech_ros.nodes.actor import NANOSECONDS, Actor
+from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.messages import (
     check_age,
     checked_stamp,
@@ -26,6 +27,7 @@ from hapticmech_ros.nodes.messages import (
     read_wrench,
     write_wrench,
 )
+from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.wire.layouts import Rendering, unpack_device, unpack_rendering
 from hapticmech_ros.wire.topics import (
@@ -40,25 +42,27 @@ from hapticmech_ros.wire.topics import (
     POINT_COMMAND,
     RENDERING,
 )
+from hapticmech_ros.wire.wrench import encode_wrench
 
 # The point's pose is carried on by its twist to the time of the device's measurement, by no more
 # than this: beyond it the twist says nothing.
 PREDICTION_LIMIT_S = 0.005
+_NO_WRENCH = np.zeros(6)
 
 
-class TeleoperationControllerNode(HapticNode):
+class TeleoperationController(Actor[ControllerParameters]):
     """Runs a :class:`ControlArchitecture` on every sample of the device.
 
-    While an input is missing or stale, or the mechanism does not hear it, it is disengaged and
-    sends the device nothing, so that commands run out; then it engages anew, without a jump.
+    While an input is missing or stale, or the mechanism does not hear it, it is disengaged: the
+    device and the mechanism get zero once, then nothing; then it engages anew, without a jump. In
+    lockstep it answers when device and rendering of the same time are there.
     """
 
-    def __init__(self) -> None:
-        super().__init__("teleoperation_controller")
-        timeout = self.number_parameter(
-            "input_timeout", 0.05, "an input older than this counts as lost, s", 0.001, 1.0
-        )
-        self.timeout_ns = round(timeout * NANOSECONDS)
+    name = "teleoperation_controller"
+    parameters_type = ControllerParameters
+
+    def __init__(self, node: Host, parameters: ControllerParameters) -> None:
+        super().__init__(node, parameters)
         self._control = ControlArchitecture(self.scene)
         self._engagement: Engagement | None = None
         self._answers = 0
@@ -75,12 +79,30 @@ class TeleoperationControllerNode(HapticNode):
             self.output(topic, WrenchStamped)
             for topic in (IMPEDANCE_PART, CONSTRAINT_PART, CHANNEL_PART)
         ]
+        self._devices: Stamped[DeviceMeasurement] = Stamped()
+        self._renderings: Stamped[Rendering] = Stamped()
+        self._epoch_ns = 0
         qos = CONTROL_SUBSCRIBER
-        self.input_array(DEVICE_STATE.name, qos, self._on_device_state)
+        self.input_array(DEVICE_STATE.name, self.control_input, self._on_device_state)
         self.input(DEVICE_FORCE.name, WrenchStamped, qos, self._on_force)
         self.input(DEVICE_TWIST.name, TwistStamped, qos, self._on_twist)
-        self.input_array(RENDERING.of(self.point), qos, self._on_rendering)
+        self.input_array(RENDERING.of(self.point), self.control_input, self._on_rendering)
         self.input(DEVICE_POSE.name, PoseStamped, qos, self._on_device_pose)
+
+    def adopt(self, parameters: ControllerParameters) -> None:
+        """Take new parameters: the timeout counts from now on."""
+        super().adopt(parameters)
+        self.timeout_ns = round(parameters.input_timeout * NANOSECONDS)
+
+    def activate(self) -> None:
+        """Wait for device and rendering; times count from now, to lose no digits."""
+        self._last_ns = self._state_ns = NEVER
+        self._twist, self._hand, self._rendering = Latest(), Latest(), Latest()
+        self._epoch_ns = self.now_ns()
+
+    def deactivate(self) -> None:
+        """Let go of device and mechanism."""
+        self._disengage(["activity"])
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return whether the controller is engaged, or which inputs it lacks."""
@@ -102,16 +124,28 @@ class TeleoperationControllerNode(HapticNode):
         return engaged, sentence, figures
 
     def _on_device_state(self, values: Array, now_ns: int) -> None:
-        stamp, device = unpack_device(values)
+        stamp, device, _ = unpack_device(values)
         check_age(stamp, now_ns, self.age_limit_ns)
         self._state_ns = now_ns
-        self._answer(device, stamp, now_ns)
+        if self.lockstep:
+            self._devices.put(device, stamp)
+            self._answer_pair(stamp)
+        else:
+            self._answer(device, stamp, now_ns)
+
+    def _answer_pair(self, stamp: int) -> None:
+        """Answer once device and rendering of one time are there, in lockstep."""
+        if not (self._devices.has(stamp) and self._renderings.has(stamp)):
+            return
+        device, rendering = self._devices.take(stamp), self._renderings.take(stamp)
+        self._last_ns = stamp
+        self._answer_to(device, rendering, stamp, stamp)
 
     def _on_device_pose(self, message: PoseStamped, now_ns: int) -> None:
         """Answer a device that speaks CRTK only: its pose comes last of a sample's three."""
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
         pose = read_pose(message)
-        if now_ns - self._state_ns <= self.timeout_ns:
+        if self.lockstep or now_ns - self._state_ns <= self.timeout_ns:
             return
         twist, hand = self._twist.value, self._hand.value
         lost = [
@@ -137,20 +171,24 @@ class TeleoperationControllerNode(HapticNode):
         if not rendering.commanded:
             # The mechanism does not hear us (yet): the device is left alone until it does.
             self._disengage([POINT_COMMAND.of(self.point) + " at the mechanism"])
-            write_wrench(self._message, np.zeros(6), stamp)
-            self._publish_point.publish(self._message)
+            self._publish_point.publish(encode_wrench(_NO_WRENCH, stamp))
             return
+        self._answer_to(device, rendering, stamp, now_ns)
+
+    def _answer_to(
+        self, device: DeviceMeasurement, rendering: Rendering, stamp: int, now_ns: int
+    ) -> None:
         ahead = (stamp - rendering.stamp_ns) / NANOSECONDS
         ahead = min(max(ahead, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
         seen = rendering.point
         point = PointMeasurement(
             carried_on(seen.pose, seen.twist, ahead), seen.twist, seen.contact_wrench
         )
-        time_s = now_ns / NANOSECONDS
+        time_s = (now_ns - self._epoch_ns) / NANOSECONDS
         if self._engagement is None:
             self._engagement = self._control.engage(time_s, device.pose, point.pose)
             self.engagements += 1
-            self.get_logger().info("engaged")
+            self.node.get_logger().info("engaged")
         output = self._control.compute(
             time_s,
             self._engagement,
@@ -161,12 +199,8 @@ class TeleoperationControllerNode(HapticNode):
         self._send(output, stamp)
 
     def _send(self, output: ControlOutput, stamp_ns: int) -> None:
-        for publisher, wrench in (
-            (self._publish_device, output.device),
-            (self._publish_point, output.mechanism),
-        ):
-            write_wrench(self._message, wrench, stamp_ns)
-            publisher.publish(self._message)
+        self._publish_device.publish(encode_wrench(output.device, stamp_ns))
+        self._publish_point.publish(encode_wrench(output.mechanism, stamp_ns))
         if self._answers % self.view_every == 0:
             parts = (output.impedance, output.joint_constraint, output.four_channel)
             for publisher, wrench in zip(self._publish_parts, parts, strict=True):
@@ -175,9 +209,14 @@ class TeleoperationControllerNode(HapticNode):
         self._answers += 1
 
     def _disengage(self, lost: Sequence[str]) -> None:
-        if self._engagement is not None:
-            self.get_logger().warning(f"disengaged: lost {', '.join(lost)}")
+        """Say zero to both sides at once, rather than let them find out by waiting."""
+        if self._engagement is None:
+            return
+        self.node.get_logger().warning(f"disengaged: lost {', '.join(lost)}")
         self._engagement = None
+        zero = encode_wrench(_NO_WRENCH, self.now_ns())
+        self._publish_device.publish(zero)
+        self._publish_point.publish(zero)
 
     def _on_force(self, message: WrenchStamped, now_ns: int) -> None:
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
@@ -192,3 +231,6 @@ class TeleoperationControllerNode(HapticNode):
         check_age(found.stamp_ns, now_ns, self.age_limit_ns)
         self._rendering.put(found, found.stamp_ns)
         self.ages.add(now_ns - found.stamp_ns)
+        if self.lockstep:
+            self._renderings.put(found, found.stamp_ns)
+            self._answer_pair(found.stamp_ns)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from hapticmech_ros.operational.inverse_inertia import (
 from hapticmech_ros.operational.metric import TaskMetric
 from hapticmech_ros.operational.projector import balanced_share, constraint_projector, rigidity
 from hapticmech_ros.operational.spectrum import Spectrum, spectrum
+
+if TYPE_CHECKING:
+    from hapticmech_ros.operational.compiled import CompiledAnalysis
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +69,12 @@ class Analyser:
         self.index = mechanism.point_index(point)
         self.rows = PLANAR_ROWS if scene.task_space == "planar" else SPATIAL_ROWS
         self.metric = TaskMetric(scene, self.point)
+        self._compiled = self._load() if mechanism.compiled else None
 
     def analyse(self, terms: Evaluation) -> OperationalAnalysis:
         """Analyse the point from the terms of Eq. 1 at a state."""
+        if self._compiled is not None and self._compiled.understands(terms):
+            return self._by_kernel(self._compiled, terms)
         point = terms.points[self.index]
         jacobian = point.jacobian if self.rows.size == 6 else point.jacobian[self.rows]
         perception = self.mechanism.scene.perception
@@ -84,6 +91,18 @@ class Analyser:
             free_acceleration=point.jacobian @ free_rates + point.drift,
             rows=self.rows,
         )
+
+    def _load(self) -> CompiledAnalysis:
+        # Here, so that only a compiled mechanism waits for Numba.
+        from hapticmech_ros.operational.compiled import CompiledAnalysis
+
+        return CompiledAnalysis(self.index, self.rows, self.metric, self.mechanism.scene.perception)
+
+    def _by_kernel(self, kernel: CompiledAnalysis, terms: Evaluation) -> OperationalAnalysis:
+        squares, (s, weights), (wrenches, duals), acceleration = kernel(terms)
+        x, projector, share = squares
+        found = Spectrum(s, wrenches, duals)
+        return OperationalAnalysis(x, found, weights, projector, share, acceleration, self.rows)
 
 
 def analyse(

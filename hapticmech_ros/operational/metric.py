@@ -23,6 +23,8 @@ class TaskMetric:
 
     Attributes:
         mass: reference mass m_ℓ in kg: of the link, or of the point's ``metric``.
+        factor, dual_factor: (t, t) G and G⁻ᵀ in the axes of the link.
+        point_to_link: (3, 3) rotation from the point's axes to the link's.
     """
 
     def __init__(self, scene: Scene, point: OperationalPoint) -> None:
@@ -31,11 +33,11 @@ class TaskMetric:
         self._planar = scene.task_space == "planar"
         if self._planar:
             inertia = planar_block(inertia)
-        self._factor = cholesky_of_upper(inertia)
-        self._dual_factor = np.asarray(
-            dtrsm(1.0, self._factor, np.eye(inertia.shape[0]), lower=1, trans_a=1)
+        self.factor = cholesky_of_upper(inertia)
+        self.dual_factor = np.asarray(
+            dtrsm(1.0, self.factor, np.eye(inertia.shape[0]), lower=1, trans_a=1)
         )
-        self._point_to_link = se3(point.origin).rotation.T
+        self.point_to_link = se3(point.origin).rotation.T
 
     def factors(self, rotation: Array) -> tuple[Array, Array]:
         """Return G (t, t) with I_ℓ = G Gᵀ, and G⁻ᵀ, on the task's rows and in world axes.
@@ -43,14 +45,14 @@ class TaskMetric:
         Args:
             rotation: (3, 3) orientation of the operational point.
         """
-        link = rotation @ self._point_to_link
+        link = rotation @ self.point_to_link
         if self._planar:
             turn = np.eye(3)
             turn[:2, :2] = link[:2, :2]
         else:
             turn = np.zeros((6, 6))
             turn[:3, :3] = turn[3:, 3:] = link
-        return turn @ self._factor, turn @ self._dual_factor
+        return turn @ self.factor, turn @ self.dual_factor
 
 
 def _inertia_at_point(scene: Scene, point: OperationalPoint) -> Array:

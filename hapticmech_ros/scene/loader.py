@@ -22,8 +22,12 @@ FILE_SIZE_LIMIT = 4_000_000
 VALUE_LIMIT = 200_000
 
 
-def load_scene(scene: str | os.PathLike[str]) -> Scene:
+def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scene:
     """Load a scene from a YAML file, or a shipped scene by its bare name (``five_bar``).
+
+    Args:
+        scene: path or name.
+        control_rate: Hz, instead of the scene's own ``simulation.period``; 0 leaves it.
 
     Raises:
         SceneError: not found, not readable, not YAML, or breaking rules; the message names file,
@@ -52,7 +56,18 @@ def load_scene(scene: str | os.PathLike[str]) -> Scene:
     if not _values_within(document, VALUE_LIMIT):
         rule = f"at most {VALUE_LIMIT} values with all aliases written out"
         raise SceneError(str(path), [SceneProblem("file", str(path), rule)])
-    return scene_from_document(document, source=str(path))
+    return scene_from_document(_at_rate(document, control_rate), source=str(path))
+
+
+def _at_rate(document: object, control_rate: float) -> object:
+    """Return the document with another control rate (Hz), unless that is 0."""
+    if control_rate == 0.0 or not isinstance(document, Mapping):
+        return document
+    simulation = document.get("simulation", {})
+    if not isinstance(simulation, Mapping):
+        return document
+    period = 1.0 / control_rate
+    return {**document, "simulation": {**simulation, "period": period}}
 
 
 def scene_from_document(document: object, source: str = "<document>") -> Scene:

@@ -67,6 +67,9 @@ def _names(scene: Scene) -> Iterator[SceneProblem]:
             if name in names[:index]:
                 yield SceneProblem(key.format(index), name, "names must be unique")
     for index, link in enumerate(scene.links):
+        if link.name in {point.name for point in scene.operational_points}:
+            rule = "must differ from the operational points' names: both name frames"
+            yield SceneProblem(f"links[{index}].name", link.name, rule)
         if link.name == "world":
             yield SceneProblem(f"links[{index}].name", "world", "'world' is the fixed root")
 

@@ -72,3 +72,29 @@ def decode(message: bytes) -> Array:
     except (struct.error, ValueError) as error:
         rule = "must be a whole Float64MultiArray"
         raise InvalidInputError("message", f"{len(message)} bytes: {error}", rule) from None
+
+
+def header_stamp(message: bytes) -> int:
+    """Return the stamp (ns) of a serialized message that begins with a std_msgs/Header.
+
+    Raises:
+        InvalidInputError: cut short, or not little-endian CDR.
+    """
+    if message[:2] != _LITTLE_ENDIAN[:2] or len(message) < _HEADER + 8:
+        raise InvalidInputError(
+            "message", message[:12], "must be a whole little-endian CDR message"
+        )
+    seconds, nanoseconds = struct.unpack_from("<iI", message, _HEADER)
+    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+
+
+def array_stamp(message: bytes) -> int:
+    """Return the stamp (ns) of a serialized flat array whose first two numbers it is.
+
+    Raises:
+        InvalidInputError: cut short, or not a Float64MultiArray of two numbers and more.
+    """
+    values = decode(message)
+    if values.size < 2:
+        raise InvalidInputError("array", values.size, "must begin with seconds and nanoseconds")
+    return int(values[0]) * 1_000_000_000 + int(values[1])

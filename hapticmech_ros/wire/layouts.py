@@ -7,6 +7,7 @@ labels, so that a bag can be read without this package.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -40,6 +41,7 @@ DEVICE_FIELDS: dict[str, int] = {
     "quaternion": 4,
     "twist": 6,
     "hand_wrench": 6,
+    "applied": 6,
 }
 ENERGY_FIELDS: dict[str, int] = {
     "stamp": 2,
@@ -92,21 +94,37 @@ class Energy:
         return held - self.work_in + self.damping_loss + self.latch_loss
 
 
-def pack_device(stamp_ns: int, measured: DeviceMeasurement) -> Array:
-    """Return the data (21,) of a ``device/state`` message."""
+class DeviceSample(NamedTuple):
+    """A decoded ``device/state`` message.
+
+    Attributes:
+        stamp_ns: time it stands for, ns.
+        measured: pose, twist and hand wrench.
+        applied: (6,) by the actuators, on the hand, until now; zero when servo_cf is lost.
+    """
+
+    stamp_ns: int
+    measured: DeviceMeasurement
+    applied: Array
+
+
+def pack_device(sample: DeviceSample) -> Array:
+    """Return the data (27,) of a ``device/state`` message."""
+    measured = sample.measured
     return np.concatenate(
         (
-            divmod(stamp_ns, NANOSECONDS),
+            divmod(sample.stamp_ns, NANOSECONDS),
             measured.pose.translation,
             pin.Quaternion(measured.pose.rotation).coeffs(),
             measured.twist,
             measured.hand_wrench,
+            sample.applied,
         )
     )
 
 
-def unpack_device(data: object) -> tuple[int, DeviceMeasurement]:
-    """Return time (ns) and measurement of a ``device/state`` message.
+def unpack_device(data: object) -> DeviceSample:
+    """Return the decoded message.
 
     Raises:
         InvalidInputError: wrong length, not finite, or a quaternion off unit length.
@@ -114,7 +132,8 @@ def unpack_device(data: object) -> tuple[int, DeviceMeasurement]:
     values = checked_values("device state", data, sum(DEVICE_FIELDS.values()))
     pose = pose_of(values[2:5], values[5:9])
     stamp_ns = int(values[0]) * NANOSECONDS + int(values[1])
-    return stamp_ns, DeviceMeasurement(pose, values[9:15], values[15:21])
+    measured = DeviceMeasurement(pose, values[9:15], values[15:21])
+    return DeviceSample(stamp_ns, measured, values[21:27])
 
 
 def pack_rendering(rendering: Rendering) -> Array:

@@ -85,7 +85,7 @@ class StateLayout:
         values = checked_values("state", data, self._size)
         nv, first = self._mechanism.nv, 2 + self._closures
         flags = np.concatenate((values[2:first], values[-self._points :]))
-        if not np.isin(flags, (0.0, 1.0)).all():
+        if not ((flags == 0.0) | (flags == 1.0)).all():
             raise InvalidInputError("flags", flags.tolist(), "must be 0 or 1")
         coordinates = values[first : first + nv]
         q = pin.integrate(self._mechanism.model, self._neutral, coordinates)

@@ -1,53 +1,20 @@
-"""Every topic of the graph: name, type, rate, direction of the wrench, and why its QoS is as it is.
-
-Names are relative, so that namespaces and remapping work; ``{point}`` stands for the name of an
-operational point of the scene.
-"""
+"""Every topic of the graph, in the order of docs/topics.md."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
-
-Rate = Literal["control", "view", "change", "1 Hz", "caller's"]
-Qos = Literal["stream", "latched", "command"]
-
-
-@dataclass(frozen=True, slots=True)
-class Topic:
-    """One topic.
-
-    Attributes:
-        name: relative name, with ``{point}`` where an operational point's name goes.
-        type: ROS message type.
-        publisher: node that publishes it, or ``any``.
-        subscribers: nodes that subscribe.
-        rate: ``control`` is the scene's control rate, ``view`` is for people and slower.
-        qos: name of the profile in nodes/qos.py.
-        meaning: what it carries; for wrenches by whom, on whom, at which point, in which axes.
-    """
-
-    name: str
-    type: str
-    publisher: str
-    meaning: str
-    subscribers: tuple[str, ...] = ()
-    rate: Rate = "view"
-    qos: Qos = "stream"
-
-    def of(self, point: str) -> str:
-        """Return the relative name for an operational point."""
-        return self.name.format(point=point)
-
-
-POSE, TWIST, WRENCH = (
-    "geometry_msgs/msg/PoseStamped",
-    "geometry_msgs/msg/TwistStamped",
-    "geometry_msgs/msg/WrenchStamped",
+from hapticmech_ros.wire.topic import (
+    ANALYSER,
+    ARRAY,
+    CONTROLLER,
+    DEVICE,
+    MECHANISM,
+    POSE,
+    TWIST,
+    VIEWER,
+    WRENCH,
+    Topic,
 )
-ARRAY = "std_msgs/msg/Float64MultiArray"
-DEVICE, MECHANISM = "haptic_device", "mechanism_simulator"
-ANALYSER, CONTROLLER = "nullspace_analyser", "teleoperation_controller"
+from hapticmech_ros.wire.view_topics import VIEW_TOPICS
 
 DEVICE_STATE = Topic(
     "device/state",
@@ -63,7 +30,7 @@ DEVICE_POSE = Topic(
     POSE,
     DEVICE,
     "pose of the point held, in `world`",
-    (CONTROLLER,),
+    (CONTROLLER, VIEWER),
 )
 DEVICE_TWIST = Topic(
     "device/measured_cv",
@@ -77,7 +44,20 @@ DEVICE_FORCE = Topic(
     WRENCH,
     DEVICE,
     "F_h: by the hand, on the device, at the point held, axes of `world`",
-    (CONTROLLER,),
+    (CONTROLLER, VIEWER),
+)
+DEVICE_SETPOINT = Topic(
+    "device/setpoint_cf",
+    WRENCH,
+    DEVICE,
+    "what the actuators apply: `servo_cf` within their limits, zero when it is lost; by the "
+    "device, on the hand, at the point held, axes of `world`",
+)
+DEVICE_JOINTS = Topic(
+    "device/measured_js",
+    "sensor_msgs/msg/JointState",
+    DEVICE,
+    "the device's six coordinates as joints: x, y, z and rotation vector from `world`",
 )
 DEVICE_COMMAND = Topic(
     "device/servo_cf",
@@ -85,14 +65,15 @@ DEVICE_COMMAND = Topic(
     CONTROLLER,
     "by the device, on the hand, at the point held, axes of `world`; stamp of the device "
     "measurement it answers",
-    (DEVICE,),
+    (DEVICE, VIEWER),
     rate="control",
 )
 HAND_WRENCH = Topic(
     "device/hand_cf",
     WRENCH,
     "any",
-    "extra hand wrench: by the hand, on the simulated device, at the point held, axes of `world`",
+    "extra hand wrench: by the hand, on the simulated device, at the point held; with `hand: "
+    "commanded` there is no other. Also `device/hand_cf/<who>`, and `device/held_cf`, which stands",
     (DEVICE,),
     rate="caller's",
     qos="command",
@@ -103,7 +84,7 @@ STATE = Topic(
     MECHANISM,
     "all that the analyser needs in one message: stamp, closed loops, joint positions and "
     "velocities, F_c at every operational point",
-    (ANALYSER,),
+    (ANALYSER, VIEWER),
     rate="control",
 )
 JOINT_STATES = Topic(
@@ -124,12 +105,18 @@ POINT_TWIST = Topic(
     MECHANISM,
     "twist of the operational point, at that point, axes of `world`",
 )
-CONTACT_FORCE = Topic(
-    "mechanism/{point}/contact_cf",
+POINT_FORCE = Topic(
+    "mechanism/{point}/measured_cf",
     WRENCH,
     MECHANISM,
-    "F_c: by the environment (contacts and `external_cf`), on the mechanism, at the "
+    "F_c: by the environment (`external_cf` and `held_cf` at the point), on the mechanism, at the "
     "operational point, axes of `world`",
+)
+POINT_JOINTS = Topic(
+    "mechanism/{point}/measured_js",
+    "sensor_msgs/msg/JointState",
+    MECHANISM,
+    "the same as `mechanism/measured_js`, for CRTK clients of one point",
 )
 POINT_COMMAND = Topic(
     "mechanism/{point}/servo_cf",
@@ -137,14 +124,15 @@ POINT_COMMAND = Topic(
     CONTROLLER,
     "by the hand through the controller, on the mechanism, at the operational point, axes of "
     "`world`",
-    (MECHANISM,),
+    (MECHANISM, VIEWER),
     rate="control",
 )
 EXTERNAL_WRENCH = Topic(
     "mechanism/{point}/external_cf",
     WRENCH,
     "any",
-    "by anyone, on the mechanism, at the operational point, axes of `world`",
+    "by anyone, on the mechanism, at the operational point. Also `external_cf/<who>`, and "
+    "`held_cf`, which stands until it is replaced; and the same for every link",
     (MECHANISM,),
     rate="caller's",
     qos="command",
@@ -201,6 +189,7 @@ COUNT = Topic(
     "std_msgs/msg/UInt8",
     ANALYSER,
     "number of joint constraints felt",
+    (VIEWER,),
 )
 IMPEDANCE_PART = Topic(
     "controller/impedance_cf",
@@ -235,13 +224,16 @@ TOPICS: tuple[Topic, ...] = (
     DEVICE_POSE,
     DEVICE_TWIST,
     DEVICE_FORCE,
+    DEVICE_SETPOINT,
+    DEVICE_JOINTS,
     DEVICE_COMMAND,
     HAND_WRENCH,
     STATE,
     JOINT_STATES,
     POINT_POSE,
     POINT_TWIST,
-    CONTACT_FORCE,
+    POINT_FORCE,
+    POINT_JOINTS,
     POINT_COMMAND,
     EXTERNAL_WRENCH,
     CLOSURES,
@@ -256,4 +248,11 @@ TOPICS: tuple[Topic, ...] = (
     CONSTRAINT_PART,
     CHANNEL_PART,
     DIAGNOSTICS,
+    *VIEW_TOPICS,
 )
+
+
+def topic_of(absolute: str) -> Topic | None:
+    """Return the topic that an absolute name stands for, in any namespace, or None."""
+    found = [topic for topic in TOPICS if topic.names(absolute)]
+    return max(found, key=lambda topic: topic.name.count("/"), default=None)

@@ -12,7 +12,7 @@ from hapticmech_ros.errors import BagError
 
 Bytes = Callable[[int, float], bytes]
 WRENCH = "geometry_msgs/msg/WrenchStamped"
-STORAGES = {"mcap": "bag.mcap", "sqlite3": "bag.db3"}
+STORAGES = {"mcap": "bag_0.mcap", "sqlite3": "bag_0.db3"}
 
 
 @pytest.fixture(params=STORAGES)

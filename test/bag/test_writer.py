@@ -68,7 +68,7 @@ def test_offers_what_the_publishers_offer(
 
 def test_mcap_packages_decode_it(tmp_path: Path, wrench_bytes: Bytes) -> None:
     write(tmp_path / "bag", "mcap", wrench_bytes)
-    with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         found = [
             (channel.topic, schema.name, message.log_time, decoded)
@@ -87,10 +87,20 @@ def test_mcap_packages_decode_it(tmp_path: Path, wrench_bytes: Bytes) -> None:
 
 def test_sqlite_holds_it(tmp_path: Path, wrench_bytes: Bytes) -> None:
     sent = write(tmp_path / "bag", "sqlite3", wrench_bytes)
-    connection = sqlite3.connect(tmp_path / "bag" / "bag.db3")
+    connection = sqlite3.connect(tmp_path / "bag" / "bag_0.db3")
     rows = connection.execute("SELECT timestamp, data FROM messages ORDER BY timestamp").fetchall()
     connection.close()
     assert rows == list(zip(TIMES, sent, strict=True))
+
+
+def test_sqlite_file_needs_no_journal_once_it_is_closed(
+    tmp_path: Path, wrench_bytes: Bytes
+) -> None:
+    write(tmp_path / "bag", "sqlite3", wrench_bytes)
+    assert sorted(p.name for p in (tmp_path / "bag").iterdir()) == ["bag_0.db3", "metadata.yaml"]
+    # Versions of writing and reading in SQLite's header: 1 without, 2 with a write-ahead log, which
+    # nobody can open who may not write.
+    assert (tmp_path / "bag" / "bag_0.db3").read_bytes()[18:20] == b"\x01\x01"
 
 
 @pytest.mark.parametrize("storage", STORAGES)

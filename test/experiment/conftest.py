@@ -15,7 +15,14 @@ from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.experiment import ExperimentRecord, run_session
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.session import Sample, Session, rendering_model
-from hapticmech_ros.wire.layouts import Energy, Rendering, pack_device, pack_energy, pack_rendering
+from hapticmech_ros.wire.layouts import (
+    DeviceSample,
+    Energy,
+    Rendering,
+    pack_device,
+    pack_energy,
+    pack_rendering,
+)
 
 DURATION = 2.5
 EPOCH_NS = 1_700_000_000_123_456_789
@@ -115,7 +122,7 @@ def _messages(scene: Scene, samples: list[tuple[Sample, tuple[float, float]]]) -
         measured = DeviceMeasurement(
             sample.device.measured_pose, sample.device.measured_twist, sample.hand_wrench
         )
-        yield "device/state", arrays, t, array(pack_device(t, measured))
+        yield "device/state", arrays, t, array(pack_device(DeviceSample(t, measured, np.zeros(6))))
         state_message = types[joints](header(t), names, state.q.copy(), state.v.copy(), np.zeros(0))
         yield "mechanism/measured_js", joints, t, state_message
         rendering = Rendering(

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.experiment.reach import taut_circle
-from hapticmech_ros.experiment.skeleton import skeleton
 from hapticmech_ros.scene import load_scene
+from hapticmech_ros.view.skeleton import skeleton
 
 
 def test_links_of_the_five_bar_end_to_end(scene):

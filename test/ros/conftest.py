@@ -2,7 +2,13 @@ from collections.abc import Iterator
 
 import pytest
 
+from hapticmech_ros.kernel_cache import compile_ahead
 from ros.harness import Peer, next_domain
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_kernels() -> None:
+    compile_ahead()
 
 
 @pytest.fixture

@@ -14,8 +14,13 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
 
@@ -43,6 +48,7 @@ class Peer:
         self.executor = EventsExecutor(context=self.context)
         self.executor.add_node(self.node)
         self._never = Future()
+        self._clients: dict[str, Any] = {}
 
     def listen(self, topic: str, kind: Any, qos: QoSProfile = RELIABLE) -> list[Any]:
         """Return a list that grows by every message."""
@@ -80,6 +86,47 @@ class Peer:
 
         self.node.create_subscription(DiagnosticArray, "/diagnostics", keep, RELIABLE)
         return found
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        """Return a service's response."""
+        client = self._clients.get(name)
+        if client is None:
+            client = self._clients[name] = self.node.create_client(kind, name)
+        self.until(client.service_is_ready, f"the service {name}")
+        answer = client.call_async(request)
+        self.until(answer.done, f"an answer of {name}")
+        return answer.result()
+
+    def state_of(self, node: str) -> str:
+        """Return the lifecycle state of a node: ``unconfigured``, ``inactive``, ``active``..."""
+        return str(self.call(GetState, f"{node}/get_state", GetState.Request()).current_state.label)
+
+    def transition(self, node: str, *names: str) -> bool:
+        """Take a node through transitions such as ``configure``; return whether all succeeded."""
+        for name in names:
+            step = Transition(id=getattr(Transition, f"TRANSITION_{name.upper()}"))
+            request = ChangeState.Request(transition=step)
+            if not self.call(ChangeState, f"{node}/change_state", request).success:
+                return False
+        return True
+
+    def set_parameters(self, node: str, **values: object) -> SetParametersResult:
+        """Set parameters of a node one by one; return the first refusal, or the last result."""
+        request = SetParameters.Request(parameters=_parameters(values))
+        results = self.call(SetParameters, f"{node}/set_parameters", request).results
+        return next((result for result in results if not result.successful), results[-1])
+
+    def set_atomically(self, node: str, **values: object) -> SetParametersResult:
+        """Set parameters of a node all at once, or none."""
+        request = SetParametersAtomically.Request(parameters=_parameters(values))
+        name = f"{node}/set_parameters_atomically"
+        return self.call(SetParametersAtomically, name, request).result
+
+    def parameters_of(self, node: str, *names: str) -> list[Any]:
+        """Return values of parameters of a node."""
+        request = GetParameters.Request(names=list(names))
+        values = self.call(GetParameters, f"{node}/get_parameters", request).values
+        return [parameter_value_to_python(value) for value in values]
 
     def now(self) -> Any:
         """Return the present time as a message stamp."""
@@ -153,18 +200,23 @@ def running(
     domain: int,
     scene: str = "five_bar",
     remaps: Mapping[str, str] | None = None,
+    arguments: Sequence[str] = (),
     **parameters: object,
 ) -> Iterator[subprocess.Popen[str]]:
     """Run one node, or several joined by commas, in a process that ends with the block."""
-    arguments = ros_arguments({"scene": scene, **parameters})
+    given = ros_arguments({"scene": scene, **parameters})
     for old, new in (remaps or {}).items():
-        arguments += ["-r", f"{old}:={new}"]
-    command = [sys.executable, "-m", "hapticmech_ros.nodes.entry", name, *arguments]
+        given += ["-r", f"{old}:={new}"]
+    command = [sys.executable, "-m", "hapticmech_ros.nodes.entry", name, *given, *arguments]
     process = start_process(command, private_environment(domain))
     try:
         yield process
     finally:
         stop_process(process)
+
+
+def _parameters(values: Mapping[str, object]) -> list[Any]:
+    return [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
 
 
 def _fill(first: Any, second: Any, values: Sequence[float]) -> None:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from std_msgs.msg import Float64MultiArray, UInt8
 
-from hapticmech_ros import Mechanism, analyse, load_scene
+from hapticmech_ros import analyse, load_scene
+from hapticmech_ros.mechanism import build
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.nodes.messages import write_array
 from hapticmech_ros.wire.layouts import unpack_rendering
@@ -21,12 +22,12 @@ def _state(
     now = peer.node.get_clock().now().nanoseconds - round(late_s * 1e9)
     state = WireState(now, (closed,), q, v, CONTACT, (True,))
     message = Float64MultiArray()
-    write_array(message, StateLayout(Mechanism(load_scene("five_bar"))).pack(state))
+    write_array(message, StateLayout(build(load_scene("five_bar"))).pack(state))
     return message
 
 
 def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
-    mechanism = Mechanism(load_scene("five_bar"))
+    mechanism = build(load_scene("five_bar"))
     q, _ = consistent_initial_state(mechanism)
     v = np.array([0.3, -0.2, 0.1, 0.4])
     expected = analyse(mechanism, q, v=v)
@@ -81,7 +82,7 @@ def test_bad_states_are_refused(domain: int, peer: Peer) -> None:
 
 
 def test_an_open_loop_is_analysed_as_a_chain(domain: int, peer: Peer) -> None:
-    mechanism = Mechanism(load_scene("five_bar"))
+    mechanism = build(load_scene("five_bar"))
     q, _ = consistent_initial_state(mechanism)
     expected = analyse(mechanism, q, active=(False,))
     renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)

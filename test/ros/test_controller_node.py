@@ -12,7 +12,7 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.nodes.messages import write_array, write_pose
 from hapticmech_ros.session import rendering_model
-from hapticmech_ros.wire.layouts import Rendering, pack_device, pack_rendering
+from hapticmech_ros.wire.layouts import DeviceSample, Rendering, pack_device, pack_rendering
 from ros.harness import Peer, refuses, running, six
 
 pytestmark = pytest.mark.ros
@@ -56,7 +56,7 @@ class World:
             peer.run(0.002)
             message = Float64MultiArray()
             measured = DeviceMeasurement(moved, np.zeros(6), np.array(HAND))
-            write_array(message, pack_device(now, measured))
+            write_array(message, pack_device(DeviceSample(now, measured, np.zeros(6))))
             self.state.publish(message)
             peer.run(0.003)
             return
@@ -112,7 +112,8 @@ def test_falls_silent_without_the_mechanism_and_comes_back_without_a_jump(
     domain: int, peer: Peer
 ) -> None:
     statuses = peer.statuses()
-    with running("teleoperation_controller", domain):
+    # The test's own sends are 10 ms and more apart.
+    with running("teleoperation_controller", domain, input_timeout=0.1):
         world = World(peer)
 
         def engaged() -> bool:
@@ -123,6 +124,8 @@ def test_falls_silent_without_the_mechanism_and_comes_back_without_a_jump(
         for _ in range(30):
             world.send(0.0, mechanism=False)
         silent = len(world.commands)
+        # The last word is zero, so that the device need not wait for its timeout.
+        assert six(world.commands[-1]) == [0.0] * 6
         for _ in range(10):
             world.send(0.0, mechanism=False)
         assert len(world.commands) == silent

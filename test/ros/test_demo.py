@@ -31,6 +31,7 @@ def run(scene: str, out: Path, composed: bool) -> dict[str, Any]:
 def was_given_time(summary: dict[str, Any]) -> bool:
     nodes = summary["graph"]["nodes"]
     unbroken = nodes["haptic_device"]["times_held"] == 1 and summary["coverage"]["complete"]
+    unbroken = unbroken and nodes["teleoperation_controller"]["engagements"] == 1
     return unbroken and min(nodes[n]["achieved_rate_hz"] for n in CLOCKED) > 600.0
 
 

@@ -34,7 +34,7 @@ def test_publishes_joint_states_pose_and_closures(domain: int, peer: Peer) -> No
 
 
 def test_external_wrench_moves_it_then_expires(domain: int, peer: Peer) -> None:
-    contacts = peer.listen("mechanism/handle/contact_cf", WrenchStamped)
+    contacts = peer.listen("mechanism/handle/measured_cf", WrenchStamped)
     energies = peer.listen("mechanism/energy", Float64MultiArray)
     with running("mechanism_simulator", domain, external_timeout=0.1):
         push = peer.publisher("mechanism/handle/external_cf", WrenchStamped)

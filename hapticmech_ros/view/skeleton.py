@@ -32,8 +32,7 @@ class Skeleton:
 def skeleton(scene: Scene, q: Array) -> Skeleton:
     """Return the lines of ``scene`` at configuration q (nq,).
 
-    A link is drawn from its own joint to every frame that something else is attached to: joints of
-    other links, closures (whether closed or not), operational points.
+    A link is drawn from its own joint to every frame that something else is attached to.
     """
     tree = build_tree(scene)
     data = tree.pinocchio.createData()
@@ -45,7 +44,7 @@ def skeleton(scene: Scene, q: Array) -> Skeleton:
         for link in scene.links
         if link.parent == "world" and link.joint.type not in ("free", "planar")
     ]
-    for name, origin, is_joint in _attachments(scene):
+    for name, origin, is_joint in attachments(scene):
         end = _place(tree, data, name, origin)
         if name == "world":
             ground.append(end)
@@ -58,8 +57,12 @@ def skeleton(scene: Scene, q: Array) -> Skeleton:
     return Skeleton(tuple(lines), _rows(joints), _rows(ground))
 
 
-def _attachments(scene: Scene) -> list[tuple[str, Origin, bool]]:
-    """Return link, frame in it, and whether it is a joint, for everything attached to a link."""
+def attachments(scene: Scene) -> list[tuple[str, Origin, bool]]:
+    """Return link, frame in it, and whether it is a joint, for everything attached to a link.
+
+    Joints of other links, closures (whether closed or not; their frames may be in ``world``) and
+    operational points.
+    """
     found = [
         (link.parent, link.joint.origin, True) for link in scene.links if link.parent != "world"
     ]

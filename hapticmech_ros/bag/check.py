@@ -1,0 +1,201 @@
+"""Whether a bag is whole: every message decodes, stamps increase, nothing is missing in between."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_typestore
+
+from hapticmech_ros.bag.reader import BagReader, BagTopic
+from hapticmech_ros.errors import BagError
+from hapticmech_ros.wire.topics import TOPICS
+
+# A topic counts as periodic if so many of its periods are that near to the median.
+PERIODIC_SHARE, PERIODIC_WITHIN = 0.9, 0.25
+_SECOND_NS = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class TopicCheck:
+    """What is to be said of one topic.
+
+    Attributes:
+        name: of the topic.
+        type: of its messages.
+        count: messages read.
+        rate_hz: by the median period; 0 for less than two messages.
+        stamped: whether times are the senders' stamps, or else those of reception.
+        backwards: stamps that are earlier than the one before.
+        repeated: stamps that are the same as the one before.
+        largest_gap_s: longest time between neighbours.
+        gaps: places in which a periodic topic's stamps are missing.
+        lost: how many are missing there: not sent, or not received. None for a topic that is not
+            periodic, or not stamped: times of reception say little, as messages may come in bursts.
+        undecodable: messages that cannot be decoded.
+        notes: anything else, such as a missing QoS.
+    """
+
+    name: str
+    type: str
+    count: int
+    rate_hz: float
+    stamped: bool
+    backwards: int
+    repeated: int
+    largest_gap_s: float
+    gaps: int
+    lost: int | None
+    undecodable: int
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BagCheck:
+    """What is to be said of a bag.
+
+    Attributes:
+        path: of the bag.
+        damage: what makes it a damaged bag; empty for a sound one.
+        topics: by name.
+        absent: topics of this package's graph that were not recorded, if others were.
+    """
+
+    path: Path
+    damage: tuple[str, ...]
+    topics: tuple[TopicCheck, ...]
+    absent: tuple[str, ...]
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether everything in it can be read."""
+        return not self.damage
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything for JSON."""
+        return {**asdict(self), "path": str(self.path), "sound": self.is_sound}
+
+
+@dataclass(slots=True)
+class _Series:
+    received: list[int] = field(default_factory=list)
+    stamps: list[int] = field(default_factory=list)
+    undecodable: int = 0
+
+
+def check(path: str | os.PathLike[str]) -> BagCheck:
+    """Read a whole bag, and return what is to be said of it.
+
+    Raises:
+        BagError: no bag at ``path``. What is wrong with a bag stands in the report.
+    """
+    if not Path(path).exists():
+        raise BagError(f"no bag at {path}")
+    try:
+        with BagReader(path) as bag:
+            return _check(bag)
+    except BagError as error:
+        return BagCheck(Path(path), (str(error),), (), ())
+
+
+def _check(bag: BagReader) -> BagCheck:
+    series = {name: _Series() for name in bag.topics}
+    damage = []
+    try:
+        _read(bag, series)
+    except BagError as error:
+        damage.append(str(error))
+    for name, topic in bag.topics.items():
+        read = len(series[name].received)
+        if read != topic.count:
+            damage.append(f"topic {name}: {read} messages can be read, of {topic.count} stated")
+        if series[name].undecodable:
+            damage.append(f"topic {name}: {series[name].undecodable} messages cannot be decoded")
+    topics = tuple(_topic(name, bag.topics[name], found) for name, found in series.items())
+    return BagCheck(bag.path, tuple(damage), topics, absent(list(bag.topics)))
+
+
+def _read(bag: BagReader, series: dict[str, _Series]) -> None:
+    stamps_of = {name: bag.stamps_of(name) for name in bag.topics}
+    for name, time_ns, data in bag.serialized():
+        found = series[name]
+        found.received.append(time_ns)
+        try:
+            bag.decode(name, data)
+        except BagError:
+            found.undecodable += 1
+            continue
+        read = stamps_of[name]
+        stamp = read(data) if read else None
+        if stamp:
+            found.stamps.append(stamp)
+
+
+def _topic(name: str, topic: BagTopic, found: _Series) -> TopicCheck:
+    stamped = bool(found.stamps) and len(found.stamps) == len(found.received)
+    times = np.array(found.stamps if stamped else found.received, dtype=np.int64)
+    steps: NDArray[np.int64] = times[1:] - times[:-1]
+    different = np.unique(times)
+    forward: NDArray[np.int64] = different[1:] - different[:-1]
+    period = float(np.median(forward)) if forward.size else 0.0
+    lost, gaps = _missing(forward, period) if stamped else (None, 0)
+    return TopicCheck(
+        name,
+        topic.type,
+        len(found.received),
+        _SECOND_NS / period if period else 0.0,
+        stamped,
+        int((steps < 0).sum()),
+        int((steps == 0).sum()) if stamped else 0,
+        float(forward.max(initial=0)) / _SECOND_NS,
+        gaps,
+        lost,
+        found.undecodable,
+        _notes(topic),
+    )
+
+
+def _missing(steps: NDArray[np.int64], period: float) -> tuple[int | None, int]:
+    """Return how many messages are missing between the others, and in how many places."""
+    if steps.size < 2:
+        return None, 0
+    even = np.abs(steps - period) <= PERIODIC_WITHIN * period
+    if even.mean() < PERIODIC_SHARE:
+        return None, 0
+    missing = np.rint(steps / period).astype(int) - 1
+    return int(missing[missing > 0].sum()), int((missing > 0).sum())
+
+
+def _notes(topic: BagTopic) -> tuple[str, ...]:
+    notes = []
+    if not topic.offered:
+        notes.append("no QoS of its publishers")
+    if not topic.type_hash:
+        notes.append("no hash of its type")
+    else:
+        store = get_typestore(Stores.ROS2_JAZZY)
+        if topic.type in store.types and store.hash_rihs01(topic.type) != topic.type_hash:
+            notes.append("its type is not the one of ROS 2 Jazzy")
+    return tuple(notes)
+
+
+def absent(names: list[str]) -> tuple[str, ...]:
+    """Return what a graph of this package publishes and is not among ``names``.
+
+    Empty if nothing of such a graph is there. ``{point}`` stands for an operational point.
+    """
+    declared = [topic.name for topic in TOPICS if topic.publisher != "any"]
+    missing = [name for name in declared if not any(_is(name, other) for other in names)]
+    ours = {name for name in declared if not name.startswith("/")}
+    return () if ours <= set(missing) else tuple(missing)
+
+
+def _is(declared: str, name: str) -> bool:
+    pattern = re.escape(declared).replace(re.escape("{point}"), "[^/]+")
+    prefix = "" if declared.startswith("/") else "/(.*/)?"
+    return re.fullmatch(prefix + pattern, name) is not None

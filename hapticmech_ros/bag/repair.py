@@ -1,0 +1,211 @@
+"""Makes a new, complete bag from what can be read of a damaged or unfinished one."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+from hapticmech_ros.bag.metadata import is_unfinished, read_metadata
+from hapticmech_ros.bag.scan import FoundTopic, Scan
+from hapticmech_ros.bag.scan_mcap import McapScan
+from hapticmech_ros.bag.scan_sqlite import SqliteScan
+from hapticmech_ros.bag.storage import SUFFIXES
+from hapticmech_ros.bag.writer import BagWriter
+from hapticmech_ros.errors import BagError
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+COMPRESSED = ".zstd"
+_BLOCK = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class FileRepair:
+    """What became of one storage file.
+
+    Attributes:
+        name: of the damaged bag's file.
+        messages: recovered.
+        trouble: what was wrong; empty for a whole file.
+        lost_bytes: that could not be read; how many messages they held is not known.
+    """
+
+    name: str
+    messages: int
+    trouble: str
+    lost_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class RepairReport:
+    """What was recovered, and what was not.
+
+    Attributes:
+        source: the damaged bag, untouched.
+        path: the new bag.
+        files: one entry per storage file of ``source``.
+        counts: messages recovered, by topic.
+        refused: topics that cannot be written, and why.
+        stated: messages that the damaged bag's metadata speaks of; None if it was never finished.
+    """
+
+    source: Path
+    path: Path
+    files: tuple[FileRepair, ...]
+    counts: dict[str, int]
+    refused: dict[str, str]
+    stated: int | None
+
+    @property
+    def messages(self) -> int:
+        """Messages recovered."""
+        return sum(self.counts.values())
+
+    @property
+    def lost_bytes(self) -> int:
+        """Bytes that could not be read."""
+        return sum(file.lost_bytes for file in self.files)
+
+
+def repair(
+    source: str | os.PathLike[str], path: str | os.PathLike[str] | None = None
+) -> RepairReport:
+    """Write a new bag with everything that can be read of ``source``, which is not changed.
+
+    Files stay apart as they were; compressed ones are written uncompressed.
+
+    Args:
+        source: bag folder, or a single ``.mcap`` or ``.db3`` file.
+        path: folder to make; by default the source's name with ``_repaired``.
+
+    Raises:
+        BagError: no such bag, no storage files in it, files of both kinds, or something is at
+            ``path`` already.
+    """
+    given = Path(source)
+    files = _storage_files(given)
+    (storage,) = {_storage(file) for file in files}
+    target = Path(path) if path is not None else given.with_name(f"{given.stem}_repaired")
+    information = read_metadata(given) if given.is_dir() else {}
+    stated = None if is_unfinished(information) else information.get("message_count")
+    unpack = _unpacker(information)
+    with BagWriter(target, storage) as writer:
+        refused: dict[str, str] = {}
+        done = tuple(_copy(file, storage, writer, refused, unpack) for file in files)
+    counts = writer.counts
+    return RepairReport(
+        given, target, done, counts, refused, stated if isinstance(stated, int) else None
+    )
+
+
+def _storage_files(given: Path) -> list[Path]:
+    if not given.exists():
+        raise BagError(f"no bag at {given}")
+    candidates = [given] if given.is_file() else list(given.iterdir())
+    files = sorted((file for file in candidates if _storage(file)), key=_natural)
+    if not files:
+        raise BagError(f"nothing to repair in {given}: no {' or '.join(SUFFIXES)} file")
+    if len({_storage(file) for file in files}) > 1:
+        raise BagError(f"bag {given} has files of both storages: repair them one by one")
+    return files
+
+
+def _storage(file: Path) -> str:
+    plain = file.with_suffix("") if file.suffix == COMPRESSED else file
+    return SUFFIXES.get(plain.suffix, "")
+
+
+def _natural(file: Path) -> list[tuple[int, str]]:
+    """Return a key that puts ``bag_10`` behind ``bag_9``."""
+    return [
+        (int(part or 0), "") if part.isdigit() else (-1, part)
+        for part in re.split(r"(\d+)", file.name)
+    ]
+
+
+def _unpacker(information: dict[str, object]) -> Callable[[bytes], bytes]:
+    """Return what makes plain bytes of a message."""
+    if str(information.get("compression_mode", "")).lower() == "message":
+        return lambda data: bytes(zstd.decompress(data))
+    return lambda data: data
+
+
+def _copy(
+    file: Path,
+    storage: str,
+    writer: BagWriter,
+    refused: dict[str, str],
+    unpack: Callable[[bytes], bytes],
+) -> FileRepair:
+    with TemporaryDirectory() as folder:
+        plain, trouble = file, ""
+        if file.suffix == COMPRESSED:
+            plain = Path(folder) / file.stem
+            trouble = _decompress(file, plain)
+        scan: Scan = McapScan(plain) if storage == "mcap" else SqliteScan(plain)
+        writer.split()
+        messages, lost = 0, 0
+        for topic, time_ns, data in scan:
+            _announce(writer, topic, refused)
+            if data is None or topic.name in refused:
+                continue
+            try:
+                plain_data = unpack(data)
+            except zstd.ZstdError as error:
+                trouble, lost = f"holds a message that cannot be read ({error})", lost + len(data)
+                continue
+            writer.write(topic.name, time_ns, plain_data)
+            messages += 1
+    return FileRepair(file.name, messages, trouble or scan.trouble, lost + scan.lost_bytes)
+
+
+def _announce(writer: BagWriter, topic: FoundTopic, refused: dict[str, str]) -> None:
+    if topic.name in writer.counts or topic.name in refused:
+        return
+    text = topic.definition
+    try:
+        if text.format is MessageDefinitionFormat.NONE:
+            writer.add_topic(topic.name, topic.type, offered=topic.offered)
+        else:
+            digest = topic.type_hash or _hash(topic.type, text)
+            writer.add_topic(
+                topic.name, topic.type, offered=topic.offered, definition=(text, digest)
+            )
+    except BagError as error:
+        refused[topic.name] = str(error)
+
+
+def _hash(msgtype: str, definition: MessageDefinition) -> str:
+    """Return the hash of a type's definition, or nothing if the definition cannot be read."""
+    store = get_typestore(Stores.EMPTY)
+    try:
+        if definition.format is MessageDefinitionFormat.MSG:
+            store.register(get_types_from_msg(definition.data, msgtype))
+        else:
+            store.register(get_types_from_idl(definition.data))
+        return str(store.hash_rihs01(msgtype))
+    except Exception:  # noqa: BLE001 - parsers raise anything on damaged text; a hash may be missing.
+        return ""
+
+
+def _decompress(file: Path, plain: Path) -> str:
+    """Decompress as far as it goes; return why it ended early, or nothing."""
+    with file.open("rb") as packed, plain.open("wb") as out:
+        try:
+            with zstd.open(packed, "rb") as stream:
+                while block := stream.read(_BLOCK):
+                    out.write(block)
+        except (zstd.ZstdError, EOFError, OSError) as error:
+            return f"breaks off within its compressed data ({error})"
+    return ""

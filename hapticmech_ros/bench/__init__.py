@@ -1,0 +1,1 @@
+"""Benchmarks: they check that what is compared does the same work, and time it only then."""

@@ -1,0 +1,120 @@
+"""What the graph's benchmark runs, and in which order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ruamel.yaml import YAML
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene import load_scene, scene_from_document
+from hapticmech_ros.scene.loader import document_of
+
+Layout = Literal["separate", "composed"]
+Kind = Literal["real", "bare"]
+LAYOUTS: tuple[Layout, ...] = ("separate", "composed")
+KINDS: tuple[Kind, ...] = ("real", "bare")
+RATE_LIMITS_HZ = (10.0, 10_000.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """One way to run a graph.
+
+    Attributes:
+        rate_hz: control rate of device and mechanism.
+        layout: ``separate``, a process for each node, or ``composed``, one for all.
+        recorded: whether a recorder writes every topic into a bag.
+    """
+
+    rate_hz: float
+    layout: Layout
+    recorded: bool
+
+    def __str__(self) -> str:
+        recording = "recording" if self.recorded else "no recording"
+        return f"{self.rate_hz:g} Hz, {self.layout}, {recording}"
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One run: the real graph or the bare one, in a configuration, for the nth time (from 1)."""
+
+    configuration: Configuration
+    repeat: int
+    kind: Kind
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """All runs of a benchmark.
+
+    Attributes:
+        scene: shipped scene, or path of a file.
+        rates_hz: control rates.
+        layouts: layouts of processes.
+        recorded: with a recorder, without, or both.
+        seconds: length of a run's window.
+        repeats: how often each graph is run in each configuration.
+
+    Raises:
+        InvalidInputError: nothing to run, or a number out of its range.
+    """
+
+    scene: str
+    rates_hz: tuple[float, ...]
+    layouts: tuple[Layout, ...] = LAYOUTS
+    recorded: tuple[bool, ...] = (False, True)
+    seconds: float = 20.0
+    repeats: int = 2
+
+    def __post_init__(self) -> None:
+        low, high = RATE_LIMITS_HZ
+        for rate in self.rates_hz:
+            if not low <= rate <= high:
+                raise InvalidInputError("rate, Hz", rate, f"must be {low:g} to {high:g}")
+        for layout in self.layouts:
+            if layout not in LAYOUTS:
+                raise InvalidInputError("layout", layout, f"must be one of {', '.join(LAYOUTS)}")
+        if not (self.rates_hz and self.layouts and self.recorded):
+            raise InvalidInputError("plan", self, "must have a rate, a layout, and record or not")
+        if not (math.isfinite(self.seconds) and self.seconds >= 1.0):
+            raise InvalidInputError("seconds", self.seconds, "must be 1 or more")
+        if self.repeats < 1:
+            raise InvalidInputError("repeats", self.repeats, "must be 1 or more")
+
+    def configurations(self) -> tuple[Configuration, ...]:
+        """Return every configuration once."""
+        return tuple(
+            Configuration(rate, layout, recorded)
+            for layout in self.layouts
+            for recorded in self.recorded
+            for rate in self.rates_hz
+        )
+
+    def steps(self) -> Iterator[Step]:
+        """Yield the runs: real and bare in turn, so that a drifting machine meets both."""
+        for configuration in self.configurations():
+            for repeat in range(1, self.repeats + 1):
+                for kind in KINDS:
+                    yield Step(configuration, repeat, kind)
+
+
+def scene_at_rate(scene: str, rate_hz: float, folder: Path) -> Path:
+    """Write a copy of a scene with another control rate into ``folder``, and return its path.
+
+    Raises:
+        SceneError: no such scene, a bad one, or one that refuses the rate.
+    """
+    document = document_of(load_scene(scene))
+    document["simulation"]["period"] = 1.0 / rate_hz
+    found = scene_from_document(document, f"{scene} at {rate_hz:g} Hz")
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{found.name}_{rate_hz:g}_hz.yaml"
+    with path.open("w", encoding="utf-8") as file:
+        YAML(typ="safe", pure=True).dump(document, file)
+    return path

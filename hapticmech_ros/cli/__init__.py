@@ -1,0 +1,52 @@
+"""The ``hapticmech`` command: a file per family of sub-commands."""
+
+from __future__ import annotations
+
+import sys
+from importlib.metadata import version
+from typing import Annotated
+
+import typer
+
+from hapticmech_ros.cli import bag, bench, experiment, graph, replay
+from hapticmech_ros.cli.console import console, errors
+from hapticmech_ros.errors import HapticMechError
+
+app = typer.Typer(
+    name="hapticmech",
+    help="Feel virtual mechanisms: run the graph of nodes, and the paper's experiment.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        console.print(version("hapticmech_ros"))
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="show version")
+    ] = False,
+) -> None:
+    return
+
+
+for command in (graph.run, experiment.demo, experiment.experiment, graph.topics, graph.parameters):
+    app.command()(command)
+app.add_typer(bench.app, name="bench")
+bag.app.command()(replay.replay)
+app.add_typer(bag.app, name="bag")
+
+
+def main() -> None:
+    """Run the command; errors of ours are one clear message and exit code 1."""
+    try:
+        app()
+    except HapticMechError as error:
+        errors.print(f"error: {error}", style="red", highlight=False, markup=False)
+        sys.exit(1)

@@ -1,0 +1,229 @@
+"""``hapticmech bag``: record, play, info, check and repair."""
+
+from __future__ import annotations
+
+import json
+import time
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from hapticmech_ros.cli.console import console
+from hapticmech_ros.errors import InvalidInputError
+
+app = typer.Typer(
+    help="Record, play, check, compare and repair rosbag2 bags.",
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+MEGABYTE = 1_000_000
+
+
+class Storage(str, Enum):
+    """Storage of a bag."""
+
+    mcap = "mcap"
+    sqlite3 = "sqlite3"
+
+
+class Align(str, Enum):
+    """How stamps of two bags belong together."""
+
+    stamp = "stamp"
+    nearest = "nearest"
+    start = "start"
+
+
+BagArgument = Annotated[Path, typer.Argument(help="bag folder, or one .mcap or .db3 file")]
+NamespaceOption = Annotated[str, typer.Option("--namespace", help="namespace of the graph")]
+JsonOption = Annotated[
+    Path | None, typer.Option("--json", help="also write everything into this file")
+]
+
+
+@app.command()
+def record(
+    topics: Annotated[
+        list[str] | None, typer.Argument(help="topics; all if neither these nor --regex are given")
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", "-a", help="every topic")] = False,
+    regex: Annotated[
+        str, typer.Option("--regex", "-e", help="topics in whose names this is found")
+    ] = "",
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="folder to make", show_default="rosbag2_<date>-<time>"),
+    ] = None,
+    storage: Annotated[Storage, typer.Option("--storage", "-s", help="format")] = Storage.mcap,
+    split_size: Annotated[
+        float | None, typer.Option(help="begin a new file at this size, MB", min=0.01)
+    ] = None,
+    split_duration: Annotated[
+        float | None, typer.Option(help="begin a new file after so long, s", min=0.01)
+    ] = None,
+    namespace: NamespaceOption = "",
+    duration: Annotated[float | None, typer.Option(help="end after so long, s", min=0.01)] = None,
+    use_sim_time: Annotated[
+        bool, typer.Option("--use-sim-time", help="times of reception by /clock")
+    ] = False,
+) -> None:
+    """Record topics of the running graph, also those that appear later, until Ctrl-C."""
+    from hapticmech_ros.nodes.bags.bag_recorder import RecordOptions
+    from hapticmech_ros.nodes.bags.bag_recorder import record as record_bag
+
+    if everything and (topics or regex):
+        rule = "cannot be together with topics or --regex"
+        raise InvalidInputError("--all", topics or regex, rule)
+    options = RecordOptions(
+        path=out or Path(time.strftime("rosbag2_%Y_%m_%d-%H_%M_%S")),
+        topics=tuple(topics or ()),
+        regex=regex,
+        namespace=namespace,
+        storage=storage.value,
+        split_bytes=None if split_size is None else round(split_size * MEGABYTE),
+        split_s=split_duration,
+        duration_s=duration,
+        use_sim_time=use_sim_time,
+    )
+    raise typer.Exit(record_bag(options))
+
+
+@app.command()
+def play(
+    bag: BagArgument,
+    topics: Annotated[list[str] | None, typer.Argument(help="topics of the bag; or all")] = None,
+    rate: Annotated[float, typer.Option("--rate", "-r", help="speed", min=1e-3)] = 1.0,
+    start_offset: Annotated[
+        float, typer.Option(help="leave out so much of the beginning, s", min=0.0)
+    ] = 0.0,
+    duration: Annotated[
+        float | None, typer.Option(help="play so much of the bag, s", min=1e-3)
+    ] = None,
+    loop: Annotated[bool, typer.Option("--loop", "-l", help="begin anew at the end")] = False,
+    remap: Annotated[
+        list[str] | None, typer.Option("--remap", "-m", help="FROM:=TO; may be repeated")
+    ] = None,
+    clock: Annotated[float, typer.Option(help="publish /clock at this rate, Hz", min=0.0)] = 0.0,
+    paused: Annotated[bool, typer.Option("--paused", "-p", help="begin paused")] = False,
+    namespace: Annotated[
+        str, typer.Option("--namespace", help="put node and topics under this name")
+    ] = "",
+    wait_for_subscribers: Annotated[
+        float, typer.Option(help="wait so long at most for subscribers of every topic, s", min=0.0)
+    ] = 0.0,
+) -> None:
+    """Publish a bag's messages as they were recorded; the space key pauses."""
+    from hapticmech_ros.nodes.bags.bag_player import PlayOptions
+    from hapticmech_ros.nodes.bags.bag_player import play as play_bag
+
+    options = PlayOptions(
+        path=bag,
+        topics=tuple(topics or ()),
+        rate=rate,
+        start_offset_s=start_offset,
+        duration_s=duration,
+        loop=loop,
+        remaps=dict(_remap(text) for text in remap or ()),
+        clock_hz=clock,
+        paused=paused,
+        namespace=namespace,
+        wait_s=wait_for_subscribers,
+    )
+    raise typer.Exit(play_bag(options))
+
+
+@app.command()
+def info(
+    bag: BagArgument,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
+) -> None:
+    """Say what is in a bag."""
+    from hapticmech_ros.bag.info import inspect_bag
+    from hapticmech_ros.cli.bag_tables import show_info
+
+    found = inspect_bag(bag)
+    if as_json:
+        print(json.dumps(found.as_dict(), indent=2))
+    else:
+        show_info(found)
+
+
+@app.command()
+def check(
+    bag: BagArgument,
+    other: Annotated[
+        Path | None, typer.Argument(help="second bag: compare it with the first")
+    ] = None,
+    topics: Annotated[
+        list[str] | None, typer.Option("--topics", "-t", help="compare this one; may be repeated")
+    ] = None,
+    tolerance: Annotated[
+        float | None, typer.Option(help="largest deviation allowed, in each field's unit", min=0.0)
+    ] = None,
+    exact: Annotated[
+        bool, typer.Option("--exact", help="nothing missing, every bit the same")
+    ] = False,
+    align: Annotated[
+        Align,
+        typer.Option(help="same stamps; nearest stamps; nearest as counted from each bag's start"),
+    ] = Align.stamp,
+    report: JsonOption = None,
+) -> None:
+    """Check that one bag is whole, or that a second one holds the same as the first.
+
+    Ends with exit code 1 if the bag is damaged, or the second one deviates too much.
+    """
+    from hapticmech_ros.bag.check import check as check_bag
+    from hapticmech_ros.bag.compare import compare
+    from hapticmech_ros.cli.bag_tables import show_check, show_comparison
+
+    if other is None:
+        checked = check_bag(bag)
+        show_check(checked)
+        _write(report, checked.as_dict())
+        raise typer.Exit(0 if checked.is_sound else 1)
+    compared = compare(bag, other, tuple(topics or ()), align.value)
+    show_comparison(compared)
+    _write(report, compared.as_dict())
+    failures = []
+    if (exact or tolerance is not None) and not any(t.matched for t in compared.topics):
+        failures.append("no message of one bag belongs to one of the other")
+    if tolerance is not None and not compared.largest <= tolerance:
+        failures.append(f"a deviation of {compared.largest:g} is above {tolerance:g}")
+    if exact and not compared.is_exact:
+        failures.append("not every message is there bit for bit")
+    for failure in failures:
+        console.print(failure, style="red")
+    raise typer.Exit(1 if failures else 0)
+
+
+@app.command()
+def repair(
+    bag: BagArgument,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="folder to make", show_default="<BAG>_repaired"),
+    ] = None,
+) -> None:
+    """Write a new bag with everything that can be read of a damaged or unfinished one."""
+    from hapticmech_ros.bag.repair import repair as repair_bag
+    from hapticmech_ros.cli.bag_tables import show_repair
+
+    done = repair_bag(bag, out)
+    show_repair(done)
+    raise typer.Exit(0 if done.messages else 1)
+
+
+def _remap(text: str) -> tuple[str, str]:
+    source, arrow, target = text.partition(":=")
+    if not (source and arrow and target):
+        raise InvalidInputError("--remap", text, "must be FROM:=TO")
+    return source, target
+
+
+def _write(path: Path | None, report: dict[str, Any]) -> None:
+    if path is not None:
+        text = json.dumps(report, indent=2, default=str, allow_nan=False)
+        path.write_text(text + "\n", encoding="utf-8")

@@ -1,0 +1,141 @@
+"""Tables that ``hapticmech bag`` prints."""
+
+from __future__ import annotations
+
+from datetime import datetime, timezone
+
+from rich.console import Console
+from rich.table import Table
+
+from hapticmech_ros.bag.check import BagCheck
+from hapticmech_ros.bag.compare import BagComparison
+from hapticmech_ros.bag.info import BagInfo
+from hapticmech_ros.bag.repair import RepairReport
+from hapticmech_ros.cli.console import console
+
+WIDEST = 1000
+
+
+def show_info(info: BagInfo) -> None:
+    """Print what is in a bag."""
+    _say(f"{info.path}: {info.storage}, {_size(info.bytes)}, {info.messages} messages")
+    if not info.finished:
+        _say("unfinished: still being recorded, or cut short; counts are not up to date", "yellow")
+    if info.compression:
+        _say(f"compression: {info.compression}")
+    if info.messages:
+        _say(f"start {_date(info.start_ns)}, duration {info.duration_s:.3f} s")
+    for file in info.files:
+        count = "" if file.messages is None else f", {file.messages} messages"
+        span = "" if file.duration_s is None else f", {file.duration_s:.3f} s"
+        _say(f"  {file.name}: {_size(file.bytes)}{count}{span}")
+    table = _table("topic", "type", "messages", "Hz", "QoS", "type hash")
+    for topic in info.topics:
+        table.add_row(
+            topic.name,
+            topic.type.replace("/msg/", "/"),
+            str(topic.count),
+            f"{topic.rate_hz:.1f}",
+            ", ".join((*topic.reliability, *topic.durability)) or "?",
+            _short(topic.type_hash),
+        )
+    _show(table)
+
+
+def show_check(checked: BagCheck) -> None:
+    """Print what is to be said of a bag."""
+    table = _table("topic", "messages", "Hz", "missing", "largest gap", "stamps back", "notes")
+    for topic in checked.topics:
+        notes = list(topic.notes)
+        if topic.undecodable:
+            notes.append(f"{topic.undecodable} cannot be decoded")
+        if topic.repeated:
+            notes.append(f"{topic.repeated} repeated stamps")
+        table.add_row(
+            topic.name,
+            str(topic.count),
+            f"{topic.rate_hz:.1f}",
+            "?" if topic.lost is None else str(topic.lost),
+            f"{1e3 * topic.largest_gap_s:.1f} ms",
+            str(topic.backwards) if topic.stamped else "-",
+            "; ".join(notes),
+        )
+    if checked.topics:
+        _show(table)
+    for name in checked.absent:
+        _say(f"not recorded: {name}", "yellow")
+    for trouble in checked.damage:
+        _say(f"damaged: {trouble}", "red")
+    if checked.is_sound:
+        _say(f"{checked.path} is sound", "green")
+
+
+def show_comparison(compared: BagComparison) -> None:
+    """Print how far a second bag is from the first."""
+    table = _table(
+        "topic", "by", "matched", "missing", "extra", "equal bits", "largest", "rms", "where"
+    )
+    for topic in compared.topics:
+        worst = topic.worst
+        differs = worst is not None and worst.largest > 0.0
+        table.add_row(
+            topic.name,
+            topic.matched_by,
+            str(topic.matched),
+            str(topic.missing),
+            str(topic.extra),
+            str(topic.equal),
+            f"{worst.largest:.3g}" if worst is not None else "-",
+            f"{worst.rms:.3g}" if worst is not None else "-",
+            f"{worst.name} at {worst.worst_at_ns} ns" if worst is not None and differs else "",
+        )
+    _show(table)
+    for name in compared.missing_topics:
+        _say(f"not in {compared.actual}: {name}", "yellow")
+    for name in compared.extra_topics:
+        _say(f"only in {compared.actual}: {name}", "yellow")
+
+
+def show_repair(done: RepairReport) -> None:
+    """Print what was recovered, and what was lost."""
+    for file in done.files:
+        trouble = f"; {file.trouble}" if file.trouble else ""
+        lost = f"; {file.lost_bytes} bytes lost" if file.lost_bytes else ""
+        _say(f"{file.name}: {file.messages} messages{trouble}{lost}")
+    for name, count in sorted(done.counts.items()):
+        _say(f"  {name}: {count} messages")
+    for name, reason in sorted(done.refused.items()):
+        _say(f"  {name}: lost, {reason}", "red")
+    if done.stated is not None and done.stated != done.messages:
+        _say(f"the damaged bag's metadata speak of {done.stated} messages", "yellow")
+    _say(f"{done.messages} messages recovered into {done.path}")
+
+
+def _say(text: str, style: str | None = None) -> None:
+    console.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for column in columns:
+        right = column in ("messages", "Hz", "matched", "missing", "extra", "equal bits")
+        table.add_column(column, justify="right" if right else "left", no_wrap=True)
+    return table
+
+
+def _show(table: Table) -> None:
+    # As wide as it needs to be: a topic's name in one piece can be searched for.
+    Console(width=WIDEST).print(table)
+
+
+def _size(size: int) -> str:
+    return f"{size / 1e6:.1f} MB" if size >= 100_000 else f"{size / 1e3:.1f} kB"
+
+
+def _date(time_ns: int) -> str:
+    when = datetime.fromtimestamp(time_ns / 1e9, tz=timezone.utc).astimezone()
+    return when.strftime("%Y-%m-%d %H:%M:%S.%f %z")
+
+
+def _short(type_hash: str) -> str:
+    return f"{type_hash.removeprefix('RIHS01_')[:8]}…" if type_hash else "?"

@@ -1,0 +1,28 @@
+"""Where the command line prints, and the options that its commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+console = Console()
+errors = Console(stderr=True)
+
+SceneArgument = Annotated[str, typer.Argument(help="shipped scene, or path of a YAML file")]
+OutOption = Annotated[Path, typer.Option("--out", "-o", help="folder for the results")]
+ComposedOption = Annotated[bool, typer.Option(help="all four nodes in one process")]
+
+
+def progress() -> Progress:
+    """Return a bar that vanishes when it is done."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f}%"),
+        console=console,
+        transient=True,
+    )

@@ -1,0 +1,144 @@
+"""``hapticmech run``, ``topics`` and ``parameters``: the graph of nodes, and its tables."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hapticmech_ros.cli.console import ComposedOption, SceneArgument, console
+from hapticmech_ros.errors import InvalidInputError
+
+CHECK_PERIOD_S = 0.2
+
+NamespaceOption = Annotated[str, typer.Option(help="put nodes and topics under this name")]
+StorageOption = Annotated[str, typer.Option(help="mcap or sqlite3")]
+ParametersOption = Annotated[
+    Path | None, typer.Option("--params-file", exists=True, help="ROS parameter file, all nodes")
+]
+SettingOption = Annotated[
+    list[str] | None, typer.Option("--set", "-p", help="[NODE.]PARAMETER=VALUE, any number")
+]
+
+
+def run(
+    scene: SceneArgument = "five_bar",
+    composed: ComposedOption = False,
+    namespace: NamespaceOption = "",
+    hold: Annotated[
+        list[str] | None,
+        typer.Option(help="operational point to hold; several: a device each, in its namespace"),
+    ] = None,
+    control_rate: Annotated[
+        float, typer.Option(min=0.0, max=10000.0, help="Hz; 0: the scene's own")
+    ] = 0.0,
+    record: Annotated[Path | None, typer.Option(help="bag to record everything into")] = None,
+    storage: StorageOption = "mcap",
+    view: Annotated[bool, typer.Option(help="also publish markers, frames, URDF")] = False,
+    params_file: ParametersOption = None,
+    settings: SettingOption = None,
+    use_sim_time: Annotated[bool, typer.Option(help="follow somebody else's /clock")] = False,
+    lockstep: Annotated[
+        bool, typer.Option(help="advance by messages, as fast as can be, repeatable to the bit")
+    ] = False,
+    duration: Annotated[
+        float, typer.Option(min=0.0, help="s until the end; 0: until Ctrl-C")
+    ] = 0.0,
+    rate: Annotated[
+        float, typer.Option(min=0.0, help="lockstep: times real time at most; 0: no limit")
+    ] = 0.0,
+) -> None:
+    """Start the nodes on SCENE and keep them running until Ctrl-C."""
+    from hapticmech_ros.graph import Graph, start_process, stop_process
+    from hapticmech_ros.lockstep import LockstepRun, run_lockstep
+    from hapticmech_ros.nodes.entry import NODES, VIEWER
+    from hapticmech_ros.scene import load_scene
+
+    loaded = load_scene(scene, control_rate)
+    held = tuple(loaded.operational_point(name).name for name in hold or ())
+    if len(set(held)) < len(held):
+        raise InvalidInputError("hold", held, "each point can be held once")
+    parameters = settings_of(settings or [])
+    arguments = ("--params-file", str(params_file)) if params_file else ()
+    stop = stop_by_signals()
+    if lockstep:
+        plan = LockstepRun(
+            scene,
+            control_rate=control_rate,
+            duration=duration,
+            rate=rate,
+            out=record,
+            storage=storage,
+            composed=composed,
+            namespace=namespace,
+            hold=held,
+            parameters=parameters,
+            arguments=arguments,
+        )
+        console.print(f"running {scene} in lockstep; Ctrl-C ends it")
+        ticks = run_lockstep(plan, os.environ, stop.is_set)
+        console.print(f"{ticks} ticks, {ticks * loaded.simulation.period:g} s")
+        return
+    if control_rate:
+        parameters["control_rate"] = control_rate
+    if use_sim_time:
+        parameters["use_sim_time"] = True
+    nodes = [*NODES, VIEWER] if view else NODES
+    recorder = None
+    if record is not None:
+        command = [sys.executable, "-m", "hapticmech_ros", "bag", "record", "--all"]
+        command += ["--out", str(record), "--storage", storage]
+        recorder = start_process(command, os.environ)
+    try:
+        with Graph(
+            scene, composed, namespace, parameters, None, nodes, held, arguments
+        ) as graph:  # fmt: skip
+            console.print(f"running {scene}; Ctrl-C ends it")
+            left = duration or float("inf")
+            while left > 0.0 and not stop.wait(min(CHECK_PERIOD_S, left)):
+                left -= CHECK_PERIOD_S
+                graph.check()
+    finally:
+        if recorder is not None:
+            stop_process(recorder)
+
+
+def topics() -> None:
+    """Print the table of topics, as in docs/topics.md."""
+    from hapticmech_ros.wire.table import markdown
+
+    print(markdown(), end="")
+
+
+def parameters() -> None:
+    """Print the table of the nodes' parameters, as in docs/nodes.md."""
+    from hapticmech_ros.nodes.parameter_table import markdown
+
+    print(markdown(), end="")
+
+
+def stop_by_signals() -> threading.Event:
+    """Return an event that SIGINT or SIGTERM sets."""
+    stop = threading.Event()
+    # Also where a shell has switched SIGINT off, as for jobs in the background.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    return stop
+
+
+def settings_of(texts: list[str]) -> dict[str, object]:
+    """Return parameters given as ``[node.]name=value``; values are YAML, as ROS reads them."""
+    from ruamel.yaml import YAML
+
+    found: dict[str, object] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (equals and name):
+            raise InvalidInputError("--set", text, "must be [NODE.]PARAMETER=VALUE")
+        found[name] = YAML(typ="safe", pure=True).load(value)
+    return found

@@ -1,0 +1,142 @@
+"""A graph that advances by messages and /clock instead of by time: repeatable to the bit.
+
+As fast as the machine can; equal to :class:`~hapticmech_ros.session.Session`. Inputs of a recorded
+session can be fed in, to replay it with a change.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.graph import Graph, start_process, stop_process, told_by
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.scene import load_scene
+
+CLOCK = "hapticmech_ros.nodes.lockstep_clock"
+FEEDS = ("hand", "device", "external")
+
+
+class LockstepError(HapticMechError):
+    """A run in lockstep that did not come to its end."""
+
+
+@dataclass(frozen=True, slots=True)
+class LockstepRun:
+    """What to run.
+
+    Attributes:
+        scene: shipped scene, or path of a file.
+        control_rate: Hz; 0 is the scene's own.
+        duration: s of simulated time; 0 goes on until stopped, or to the end of what is fed.
+        rate: times real time at most; 0 is as fast as it can.
+        out: bag to record, or None.
+        storage: mcap or sqlite3.
+        feed_from, feed: bag whose inputs are fed, and which of them: ``hand`` (wrenches on the
+            device), ``device`` (samples of the device, whose node is then left out), ``external``
+            (wrenches on the mechanism's operational points).
+        stall_timeout: s of silence endured: nodes start, find each other, get over a stall.
+        composed, namespace, hold, parameters, arguments: as of :class:`Graph`.
+    """
+
+    scene: str
+    control_rate: float = 0.0
+    duration: float = 0.0
+    rate: float = 0.0
+    out: Path | None = None
+    storage: str = "mcap"
+    feed_from: Path | None = None
+    feed: tuple[str, ...] = ()
+    stall_timeout: float = 30.0
+    composed: bool = False
+    namespace: str = ""
+    hold: tuple[str, ...] = ()
+    parameters: Mapping[str, object] = field(default_factory=dict)
+    arguments: tuple[str, ...] = ()
+
+
+def run_lockstep(
+    run: LockstepRun, environment: Mapping[str, str], asked_to_stop: Callable[[], bool]
+) -> int:
+    """Run to the end, or until asked to stop; return the number of ticks.
+
+    Raises:
+        SceneError: no such scene, or a bad one.
+        InvalidInputError: unknown feed, or a feed without a bag or with several hands.
+        NodeDiedError: a node ended.
+        LockstepError: the graph did not go on.
+    """
+    load_scene(run.scene, run.control_rate)
+    _check(run)
+    nodes = [name for name in NODES if "device" not in run.feed or name != "haptic_device"]
+    graph = Graph(
+        run.scene,
+        run.composed,
+        run.namespace,
+        {**run.parameters, **_parameters(run)},
+        environment,
+        nodes,
+        run.hold,
+        run.arguments,
+    )
+    with graph:
+        clock = start_process(_clock_command(run), environment, pipe_output=True)
+        try:
+            for event in told_by(clock):
+                if event["event"] == "done":
+                    return int(event["ticks"])
+                graph.check()
+                if event["event"] == "failed":
+                    raise LockstepError(f"lockstep: {event['reason']}")
+                if asked_to_stop():
+                    clock.terminate()
+            raise LockstepError("lockstep: the clock ended without a word")
+        finally:
+            stop_process(clock)
+
+
+def _check(run: LockstepRun) -> None:
+    if "control_rate" in run.parameters:
+        rule = "is the run's, not a parameter of nodes: the clock needs it too (--control-rate)"
+        raise InvalidInputError("control_rate", run.parameters["control_rate"], rule)
+    for kind in run.feed:
+        if kind not in FEEDS:
+            raise InvalidInputError("feed", kind, f"must be one of {', '.join(FEEDS)}")
+    if {"hand", "device"} <= set(run.feed):
+        rule = "hand and device exclude each other: a device that is fed has its hand in it"
+        raise InvalidInputError("feed", run.feed, rule)
+    if bool(run.feed) != (run.feed_from is not None):
+        raise InvalidInputError("feed", run.feed, "a bag and what to feed from it go together")
+    if run.feed and len(run.hold) > 1:
+        raise InvalidInputError("hold", run.hold, "only one point can be held while inputs are fed")
+
+
+def _parameters(run: LockstepRun) -> dict[str, object]:
+    parameters: dict[str, object] = {"use_sim_time": True, "lockstep": True}
+    if run.control_rate:
+        parameters["control_rate"] = run.control_rate
+    if "hand" in run.feed:
+        parameters["haptic_device.hand"] = "commanded"
+    if "external" in run.feed:
+        parameters["mechanism_simulator.awaits_external"] = True
+    return parameters
+
+
+def _clock_command(run: LockstepRun) -> Sequence[str]:
+    command = [sys.executable, "-m", CLOCK, "--scene", run.scene]
+    command += ["--control-rate", str(run.control_rate)]
+    command += ["--duration", str(run.duration), "--rate", str(run.rate)]
+    command += ["--stall-timeout", str(run.stall_timeout)]
+    if run.out is not None:
+        command += ["--out", str(run.out), "--storage", run.storage]
+    for point in run.hold:
+        command += ["--hold", point if len(run.hold) == 1 else f"{point}/{point}"]
+    if run.feed_from is not None:
+        command += ["--feed-from", str(run.feed_from)]
+        command += [option for kind in run.feed for option in ("--feed", kind)]
+    if run.namespace:
+        command += ["--ros-args", "-r", f"__ns:=/{run.namespace.strip('/')}"]
+    return command

@@ -1,0 +1,213 @@
+"""What the nodes do, apart from their life: an actor is made on configure and dropped on cleanup.
+
+An actor is a thin shell around core objects of one scene. Its host (a
+:class:`~hapticmech_ros.nodes.host.Host`) lends it topics, time and parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar, Generic, TypeVar
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+from std_msgs.msg import Float64MultiArray
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.messages import checked_time
+from hapticmech_ros.nodes.parameters import NodeParameters
+from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
+from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLISHER
+from hapticmech_ros.nodes.statistics import DurationHistogram
+from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.topic import Topic
+from hapticmech_ros.wire.wrench import WORLD, decode_wrench
+
+M = TypeVar("M")
+P = TypeVar("P", bound=NodeParameters)
+NANOSECONDS = 1_000_000_000
+FOR_EVER = 1 << 62
+
+
+class Actor(Generic[P]):
+    """One of the graph's parts, configured.
+
+    Attributes:
+        name: of the node, and of the executable.
+        parameters: as they stand; replaced as a whole between two callbacks.
+        scene, point: what is modelled, and the operational point held.
+        ages: of messages on arrival.
+    """
+
+    name: ClassVar[str]
+    parameters_type: ClassVar[type[NodeParameters]]
+
+    def __init__(self, node: Host, parameters: P) -> None:
+        self.node = node
+        self.scene: Scene = load_scene(parameters.scene, parameters.control_rate)
+        self.point = self.scene.operational_point(parameters.operational_point).name
+        self.lockstep = parameters.lockstep
+        self.control_input: QoSProfile = LOCKSTEP if self.lockstep else CONTROL_SUBSCRIBER
+        self.output_qos: QoSProfile = LOCKSTEP if self.lockstep else STREAM_PUBLISHER
+        self.ages = DurationHistogram()
+        self.adopt(parameters)
+
+    def adopt(self, parameters: P) -> None:
+        """Take new parameters, all of them at once."""
+        self.parameters = parameters
+        self.view_every = max(1, round(1.0 / (parameters.view_rate * self.period_s)))
+        limit_ns = round(parameters.message_age_limit * NANOSECONDS)
+        # In lockstep a sample may come before its own time has been told here.
+        self.age_limit_ns = FOR_EVER if self.lockstep else limit_ns
+
+    def activate(self) -> None:
+        """Begin to act; what was heard before counts no more."""
+
+    def deactivate(self) -> None:
+        """Stop acting, and leave nobody under a force."""
+
+    def status(self) -> tuple[bool, str, dict[str, str]]:
+        """Return whether all is well, a sentence, and figures, for diagnostics."""
+        raise NotImplementedError
+
+    @property
+    def period_s(self) -> float:
+        """Control period of the scene, s."""
+        return self.scene.simulation.period
+
+    def now_ns(self) -> int:
+        """Return the node's time, ns."""
+        return self.node.now_ns()
+
+    def output(
+        self, topic: Topic, message_type: Any, qos: QoSProfile | None = None, point: str = ""
+    ) -> Publisher:
+        """Create the publisher of a topic of the table."""
+        name = topic.of(point or self.point)
+        chosen = qos or self.output_qos
+        publisher: Publisher = self.node.create_publisher(message_type, name, chosen)
+        return self.node.keep(publisher)
+
+    def input(
+        self,
+        name: str,
+        message_type: type[M],
+        qos: QoSProfile,
+        accept: Callable[[M, int], None],
+    ) -> Subscription:
+        """Subscribe; what ``accept(message, now_ns)`` refuses with InvalidInputError is counted."""
+        guarded = self.guarded(name, accept)
+        made: Subscription = self.node.create_subscription(message_type, name, guarded, qos)
+        return self.node.keep(made)
+
+    def input_array(self, name: str, qos: QoSProfile, accept: Callable[[Array, int], None]) -> None:
+        """Subscribe to a Float64MultiArray's data, read from the bytes on the wire."""
+
+        def read(message: bytes, now_ns: int) -> None:
+            accept(decode(message), now_ns)
+
+        guarded = self.guarded(name, read)
+        self.node.keep(
+            self.node.create_subscription(Float64MultiArray, name, guarded, qos, raw=True)
+        )
+
+    def input_command(
+        self,
+        name: str,
+        qos: QoSProfile,
+        accept: Callable[[Array, int, int], None],
+        unstamped_is_now: bool = True,
+    ) -> None:
+        """Subscribe to wrenches in ``world``, read from the bytes on the wire.
+
+        ``accept(wrench, stamp_ns, now_ns)`` gets those that keep the rules. As CRTK has it, a
+        command's header may be left empty: it then stands for now, and for ``world``.
+        """
+
+        def read(message: bytes, now_ns: int) -> None:
+            found = decode_wrench(message)
+            if found.frame not in ("", WORLD):
+                raise InvalidInputError("frame_id", found.frame, f"must be '{WORLD}', or empty")
+            limit = self.age_limit_ns
+            stamp = checked_time(found.stamp_ns, now_ns, limit, unstamped_is_now)
+            accept(found.values, stamp, now_ns)
+
+        guarded = self.guarded(name, read)
+        self.node.keep(self.node.create_subscription(WrenchStamped, name, guarded, qos, raw=True))
+
+    def guarded(self, name: str, accept: Callable[[M, int], None]) -> Callable[[M], None]:
+        """Return a callback that hands on messages while active, and counts those refused."""
+
+        def callback(message: M) -> None:
+            if not self.node.active:
+                return
+            now = self.now_ns()
+            try:
+                accept(message, now)
+            except InvalidInputError as error:
+                self.node.refuse(name, error)
+
+        return callback
+
+
+class ClockedActor(Actor[P]):
+    """An actor that acts on deadlines of its own as well as on messages.
+
+    Attributes:
+        clock: its deadlines; begun on activation.
+        backlog: periods that it owes to the clock.
+        phase: share of a period by which its deadlines follow the common grid.
+    """
+
+    phase: ClassVar[float] = 0.0
+
+    def __init__(self, node: Host, parameters: P) -> None:
+        super().__init__(node, parameters)
+        self.clock: PeriodClock | None = None
+        self.backlog = Backlog()
+
+    def begin(self, now_ns: int) -> None:
+        """Start the grid of deadlines: the next one common to all, or in lockstep right now."""
+        if self.lockstep:
+            self.clock = PeriodClock(round(self.period_s * NANOSECONDS), now_ns)
+        else:
+            self.clock = PeriodClock.on_grid(self.period_s, self.phase, now_ns)
+
+    def act(self, now_ns: int) -> None:
+        """Tick if a deadline has come; in lockstep, as often as clock and inputs allow."""
+        clock = self.clock
+        if clock is None:
+            return
+        if not self.lockstep:
+            periods = clock.due(now_ns)
+            if periods:
+                self.tick(periods, clock.last_deadline_ns)
+            return
+        while clock.next_ns <= now_ns and self.ready(clock.next_ns):
+            clock.due(clock.next_ns)
+            self.tick(1, clock.last_deadline_ns)
+
+    def ready(self, deadline_ns: int) -> bool:
+        """Return whether all that a tick in lockstep needs is there."""
+        raise NotImplementedError
+
+    def tick(self, periods: int, deadline_ns: int) -> None:
+        """Act on a deadline; ``periods`` is 1, or more after missed deadlines."""
+        raise NotImplementedError
+
+    def clock_figures(self) -> dict[str, str]:
+        """Return what diagnostics say of deadlines."""
+        clock = self.clock
+        periods, missed = (clock.periods, clock.missed) if clock else (0, 0)
+        share = (periods - missed) / periods if periods else 1.0
+        return {
+            "periods": str(periods),
+            "missed_deadlines": str(missed),
+            "dropped_periods": str(self.backlog.dropped),
+            "achieved_rate_hz": f"{share / self.period_s:.1f}",
+        }

@@ -1,0 +1,1 @@
+"""Bags, the ROS side: recorder and player."""

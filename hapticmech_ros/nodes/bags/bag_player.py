@@ -1,0 +1,265 @@
+"""Plays a rosbag2 bag into the graph: recorded bytes, recorded QoS, recorded times."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.executors import Executor
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
+
+from hapticmech_ros.bag.reader import BagReader
+from hapticmech_ros.bag.schedule import Cut, Message, cut_of, latched_first, stream
+from hapticmech_ros.bag.timeline import Timeline
+from hapticmech_ros.errors import BagError, HapticMechError
+from hapticmech_ros.nodes.bags.bag_prefetch import Prefetch
+from hapticmech_ros.nodes.bags.bag_qos import adapted_offer
+from hapticmech_ros.nodes.bags.heard_topic import message_class
+from hapticmech_ros.nodes.bags.keyboard import Keyboard
+from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
+
+CLOCK = "/clock"
+SECOND_NS = 1_000_000_000
+SHORTEST_WAIT_S = 20e-6
+SHORT_WAIT_S = 0.01
+# Messages published in one go when late, before services and keys get their turn.
+LONGEST_BURST = 200
+# How long reliable subscribers get to take the last messages.
+ACKNOWLEDGE_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlayOptions:
+    """What to play, and how.
+
+    Attributes:
+        path: bag folder or file.
+        topics: names as in the bag; all if empty.
+        rate: bag seconds per second.
+        start_offset_s: leave out so much of the beginning, s.
+        duration_s: play so much of the bag, s.
+        loop: begin anew at the end, until a signal.
+        remaps: topic of the bag -> topic to publish on.
+        clock_hz: rate of ``/clock``, Hz; 0 for none.
+        paused: wait for resume before the first message.
+        namespace: put the node and every topic under this name.
+        wait_s: wait so long at most for a subscriber of every topic, s.
+        ros_arguments: further arguments, beginning with ``--ros-args``.
+    """
+
+    path: Path
+    topics: tuple[str, ...] = ()
+    rate: float = 1.0
+    start_offset_s: float = 0.0
+    duration_s: float | None = None
+    loop: bool = False
+    remaps: Mapping[str, str] = field(default_factory=dict)
+    clock_hz: float = 0.0
+    paused: bool = False
+    namespace: str = ""
+    wait_s: float = 0.0
+    ros_arguments: tuple[str, ...] = ()
+
+
+class BagPlayerNode(Node):
+    """Publishes messages of a bag when it is time.
+
+    Attributes:
+        published: messages sent.
+        latest_ns: how late a message was sent at worst, ns.
+
+    Raises:
+        BagError: a message type that is not installed, or a topic to remap that is not played.
+    """
+
+    def __init__(self, bag: BagReader, cut: Cut, options: PlayOptions) -> None:
+        super().__init__("bag_player", namespace=options.namespace or None, enable_rosout=False)
+        self._bag, self._cut, self._options = bag, cut, options
+        names = set(cut.topics or bag.topics)
+        if options.clock_hz > 0.0:
+            names.discard(CLOCK)
+        if stray := sorted(set(options.remaps) - names):
+            raise BagError(f"bag {bag.path}: cannot remap {', '.join(stray)}: not played")
+        self._sent: dict[str, Any] = {name: self._publisher(name) for name in sorted(names)}
+        self._clock_out = (
+            self.create_publisher(Clock, CLOCK, 10) if options.clock_hz > 0.0 else None
+        )
+        self.timeline = Timeline(cut.start_ns, time.monotonic_ns(), options.rate, paused=True)
+        self.published = 0
+        self.latest_ns = 0
+        self._next_clock_ns = 0
+        for verb in ("pause", "resume", "toggle_paused"):
+            self.create_service(Trigger, f"~/{verb}", self._service(getattr(self, verb)))
+
+    def pause(self) -> None:
+        """Stand still."""
+        self.timeline.pause(time.monotonic_ns())
+
+    def resume(self) -> None:
+        """Go on."""
+        self.timeline.resume(time.monotonic_ns())
+
+    def toggle_paused(self) -> None:
+        """Pause if it plays, play if it pauses."""
+        if self.timeline.paused:
+            self.resume()
+        else:
+            self.pause()
+
+    def deaf(self) -> list[str]:
+        """Return topics that nobody has subscribed to."""
+        return [name for name, p in self._sent.items() if p.get_subscription_count() == 0]
+
+    def latched(self) -> list[Message]:
+        """Return the latched messages that stand at the beginning."""
+        return latched_first(self._bag, self._cut)
+
+    def messages(self, first: list[Message]) -> Iterator[Message]:
+        """Yield all messages but the first ones, in order of time."""
+        return stream(self._bag, self._cut, first)
+
+    def begin(self, first: list[Message], paused: bool) -> None:
+        """Publish the first messages, and start the bag's time."""
+        for name, _, data in first:
+            self._publish(name, data)
+        now = time.monotonic_ns()
+        self.timeline = Timeline(self._cut.start_ns, now, self._options.rate, paused)
+        self._next_clock_ns = now
+
+    def publish_due(self, message: Message) -> bool:
+        """Publish a message if its time has come; return whether it has."""
+        now = time.monotonic_ns()
+        late = now - self.timeline.deadline_ns(message[1])
+        if self.timeline.paused or late < 0:
+            return False
+        self.latest_ns = max(self.latest_ns, late)
+        self._publish(message[0], message[2])
+        return True
+
+    def tick_clock(self) -> None:
+        """Publish ``/clock`` if it is time to: the bag's time, which stands still in a pause."""
+        now = time.monotonic_ns()
+        if self._clock_out is None or now < self._next_clock_ns:
+            return
+        period = round(SECOND_NS / self._options.clock_hz)
+        self._next_clock_ns += (1 + (now - self._next_clock_ns) // period) * period
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(self.timeline.bag_ns(now), SECOND_NS)
+        self._clock_out.publish(message)
+
+    def wait_s(self, message: Message) -> float:
+        """Return how long nothing is to be done before a message, in finite bounds."""
+        now = time.monotonic_ns()
+        # Who resumes does not want to wait for the end of a long wait.
+        longest_s = SHORT_WAIT_S if self.timeline.paused else LONGEST_WAIT_S
+        next_ns = now + round(longest_s * SECOND_NS)
+        if not self.timeline.paused:
+            next_ns = min(next_ns, self.timeline.deadline_ns(message[1]))
+        if self._clock_out is not None:
+            next_ns = min(next_ns, self._next_clock_ns)
+        return max((next_ns - now) / SECOND_NS, SHORTEST_WAIT_S)
+
+    def settle(self) -> None:
+        """Wait, for a while at most, until reliable subscribers have everything."""
+        end = time.monotonic() + ACKNOWLEDGE_S
+        for publisher in self._sent.values():
+            if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
+                left = max(0.0, end - time.monotonic())
+                publisher.wait_for_all_acked(Duration(seconds=left))
+
+    def _publisher(self, name: str) -> Any:
+        topic = self._bag.topics[name]
+        prefix = self._options.namespace.strip("/")
+        target = self._options.remaps.get(name) or (f"/{prefix}{name}" if prefix else name)
+        return self.create_publisher(
+            message_class(topic.type), target, adapted_offer(topic.offered)
+        )
+
+    def _publish(self, name: str, data: bytes) -> None:
+        # The bag's own /clock is left out where this node makes one.
+        if name in self._sent:
+            self._sent[name].publish(data)
+            self.published += 1
+
+    def _service(self, act: Any) -> Any:
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            act()
+            response.success = True
+            response.message = "paused" if self.timeline.paused else "playing"
+            return response
+
+        return answer
+
+
+def play(options: PlayOptions) -> int:
+    """Play until the end or a signal; print a report; return the exit code."""
+    stop = StopRequest()
+    rclpy.init(args=list(options.ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
+    node: BagPlayerNode | None = None
+    try:
+        with BagReader(options.path) as bag, Keyboard() as keyboard:
+            cut = cut_of(bag, options.topics, options.start_offset_s, options.duration_s)
+            node = BagPlayerNode(bag, cut, options)
+            executor = EventsExecutor()
+            executor.add_node(node)
+            _wait_for_subscribers(node, executor, stop, options.wait_s)
+            if keyboard.is_there:
+                print("space pauses and resumes; Ctrl-C ends it", flush=True)
+            paused = options.paused
+            while not stop.asked:
+                _play_once(node, executor, stop, keyboard, paused)
+                paused = False
+                if not options.loop:
+                    break
+            node.settle()
+        late_ms = node.latest_ns / 1e6
+        print(f"{node.published} messages played, {late_ms:.1f} ms late at worst", flush=True)
+        return 0
+    except HapticMechError as error:
+        sys.stderr.write(f"error: {error}\n")
+        return 1
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _play_once(
+    node: BagPlayerNode, executor: Executor, stop: StopRequest, keyboard: Keyboard, paused: bool
+) -> None:
+    first = node.latched()
+    with Prefetch(node.messages(first)) as ahead:
+        message = ahead.take()
+        node.begin(first, paused)
+        while message is not None and not stop.asked:
+            if " " in keyboard.pressed():
+                node.toggle_paused()
+            node.tick_clock()
+            for _ in range(LONGEST_BURST):
+                if message is None or not node.publish_due(message):
+                    break
+                message = ahead.take()
+            if message is not None:
+                wait_for_messages(executor, node.wait_s(message))
+
+
+def _wait_for_subscribers(
+    node: BagPlayerNode, executor: Executor, stop: StopRequest, longest_s: float
+) -> None:
+    end = time.monotonic() + longest_s
+    while longest_s > 0.0 and not stop.asked and (deaf := node.deaf()):
+        if time.monotonic() > end:
+            print(f"playing without subscribers of {', '.join(deaf)}", flush=True)
+            return
+        wait_for_messages(executor, SHORT_WAIT_S)

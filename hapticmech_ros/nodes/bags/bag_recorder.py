@@ -1,0 +1,218 @@
+"""Records topics of a running graph into a rosbag2 bag, as they are on the wire."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from rosbags.typesys import Stores, get_typestore
+
+from hapticmech_ros.bag.writer import BagWriter
+from hapticmech_ros.errors import BagError, HapticMechError
+from hapticmech_ros.nodes.bags.bag_spool import BagSpool
+from hapticmech_ros.nodes.bags.heard_topic import HeardTopic
+from hapticmech_ros.nodes.bags.message_info import Info
+from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
+
+DISCOVERY_PERIOD_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class RecordOptions:
+    """What to record, and into what.
+
+    Attributes:
+        path: bag folder to make.
+        topics: names; relative ones are below ``namespace``. Every topic if neither these nor
+            ``regex`` are given.
+        regex: topics in whose names this is found, besides ``topics``.
+        namespace: of the graph; with neither topics nor a regex, only what is below it.
+        storage: ``mcap`` or ``sqlite3``.
+        split_bytes: begin a new file at this size.
+        split_s: begin a new file after so long, s.
+        duration_s: end by itself after so long, s.
+        use_sim_time: time of reception is the graph's ``/clock``, not the machine's.
+        ros_arguments: further arguments, beginning with ``--ros-args``.
+    """
+
+    path: Path
+    topics: tuple[str, ...] = ()
+    regex: str = ""
+    namespace: str = ""
+    storage: str = "mcap"
+    split_bytes: int | None = None
+    split_s: float | None = None
+    duration_s: float | None = None
+    use_sim_time: bool = False
+    ros_arguments: tuple[str, ...] = field(default=())
+
+
+class BagRecorderNode(Node):
+    """Subscribes to what is wanted as soon as somebody publishes it.
+
+    Raises:
+        BagError: a regex that is none.
+    """
+
+    def __init__(self, spool: BagSpool, options: RecordOptions) -> None:
+        super().__init__(
+            "bag_recorder",
+            namespace=options.namespace or None,
+            enable_rosout=False,
+            start_parameter_services=False,
+            parameter_overrides=[Parameter("use_sim_time", value=options.use_sim_time)],
+        )
+        self._spool = spool
+        self._by_graph = options.use_sim_time
+        self._names = {self.resolve_topic_name(name) for name in options.topics}
+        self._below = "/" + options.namespace.strip("/") if options.namespace.strip("/") else ""
+        try:
+            self._regex = re.compile(options.regex) if options.regex else None
+        except re.error as error:
+            raise BagError(f"regex {options.regex!r}: {error}") from None
+        self._store = get_typestore(Stores.ROS2_JAZZY)
+        self.heard: dict[str, HeardTopic] = {}
+        self.skipped: dict[str, str] = {}
+
+    def discover(self) -> None:
+        """Look at the graph: subscribe to new topics, adapt to new publishers."""
+        now = time.monotonic()
+        for name, types in self.get_topic_names_and_types():
+            if name in self.skipped or not self._wants(name):
+                continue
+            offered, hashes = self._offers(name)
+            topic = self.heard.get(name)
+            if topic is None and offered:
+                topic = self._hear(name, types, hashes)
+            if topic is not None and offered:
+                topic.follow(offered, now)
+
+    def finish(self) -> None:
+        """Announce what was heard too briefly to be announced until now."""
+        for topic in self.heard.values():
+            topic.announce(self._offers(topic.name)[0])
+
+    def missing(self) -> list[str]:
+        """Return topics asked for by name that nobody published."""
+        return sorted(self._names - set(self.heard) - set(self.skipped))
+
+    def _wants(self, name: str) -> bool:
+        if name in self._names:
+            return True
+        if any(part.startswith("_") for part in name.split("/")):
+            return False
+        if self._regex is not None:
+            return self._regex.search(name) is not None
+        return not self._names and name.startswith(f"{self._below}/")
+
+    def _offers(self, name: str) -> tuple[list[QoSProfile], set[str]]:
+        """Return what others offer on a topic, and the hashes of its type that they state."""
+        own = (self.get_name(), self.get_namespace())
+        others = [
+            info
+            for info in self.get_publishers_info_by_topic(name)
+            if (info.node_name, info.node_namespace) != own
+        ]
+        return [o.qos_profile for o in others], {str(o.topic_type_hash) for o in others}
+
+    def _hear(self, name: str, types: list[str], hashes: set[str]) -> HeardTopic | None:
+        reason = self._refusal(types, hashes)
+        if not reason:
+            try:
+                self.heard[name] = HeardTopic(self, self._spool, name, types[0], self._time_ns)
+            except BagError as error:
+                reason = str(error)
+        if reason:
+            self.skipped[name] = reason
+            sys.stderr.write(f"{name} is not recorded: {reason}\n")
+        return self.heard.get(name)
+
+    def _refusal(self, types: list[str], hashes: set[str]) -> str:
+        if len(types) != 1:
+            return f"it has several types: {', '.join(types)}"
+        if types[0] not in self._store.types:
+            return f"{types[0]!r} is not a message type of ROS 2 Jazzy"
+        known = str(self._store.hash_rihs01(types[0]))
+        stated = {text for text in hashes if text.startswith("RIHS01_")}
+        if stated - {known}:
+            return f"the publisher's {types[0]} is not the one of ROS 2 Jazzy"
+        return ""
+
+    def _time_ns(self, info: Info) -> int:
+        if self._by_graph:
+            return int(self.get_clock().now().nanoseconds)
+        return int(info["received_timestamp"]) or time.time_ns()
+
+
+def record(options: RecordOptions) -> int:
+    """Record until a signal, or the duration's end; print a report; return the exit code."""
+    stop = StopRequest()
+    rclpy.init(args=list(options.ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
+    node: BagRecorderNode | None = None
+    try:
+        writer = BagWriter(
+            options.path,
+            options.storage,
+            split_bytes=options.split_bytes,
+            split_ns=None if options.split_s is None else round(options.split_s * 1e9),
+        )
+        spool = BagSpool(writer)
+        try:
+            node = BagRecorderNode(spool, options)
+            _record(node, spool, stop, options)
+        finally:
+            spool.close()
+        _report(node, spool, options.path)
+        return 0
+    except HapticMechError as error:
+        sys.stderr.write(f"error: {error}\n")
+        return 1
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _record(
+    node: BagRecorderNode, spool: BagSpool, stop: StopRequest, options: RecordOptions
+) -> None:
+    executor = EventsExecutor()
+    executor.add_node(node)
+    begun = time.monotonic()
+    looked = -DISCOVERY_PERIOD_S
+    print(f"recording into {options.path}; Ctrl-C ends it", flush=True)
+    while rclpy.ok() and not stop.asked and not spool.failure:
+        now = time.monotonic() - begun
+        if options.duration_s is not None and now >= options.duration_s:
+            break
+        if now - looked >= DISCOVERY_PERIOD_S:
+            looked = now
+            node.discover()
+        wait_for_messages(executor, LONGEST_WAIT_S)
+    node.finish()
+    executor.remove_node(node)
+
+
+def _report(node: BagRecorderNode, spool: BagSpool, path: Path) -> None:
+    total = sum(topic.count for topic in node.heard.values())
+    print(f"{path}: {total} messages of {len(node.heard)} topics")
+    for name, topic in sorted(node.heard.items()):
+        lost = "losses unknown: several publishers" if topic.lost is None else f"{topic.lost} lost"
+        untimed = f", {topic.untimed} before the first /clock left out" if topic.untimed else ""
+        print(f"  {name}: {topic.count} messages, {lost}{untimed}")
+    for name, reason in sorted(node.skipped.items()):
+        print(f"  {name}: not recorded, {reason}")
+    for name in node.missing():
+        print(f"  {name}: nobody published it")
+    if spool.dropped:
+        print(f"  {spool.dropped} messages dropped: the disk was too slow")
+    sys.stdout.flush()

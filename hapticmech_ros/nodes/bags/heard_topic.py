@@ -1,0 +1,155 @@
+"""One topic that is being recorded: its subscription, what it has brought, and what it missed."""
+
+from __future__ import annotations
+
+import importlib
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from hapticmech_ros.errors import BagError
+from hapticmech_ros.nodes.bags.bag_qos import adapted_request, as_recorded
+from hapticmech_ros.nodes.bags.bag_spool import BagSpool
+from hapticmech_ros.nodes.bags.message_info import Info, WithInfo
+
+# All publishers of a topic are not discovered at once. Their offers are written down after this.
+SETTLE_S = 0.4
+# A subscription that replaces another one runs beside it for so long, so that nothing is missed.
+OVERLAP_S = 1.0
+
+
+class HeardTopic:
+    """Puts every message of one topic into a spool.
+
+    Args:
+        node: that subscribes.
+        spool: of the bag.
+        name: absolute name.
+        msgtype: such as ``std_msgs/msg/UInt8``.
+        clock: gives the time of reception, ns, of a message with its info; 0 if there is none yet.
+
+    Attributes:
+        count: messages recorded.
+        lost: numbers missing in the sequence of the topic's one publisher; None with several, whose
+            numbers cannot be told apart.
+        untimed: messages left out because there was no time yet.
+
+    Raises:
+        BagError: no such message type is installed.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        spool: BagSpool,
+        name: str,
+        msgtype: str,
+        clock: Callable[[Info], int],
+    ) -> None:
+        self.name, self.type = name, msgtype
+        self.count = 0
+        self.untimed = 0
+        self._lost = 0
+        self._publishers = 0
+        self._node, self._spool, self._clock = node, spool, clock
+        self._class = message_class(msgtype)
+        self._held: list[tuple[int, bytes]] | None = []
+        self._request: QoSProfile | None = None
+        self._subscription: Any = None
+        self._old: Any = None
+        self._key = (0, 0)
+        self._doubles: set[tuple[int, int]] = set()
+        self._begun = self._replaced = time.monotonic()
+
+    @property
+    def lost(self) -> int | None:
+        """See the class."""
+        return self._lost if self._publishers <= 1 else None
+
+    def follow(self, offered: Sequence[QoSProfile], now_s: float) -> None:
+        """Subscribe as the publishers allow, and announce the topic once they are all known.
+
+        Args:
+            offered: what each publisher offers at present.
+            now_s: monotonic time.
+        """
+        self._publishers = max(self._publishers, len(offered))
+        wanted = adapted_request(offered)
+        if self._request is None or _is_weaker(wanted, self._request):
+            self._subscribe(wanted, now_s)
+        if self._old is not None and now_s - self._replaced >= OVERLAP_S:
+            self._node.destroy_subscription(self._old)
+            self._old = None
+            self._doubles.clear()
+        if self._held is not None and now_s - self._begun >= SETTLE_S:
+            self.announce(offered)
+
+    def announce(self, offered: Sequence[QoSProfile]) -> None:
+        """Write the topic into the bag, if it is not there yet, and what was heard until now.
+
+        Raises:
+            BagError: as :meth:`BagWriter.add_topic`.
+        """
+        if self._held is None:
+            return
+        held, self._held = self._held, None
+        self._spool.add_topic(self.name, self.type, [as_recorded(offer) for offer in offered])
+        for time_ns, data in held:
+            self._spool.put(self.name, time_ns, data)
+
+    def _subscribe(self, wanted: QoSProfile, now_s: float) -> None:
+        if self._old is not None:
+            self._node.destroy_subscription(self._old)
+        self._old, self._request = self._subscription, wanted
+        if self._old is not None:
+            self._replaced = now_s
+            self._doubles.add(self._key)
+        self._subscription = self._node.create_subscription(
+            self._class, self.name, WithInfo(self._hear), wanted, raw=True
+        )
+
+    def _hear(self, data: bytes, info: Info) -> None:
+        number = info["publication_sequence_number"] or 0
+        key = (info["source_timestamp"], number)
+        if self._old is not None:
+            if key in self._doubles:
+                return
+            self._doubles.add(key)
+        time_ns = self._clock(info)
+        if not time_ns:
+            self.untimed += 1
+            return
+        # A number that goes back is a publisher that was started anew.
+        if self.count and number > self._key[1] > 0:
+            self._lost += number - self._key[1] - 1
+        self._key = key
+        self.count += 1
+        if self._held is None:
+            self._spool.put(self.name, time_ns, data)
+        else:
+            self._held.append((time_ns, data))
+
+
+def message_class(msgtype: str) -> Any:
+    """Return the Python class of a message type.
+
+    Raises:
+        BagError: its package is not installed, or has no such message.
+    """
+    package, _, kind = msgtype.partition("/msg/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), kind)
+    except (ImportError, AttributeError, ValueError):
+        raise BagError(f"message type {msgtype!r}: its package is not installed") from None
+
+
+def _is_weaker(wanted: QoSProfile, present: QoSProfile) -> bool:
+    """Return whether a publisher has come that the present subscription does not hear."""
+    reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
+    return bool(
+        (present.reliability == reliable and wanted.reliability != reliable)
+        or (present.durability == latched and wanted.durability != latched)
+    )

@@ -1,0 +1,1 @@
+"""Nodes that measure: the bare graph, and those who look on."""

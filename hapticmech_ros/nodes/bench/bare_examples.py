@@ -1,0 +1,216 @@
+"""What the bare graph publishes: on every topic a message of the scene's own, with a stamp put in.
+
+Values are a session's, so each message has the type and the bytes' number of the real one.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8, UInt8MultiArray
+
+from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.nodes.messages import (
+    WORLD,
+    matrix_message,
+    set_stamp,
+    write_array,
+    write_pose,
+    write_twist,
+    write_wrench,
+)
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.session import Session, rendering_model
+from hapticmech_ros.wire import topics as table
+from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.joints import coordinate_names
+from hapticmech_ros.wire.layouts import (
+    DEVICE_FIELDS,
+    ENERGY_FIELDS,
+    NANOSECONDS,
+    RENDERING_FIELDS,
+    DeviceSample,
+    Energy,
+    Rendering,
+    pack_device,
+    pack_energy,
+    pack_rendering,
+)
+from hapticmech_ros.wire.state import StateLayout, WireState
+from hapticmech_ros.wire.topic import ARRAY, POSE, TWIST, WRENCH, Topic
+
+# What is published at a time, ns: a message, or one already serialized.
+Example = Callable[[int], Any]
+TYPES: dict[str, Any] = {
+    POSE: PoseStamped,
+    TWIST: TwistStamped,
+    WRENCH: WrenchStamped,
+    ARRAY: Float64MultiArray,
+    "sensor_msgs/msg/JointState": JointState,
+    "std_msgs/msg/UInt8": UInt8,
+    "std_msgs/msg/UInt8MultiArray": UInt8MultiArray,
+}
+
+
+class StampedArray:
+    """A serialized flat array whose first two numbers are its stamp.
+
+    Attributes:
+        offset: where in the bytes the stamp stands.
+    """
+
+    def __init__(self, wire: FlatArray, values: Array) -> None:
+        encoded = wire.encode(values)
+        self.offset = len(encoded) - values.nbytes
+        self._bytes = bytearray(encoded)
+
+    def __call__(self, stamp_ns: int) -> bytes:
+        """Return the message with a stamp, ns."""
+        struct.pack_into("<dd", self._bytes, self.offset, *divmod(stamp_ns, NANOSECONDS))
+        return bytes(self._bytes)
+
+    def stamp_ns(self, message: bytes) -> int:
+        """Return the stamp of a message of this length and layout, ns."""
+        seconds, nanoseconds = struct.unpack_from("<dd", message, self.offset)
+        return int(seconds) * NANOSECONDS + int(nanoseconds)
+
+
+class Examples:
+    """Examples of a scene's messages, by topic.
+
+    Args:
+        scene: taken after one tick of its session.
+        point: operational point that the device holds; empty: the first.
+    """
+
+    def __init__(self, scene: Scene, point: str = "") -> None:
+        session = Session(scene, point)
+        session.tick()
+        sample = session.tick()
+        mechanism = session.simulator.mechanism
+        self.points = tuple(mechanism.point_names)
+        state, analysis, output = sample.mechanism, sample.analysis, sample.output
+        external = np.zeros((len(self.points), 6))
+        heard = (True,) * len(self.points)
+        layout = StateLayout(mechanism)
+        device = DeviceMeasurement(
+            sample.device.measured_pose, sample.device.measured_twist, sample.hand_wrench
+        )
+        seen = PointMeasurement(sample.point.pose, sample.point.twist, external[0])
+        rendering = Rendering(
+            0, sample.count, analysis.spectrum.s, rendering_model(analysis), seen, True
+        )
+        kinetic, potential = mechanism.energy(state.q, state.v)
+        account = state.account
+        energy = Energy(
+            0,
+            kinetic,
+            potential,
+            account.work_in,
+            account.damping_loss,
+            account.latch_loss,
+            state.closure_error,
+        )
+        wire = WireState(0, state.active, state.q, state.v, external, heard)
+        joints = coordinate_names(mechanism), layout.coordinates(state.q), state.v
+        self.arrays: dict[Topic, StampedArray] = {
+            table.DEVICE_STATE: StampedArray(
+                FlatArray(DEVICE_FIELDS), pack_device(DeviceSample(0, device, output.device))
+            ),
+            table.STATE: StampedArray(FlatArray(layout.fields), layout.pack(wire)),
+            table.RENDERING: StampedArray(FlatArray(RENDERING_FIELDS), pack_rendering(rendering)),
+            table.ENERGY: StampedArray(FlatArray(ENERGY_FIELDS), pack_energy(energy)),
+        }
+        wrenches = np.zeros((6, sample.count))
+        flags, names = state.active, [closure.name for closure in mechanism.closures]
+        self._others: dict[Topic, Example] = {
+            table.DEVICE_POSE: _pose(device.pose),
+            table.DEVICE_TWIST: _twist(device.twist),
+            table.DEVICE_JOINTS: _joints(
+                ("x", "y", "z", "rx", "ry", "rz"), np.zeros(6), device.twist, output.device
+            ),
+            table.JOINT_STATES: _joints(*joints),
+            table.POINT_JOINTS: _joints(*joints),
+            table.POINT_POSE: _pose(sample.point.pose),
+            table.POINT_TWIST: _twist(sample.point.twist),
+            table.CLOSURES: _constant(_flags(flags, names)),
+            table.INVERSE_INERTIA: _matrix("row", "column", analysis.inverse_inertia),
+            table.PROJECTOR: _matrix("row", "column", analysis.constraint_projector),
+            table.CONSTRAINT_WRENCHES: _matrix("wrench", "constraint", wrenches),
+            table.SPECTRUM: _matrix("mu", "value", analysis.spectrum.mu.reshape(-1, 1)),
+            table.COUNT: _constant(UInt8(data=sample.count)),
+        }
+
+    def of(self, topic: Topic) -> Example:
+        """Return what is published on a topic.
+
+        Raises:
+            InvalidInputError: a topic that this has no example for.
+        """
+        if topic in self.arrays:
+            return self.arrays[topic]
+        if topic in self._others:
+            return self._others[topic]
+        # Wrenches differ in their values only.
+        if topic.type == WRENCH:
+            return _wrench(np.full(6, 0.1))
+        raise InvalidInputError("topic", topic.name, "must have an example in the bare graph")
+
+
+def _pose(pose: pin.SE3) -> Example:
+    message = PoseStamped()
+    write_pose(message, pose, 0)
+    return _header(message)
+
+
+def _twist(twist: Array) -> Example:
+    message = TwistStamped()
+    write_twist(message, twist, 0)
+    return _header(message)
+
+
+def _wrench(wrench: Array) -> Example:
+    message = WrenchStamped()
+    write_wrench(message, wrench, 0)
+    return _header(message)
+
+
+def _joints(names: Any, positions: Array, rates: Array, efforts: Array | None = None) -> Example:
+    message = JointState(name=list(names))
+    message.header.frame_id = WORLD
+    message.position, message.velocity = positions.tolist(), rates.tolist()
+    message.effort = [] if efforts is None else efforts.tolist()
+    return _header(message)
+
+
+def _matrix(row: str, column: str, values: Array) -> Example:
+    message = matrix_message(row, column, *values.shape)
+    write_array(message, values)
+    return _constant(message)
+
+
+def _flags(flags: Any, names: list[str]) -> UInt8MultiArray:
+    message = UInt8MultiArray(data=[int(on) for on in flags])
+    size = len(names)
+    message.layout.dim = [MultiArrayDimension(label=",".join(names), size=size, stride=size)]
+    return message
+
+
+def _header(message: Any) -> Example:
+    def at(stamp_ns: int) -> Any:
+        set_stamp(message.header.stamp, stamp_ns)
+        return message
+
+    return at
+
+
+def _constant(message: Any) -> Example:
+    return lambda stamp_ns: message

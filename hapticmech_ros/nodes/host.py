@@ -1,0 +1,69 @@
+"""What an actor may ask of the node that hosts it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol, TypeVar
+
+from hapticmech_ros.errors import InvalidInputError
+
+E = TypeVar("E")
+
+
+class Host(Protocol):
+    """A ROS node that remembers what was made for its actor, and drops it on cleanup.
+
+    What it has as an rclpy node has rclpy's types, which are none.
+
+    Attributes:
+        active: whether the actor acts.
+    """
+
+    active: bool
+
+    @property
+    def create_publisher(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def create_subscription(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def create_service(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def destroy_subscription(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def resolve_topic_name(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def get_topic_names_and_types(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def count_publishers(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def get_logger(self) -> Any:
+        """As of an rclpy node."""
+
+    def now_ns(self) -> int:
+        """Return the node's time, ns."""
+
+    def keep(self, entity: E) -> E:
+        """Remember a publisher, subscription or service until cleanup, and return it."""
+
+    def drop(self, entity: object) -> None:
+        """Destroy what is kept."""
+
+    def every(self, period_s: float, callback: Callable[[], None]) -> None:
+        """Call back at a period of the machine's clock while the node is active."""
+
+    def refuse(self, topic: str, error: InvalidInputError) -> None:
+        """Count a message that breaks a rule, and say so now and then."""

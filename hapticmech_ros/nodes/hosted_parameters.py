@@ -1,0 +1,118 @@
+"""A node's parameters: declared with descriptors, validated as a whole, adopted as a whole.
+
+Callbacks of parameters and ticks run in one thread: a change comes between two ticks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from hapticmech_ros.nodes.parameters import (
+    NodeParameters,
+    ParameterError,
+    changes_of,
+    choices_of,
+    range_of,
+    validated,
+)
+
+SIM_TIME = "use_sim_time"
+
+
+class HostedParameters:
+    """The parameters of a model, on a node.
+
+    Args:
+        node: where they are declared.
+        model: what there is, and its rules.
+        configured: whether something is built from them, so that some can no longer change.
+        adopted: called with the parameters before, after a change.
+
+    Raises:
+        ParameterError: what the node was started with breaks a rule.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        model: type[NodeParameters],
+        configured: Callable[[], bool],
+        adopted: Callable[[NodeParameters], None],
+    ) -> None:
+        self._node = node
+        self._model = model
+        self._configured = configured
+        self._adopted = adopted
+        try:
+            self.values = validated(model, {name: self._declare(name) for name in self._names})
+        except ParameterError as error:
+            raise ParameterError(f"{node.get_name()}: {error}") from None
+        self._name_unknown()
+        node.add_on_set_parameters_callback(self._vet)
+        node.add_post_set_parameters_callback(self._adopt)
+
+    @property
+    def _names(self) -> list[str]:
+        return list(self._model.model_fields)
+
+    def _declare(self, name: str) -> object:
+        default = self._model.model_fields[name].default
+        try:
+            descriptor = descriptor_of(self._model, name)
+            return self._node.declare_parameter(name, default, descriptor).value
+        except (InvalidParameterTypeException, InvalidParameterValueException) as error:
+            raise ParameterError(str(error)) from None
+
+    def _name_unknown(self) -> None:
+        """Name what somebody gave and nobody has: most often a slip of the pen."""
+        for name in self._node._parameter_overrides:
+            if not self._node.has_parameter(name) and not name.startswith("qos_overrides"):
+                known = ", ".join(self._names)
+                self._node.get_logger().warning(f"no parameter {name!r} here; there are: {known}")
+
+    def _proposed(self, changes: Sequence[Parameter]) -> NodeParameters:
+        new = {p.name: p.value for p in changes if p.name in self._model.model_fields}
+        return validated(self._model, {**self.values.model_dump(), **new})
+
+    def _vet(self, changes: Sequence[Parameter]) -> SetParametersResult:
+        fixed = [p.name for p in changes if self._configured() and self._is_fixed(p.name)]
+        if fixed:
+            reason = f"{', '.join(fixed)}: can change only while the node is unconfigured"
+            return SetParametersResult(successful=False, reason=reason)
+        try:
+            self._proposed(changes)
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _is_fixed(self, name: str) -> bool:
+        known = name in self._model.model_fields
+        return name == SIM_TIME or (known and changes_of(self._model, name) == "unconfigured")
+
+    def _adopt(self, changes: Sequence[Parameter]) -> None:
+        before, self.values = self.values, self._proposed(changes)
+        self._adopted(before)
+
+
+def descriptor_of(model: type[NodeParameters], name: str) -> ParameterDescriptor:
+    """Return what `ros2 param describe` shows of a parameter."""
+    changes = changes_of(model, name)
+    rules = []
+    if choices := choices_of(model, name):
+        rules.append(f"one of {', '.join(choices)}")
+    if changes == "unconfigured":
+        rules.append("can change only while the node is unconfigured")
+    bounds = range_of(model, name)
+    return ParameterDescriptor(
+        description=model.model_fields[name].description or "",
+        additional_constraints="; ".join(rules),
+        read_only=changes == "never",
+        floating_point_range=[FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
+        if bounds
+        else [],
+    )

@@ -1,0 +1,229 @@
+"""Paces a graph in lockstep: /clock goes on when every node has done its part, and not before.
+
+A tick is complete when all control topics have been heard for its time. That makes the graph as
+fast as it can be, and its results the same bits on every run, whatever the machine does. Recording
+happens here too: the graph waits for the recorder, which therefore loses nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from rosgraph_msgs.msg import Clock
+
+from hapticmech_ros.bag.writer import BagWriter
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.nodes.messages import set_stamp
+from hapticmech_ros.nodes.qos import LATCHED, LOCKSTEP, RECORDER_SUBSCRIBER, STREAM_PUBLISHER
+from hapticmech_ros.nodes.recorder import message_class, tell
+from hapticmech_ros.nodes.replay_feed import Feed, feed_from_bag
+from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
+from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.wire.cdr import array_stamp, header_stamp
+from hapticmech_ros.wire.topic import ARRAY, VIEWER, Topic
+from hapticmech_ros.wire.topics import TOPICS
+
+NANOSECONDS = 1_000_000_000
+CLOCK = "/clock"
+# /clock is heard best effort: whoever missed a tick's time is told again.
+RETELL_PERIOD_S = 0.05
+QUIET_S = 0.1
+PROGRESS_PERIOD_S = 0.2
+
+
+class LockstepError(HapticMechError):
+    """The graph does not go on: some topic is silent."""
+
+
+class LockstepClock(Node):
+    """Tells the time, tick by tick.
+
+    Args:
+        scene: its period is the tick.
+        points: operational points that controllers hold, with the namespace of each.
+        start_ns: time of the first tick, ns; not zero, which ROS takes for "no time yet".
+        feed: what is published for every tick before its time is told.
+        writer: where everything heard is recorded; None for nowhere.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        points: Sequence[tuple[str, str]],
+        start_ns: int,
+        feed: Feed | None = None,
+        writer: BagWriter | None = None,
+    ) -> None:
+        super().__init__("lockstep_clock")
+        self.period_ns = round(scene.simulation.period * NANOSECONDS)
+        self.time_ns = start_ns
+        # Complete ones.
+        self.ticks = 0
+        self.last_heard_s = time.monotonic()
+        self._writer = writer
+        self._feed = feed
+        self._heard: set[str] = set()
+        self._awaited: dict[str, int] = {}
+        self._missing: set[str] = set()
+        self.completed = Future()
+        self._message = Clock()
+        self._publisher = self.create_publisher(Clock, CLOCK, STREAM_PUBLISHER)
+        if writer is not None:
+            writer.add_topic(CLOCK, "rosgraph_msgs/msg/Clock")
+        if feed is not None:
+            feed.advertise(self)
+        for namespace, point in points:
+            for topic in TOPICS:
+                if topic.publisher != VIEWER:
+                    self._listen(topic, namespace, point)
+
+    def begin(self) -> None:
+        """Tell the time of the first tick."""
+        self._tell()
+
+    def retell(self) -> None:
+        """Tell the time once more, in case somebody missed it."""
+        self._publisher.publish(self._message)
+
+    def missing(self) -> list[str]:
+        """Return the topics that have not been heard for the present time."""
+        return sorted(self._missing)
+
+    def advance(self) -> None:
+        """Go on to the next tick."""
+        self.time_ns += self.period_ns
+        self._tell()
+
+    def _tell(self) -> None:
+        self.completed = Future()
+        self._missing = {name for name, heard in self._awaited.items() if heard < self.time_ns}
+        if self._feed is not None:
+            self._feed.publish(self.time_ns)
+        set_stamp(self._message.clock, self.time_ns)
+        self._publisher.publish(self._message)
+        if self._writer is not None:
+            self._writer.write(CLOCK, self.time_ns, serialize_message(self._message))
+
+    def _listen(self, topic: Topic, namespace: str, point: str) -> None:
+        relative = topic.of(point)
+        # One mechanism may serve several trios of device, analyser and controller.
+        alone = not namespace or relative.startswith(("mechanism/", "/"))
+        name = self.resolve_topic_name(relative if alone else f"{namespace}/{relative}")
+        control = topic.rate == "control"
+        if name in self._heard or not (control or self._writer):
+            return
+        self._heard.add(name)
+        if control:
+            self._awaited[name] = -1
+        if self._writer is not None:
+            self._writer.add_topic(name, topic.type, topic.qos)
+        stamp_of = array_stamp if topic.type == ARRAY else header_stamp
+
+        def heard(data: bytes) -> None:
+            if self._writer is not None:
+                self._writer.write(name, self.time_ns, data)
+            if control:
+                self.last_heard_s = time.monotonic()
+                self._awaited[name] = stamp_of(data)
+                if self._awaited[name] >= self.time_ns:
+                    self._missing.discard(name)
+                    if not self._missing and not self.completed.done():
+                        self.completed.set_result(None)
+
+        qos = LATCHED if topic.qos == "latched" else LOCKSTEP
+        if topic.publisher in ("any", "every node"):
+            qos = RECORDER_SUBSCRIBER
+        self.create_subscription(message_class(topic.type), name, heard, qos, raw=True)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Pace the graph until it is over, a signal, or a stall; return the exit code."""
+    parser = argparse.ArgumentParser(prog="lockstep_clock", description=__doc__)
+    parser.add_argument("--scene", required=True)
+    parser.add_argument("--control-rate", type=float, default=0.0, help="Hz; 0: the scene's own")
+    parser.add_argument("--duration", type=float, default=0.0, help="s; 0: until a signal")
+    parser.add_argument("--rate", type=float, default=0.0, help="times real time; 0: no limit")
+    parser.add_argument("--start", type=int, default=NANOSECONDS, help="first time, ns")
+    parser.add_argument("--hold", action="append", default=[], help="[NAMESPACE/]POINT held")
+    parser.add_argument("--out", type=Path, help="bag folder to make")
+    parser.add_argument("--storage", choices=("mcap", "sqlite3"), default="mcap")
+    parser.add_argument("--feed-from", type=Path, help="bag whose inputs are fed")
+    parser.add_argument("--feed", action="append", default=[], help="hand, device or external")
+    parser.add_argument("--stall-timeout", type=float, default=30.0, help="s of silence endured")
+    options, ros_arguments = parser.parse_known_args(list(arguments))
+    stop = StopRequest()
+    rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+    writer: BagWriter | None = None
+    try:
+        scene = load_scene(options.scene, options.control_rate)
+        points = [_held(text) for text in options.hold] or [("", scene.operational_point().name)]
+        feed = None
+        if options.feed_from is not None:
+            feed = feed_from_bag(options.feed_from, scene, options.feed)
+            options.start = feed.start_ns
+            options.duration = options.duration or feed.duration_s
+        writer = BagWriter(options.out, options.storage) if options.out else None
+        node = LockstepClock(scene, points, options.start, feed, writer)
+        ticks = round(options.duration / scene.simulation.period)
+        _pace(node, stop, ticks, options.rate, options.stall_timeout)
+        tell("done", ticks=node.ticks)
+        node.destroy_node()
+        return 0
+    except HapticMechError as error:
+        tell("failed", reason=str(error))
+        return 1
+    finally:
+        if writer is not None:
+            writer.close()
+        rclpy.try_shutdown()
+
+
+def _pace(
+    node: LockstepClock, stop: StopRequest, ticks: int, rate: float, stall_timeout_s: float
+) -> None:
+    """Advance until so many ticks are complete (0: for ever) or a signal comes."""
+    executor = EventsExecutor()
+    executor.add_node(node)
+    node.begin()
+    due = told = time.monotonic()
+    while rclpy.ok() and not stop.asked:
+        wait_for_messages(executor, RETELL_PERIOD_S, until=node.completed)
+        if time.monotonic() - told > PROGRESS_PERIOD_S:
+            told = time.monotonic()
+            tell("progress", ticks=node.ticks)
+        if not node.completed.done():
+            node.retell()
+            if time.monotonic() - node.last_heard_s > stall_timeout_s:
+                silent = ", ".join(node.missing())
+                raise LockstepError(f"lockstep: nothing on {silent} for {stall_timeout_s:g} s")
+            continue
+        node.ticks += 1
+        if node.ticks == ticks:
+            break
+        if rate:
+            due += node.period_ns / NANOSECONDS / rate
+            while (ahead := due - time.monotonic()) > 0.0 and not stop.asked:
+                wait_for_messages(executor, min(ahead, LONGEST_WAIT_S))
+        node.advance()
+    while time.monotonic() - node.last_heard_s < QUIET_S:
+        wait_for_messages(executor, QUIET_S)
+    executor.shutdown()
+
+
+def _held(text: str) -> tuple[str, str]:
+    namespace, _, point = text.rpartition("/")
+    return namespace, point
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,293 @@
+"""The life of a node: configure, activate, deactivate, cleanup; parameters, time, diagnostics.
+
+An actor is built on configure and dropped on cleanup. A node that starts by itself (``autostart``)
+goes through both first steps at once.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType, JumpHandle, JumpThreshold, TimeJump
+from rclpy.duration import Duration
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.nodes.actor import NANOSECONDS, Actor, ClockedActor
+from hapticmech_ros.nodes.hosted_parameters import HostedParameters
+from hapticmech_ros.nodes.messages import set_stamp
+from hapticmech_ros.nodes.parameters import NodeParameters, ParameterError
+from hapticmech_ros.nodes.period_clock import Backlog
+from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
+from hapticmech_ros.wire.topics import DIAGNOSTICS
+
+E = TypeVar("E")
+# A refused message is logged at most this often for each topic; all of them are counted.
+REFUSAL_LOG_PERIOD_NS = NANOSECONDS
+SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+
+class ManagedNode(LifecycleNode):
+    """A lifecycle node that hosts an actor.
+
+    Attributes:
+        actor: what it does; None while unconfigured.
+        active: whether it does it.
+        refused: messages refused so far.
+    """
+
+    def __init__(self, actor_type: type[Actor[Any]]) -> None:
+        super().__init__(actor_type.name)
+        self._actor_type = actor_type
+        self.actor: Actor[Any] | None = None
+        self.active = False
+        self._in_sim_time = False
+        self.failure: HapticMechError | None = None
+        self.refused = 0
+        self.last_refusal = ""
+        self._kept: list[Any] = []
+        self._refusal_logs: dict[str, int] = {}
+        self._jumps: JumpHandle | None = None
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._hosted = HostedParameters(
+            self, actor_type.parameters_type, lambda: self.actor is not None, self._adopt
+        )
+        self._diagnostics = self.create_publisher(
+            DiagnosticArray, DIAGNOSTICS.name, STREAM_PUBLISHER
+        )
+        self._start_diagnostics()
+        self._refuse_impossible_transitions()
+
+    @property
+    def parameters(self) -> NodeParameters:
+        """Parameters as they stand."""
+        return self._hosted.values
+
+    @property
+    def in_sim_time(self) -> bool:
+        """Whether time is what /clock says."""
+        return bool(self.get_parameter("use_sim_time").value)
+
+    def start(self) -> None:
+        """Configure and activate, unless that is left to others.
+
+        Raises:
+            HapticMechError: the node cannot be configured.
+        """
+        if not self.parameters.autostart:
+            return
+        if self.trigger_configure() is SUCCESS:
+            self.trigger_activate()
+        if self.failure is not None:
+            raise self.failure
+
+    def next_deadline_ns(self) -> int | None:
+        """Return when the node wants to act next by the machine's clock; None: never."""
+        actor = self.actor
+        if not (self.active and isinstance(actor, ClockedActor)) or self._jumps is not None:
+            return None
+        return None if actor.clock is None else actor.clock.next_ns
+
+    def act(self, now_ns: int) -> None:
+        """Let a clocked actor act."""
+        if self.active and isinstance(self.actor, ClockedActor):
+            self.actor.act(now_ns)
+
+    def now_ns(self) -> int:
+        """Return the node's time, ns."""
+        if self._in_sim_time:
+            return int(self.get_clock().now().nanoseconds)
+        # What ROS's clock says then, without its objects: asked for with every message.
+        return time.time_ns()
+
+    def keep(self, entity: E) -> E:
+        """Remember a publisher, subscription or service until cleanup, and return it."""
+        self._kept.append(entity)
+        return entity
+
+    def drop(self, entity: object) -> None:
+        """Destroy what :meth:`keep` remembers."""
+        self._kept.remove(entity)
+        self._destroy(entity)
+
+    def every(self, period_s: float, callback: Callable[[], None]) -> None:
+        """Call back at a period of the machine's clock while the node is active, until cleanup."""
+
+        def when_active() -> None:
+            if self.active:
+                callback()
+
+        self.keep(self.create_timer(period_s, when_active, clock=self._steady))
+
+    def refuse(self, topic: str, error: InvalidInputError) -> None:
+        """Count a message that breaks a rule, and say so now and then."""
+        self.refused += 1
+        self.last_refusal = f"{topic}: {error}"
+        now = int(self._steady.now().nanoseconds)
+        last = self._refusal_logs.get(topic)
+        if last is None or now - last > REFUSAL_LOG_PERIOD_NS:
+            self._refusal_logs[topic] = now
+            self.get_logger().warning(f"message on {topic} refused: {error}")
+
+    def final_report(self) -> str:
+        """Return what is printed when the node ends."""
+        _, sentence, figures = self._status()
+        shown = ", ".join(f"{key} {value}" for key, value in figures.items())
+        return f"{self.get_name()}: {sentence}; {shown}"
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Build the actor from scene and parameters."""
+        del state
+        self.failure = None
+        self._in_sim_time = self.in_sim_time
+        try:
+            if self.parameters.lockstep and not self.in_sim_time:
+                raise ParameterError("lockstep: needs use_sim_time:=true (got false)")
+            self.actor = self._actor_type(self, self.parameters)
+        except HapticMechError as error:
+            self.failure = error
+            self.get_logger().error(f"cannot be configured: {error}")
+            self._release()
+            return FAILURE
+        return SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to act, by the machine's clock or by /clock."""
+        actor = self.actor
+        if actor is None:
+            return FAILURE
+        actor.activate()
+        if isinstance(actor, ClockedActor):
+            actor.backlog = Backlog()
+            if self.in_sim_time:
+                # /clock does not wait for whoever is late: a step's periods are owed all at once.
+                actor.backlog.per_tick = actor.backlog.limit
+                actor.clock = None
+                self._follow_clock()
+            else:
+                actor.begin(self.now_ns())
+        self.active = True
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop acting; devices are left without force."""
+        self._stop()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Drop the actor and all its topics."""
+        del state
+        self._release()
+        return SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End, from any state."""
+        del state
+        self._stop()
+        self._release()
+        return SUCCESS
+
+    def end(self) -> None:
+        """Deactivate if active; what remains is destroyed with the node."""
+        if self.active:
+            self.trigger_deactivate()
+
+    def _stop(self) -> None:
+        if self.active and self.actor is not None:
+            self.actor.deactivate()
+        self.active = False
+        if self._jumps is not None:
+            self._jumps.unregister()
+            self._jumps = None
+
+    def _release(self) -> None:
+        for entity in self._kept:
+            self._destroy(entity)
+        self._kept.clear()
+        self.actor = None
+
+    def _destroy(self, entity: Any) -> None:
+        for destroy in (
+            self.destroy_publisher,
+            self.destroy_subscription,
+            self.destroy_service,
+            self.destroy_timer,
+        ):
+            if destroy(entity):
+                return
+
+    def _refuse_impossible_transitions(self) -> None:
+        """Answer a transition that the state does not allow; rclpy would end the process."""
+        service = self._service_change_state
+        change_state = service.callback
+
+        def guarded(request: Any, response: Any) -> Any:
+            try:
+                return change_state(request, response)
+            except rclpy_implementation.RCLError as error:
+                self.get_logger().warning(f"transition {request.transition.id} refused: {error}")
+                response.success = False
+                return response
+
+        service.callback = guarded
+
+    def _follow_clock(self) -> None:
+        step = Duration(nanoseconds=1)
+        threshold = JumpThreshold(
+            min_forward=step, min_backward=Duration(nanoseconds=-1), on_clock_change=False
+        )
+        self._jumps = self.get_clock().create_jump_callback(threshold, post_callback=self._jumped)
+
+    def _jumped(self, jump: TimeJump) -> None:
+        """Act at the time that /clock has just told; begin anew when it went back."""
+        now = self.now_ns()
+        actor = self.actor
+        if not (self.active and isinstance(actor, ClockedActor)) or now == 0:
+            return
+        if jump.delta.nanoseconds < 0:
+            actor.activate()
+            actor.clock = None
+        if actor.clock is None:
+            actor.begin(now)
+        actor.act(now)
+
+    def _adopt(self, before: NodeParameters) -> None:
+        if self.actor is not None:
+            self.actor.adopt(self.parameters)
+        if self.parameters.diagnostics_period != before.diagnostics_period:
+            self.destroy_timer(self._timer)
+            self._start_diagnostics()
+
+    def _start_diagnostics(self) -> None:
+        # By a steady clock: also when /clock stands still there is something to be said.
+        self._timer = self.create_timer(
+            self.parameters.diagnostics_period, self._publish_diagnostics, clock=self._steady
+        )
+
+    def _status(self) -> tuple[bool, str, dict[str, str]]:
+        actor = self.actor
+        if actor is None:
+            reason = "" if self.failure is None else f": {self.failure}"
+            return False, f"unconfigured{reason}", {}
+        well, sentence, figures = actor.status()
+        figures = {**figures, **actor.ages.summary("message_age")}
+        figures["refused_messages"] = str(self.refused)
+        figures["last_refusal"] = self.last_refusal
+        return (well, sentence, figures) if self.active else (False, "inactive", figures)
+
+    def _publish_diagnostics(self) -> None:
+        well, sentence, figures = self._status()
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.OK if well else DiagnosticStatus.WARN,
+            name=self.get_fully_qualified_name().lstrip("/"),
+            message=sentence,
+            hardware_id=self.parameters.scene,
+            values=[KeyValue(key=key, value=value) for key, value in figures.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        set_stamp(message.header.stamp, self.now_ns())
+        self._diagnostics.publish(message)

@@ -1,0 +1,54 @@
+"""The nodes' parameters as Markdown; docs/nodes.md holds it, and a test holds the two together."""
+
+from __future__ import annotations
+
+from hapticmech_ros.nodes.parameters import (
+    AnalyserParameters,
+    ControllerParameters,
+    DeviceParameters,
+    MechanismParameters,
+    NodeParameters,
+    ViewerParameters,
+    changes_of,
+    choices_of,
+    range_of,
+)
+
+MODELS: dict[str, type[NodeParameters]] = {
+    "haptic_device": DeviceParameters,
+    "mechanism_simulator": MechanismParameters,
+    "nullspace_analyser": AnalyserParameters,
+    "teleoperation_controller": ControllerParameters,
+    "scene_viewer": ViewerParameters,
+}
+CHANGES = {"any": "yes", "unconfigured": "while unconfigured", "never": "no"}
+
+
+def markdown() -> str:
+    """Return one table row per parameter: first those that all nodes have."""
+    lines = [
+        "| node | parameter | default | range | can change | meaning |",
+        "|---|---|---|---|---|---|",
+    ]
+    common = list(NodeParameters.model_fields)
+    lines += [_row("every node", NodeParameters, name) for name in common]
+    for node, model in MODELS.items():
+        own = [name for name in model.model_fields if name not in common]
+        lines += [_row(node, model, name) for name in own]
+    return "\n".join(lines) + "\n"
+
+
+def _row(node: str, model: type[NodeParameters], name: str) -> str:
+    field = model.model_fields[name]
+    bounds = range_of(model, name)
+    span = f"{bounds[0]:g} … {bounds[1]:g}" if bounds else ", ".join(choices_of(model, name))
+    default = str(field.default).lower() if isinstance(field.default, bool) else field.default
+    cells = (
+        node,
+        f"`{name}`",
+        f"`{default}`" if default != "" else "empty",
+        span,
+        CHANGES[changes_of(model, name)],
+        field.description or "",
+    )
+    return "| " + " | ".join(cells) + " |"

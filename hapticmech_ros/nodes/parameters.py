@@ -1,0 +1,158 @@
+"""Parameters of the nodes: one frozen, validated model per node. Imports no ROS.
+
+A change builds the whole model anew, so rules that concern several parameters hold at all times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal, TypeVar, get_args
+
+from annotated_types import Ge, Le
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from hapticmech_ros.errors import HapticMechError, shown
+
+# Never: given at the start. Unconfigured: only while nothing is built from it. Any: at any time.
+Changes = Literal["never", "unconfigured", "any"]
+P = TypeVar("P", bound="NodeParameters")
+
+
+class ParameterError(HapticMechError):
+    """A parameter that breaks a rule."""
+
+
+def text(default: str, description: str, changes: Changes = "unconfigured") -> Any:
+    """Return a field for a name or a choice."""
+    return Field(default, description=description, json_schema_extra={"changes": changes})
+
+
+def flag(default: bool, description: str, changes: Changes = "unconfigured") -> Any:
+    """Return a field for yes or no."""
+    return Field(default, description=description, json_schema_extra={"changes": changes})
+
+
+def number(
+    default: float,
+    description: str,
+    unit: str,
+    low: float,
+    high: float,
+    changes: Changes = "any",
+) -> Any:
+    """Return a field for a number within bounds."""
+    return Field(
+        default,
+        ge=low,
+        le=high,
+        allow_inf_nan=False,
+        description=f"{description}, {unit}",
+        json_schema_extra={"changes": changes},
+    )
+
+
+class NodeParameters(BaseModel):
+    """Parameters that every node has."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    scene: str = text("five_bar", "shipped scene, or path of a YAML file")
+    operational_point: str = text("", "where the user holds; empty: the scene's first point")
+    control_rate: float = number(
+        0.0, "samples per second; 0: the scene's own", "Hz", 0.0, 10000.0, "unconfigured"
+    )
+    autostart: bool = flag(True, "configure and activate at the start", "never")
+    lockstep: bool = flag(
+        False, "advance by messages stamped with /clock, not by time; needs use_sim_time", "never"
+    )
+    view_rate: float = number(100.0, "rate of topics for people", "Hz", 1.0, 1000.0)
+    message_age_limit: float = number(0.25, "oldest stamp that is accepted", "s", 0.001, 3600.0)
+    diagnostics_period: float = number(1.0, "time between diagnostics", "s", 0.01, 60.0)
+
+
+class DeviceParameters(NodeParameters):
+    """Parameters of the simulated haptic device."""
+
+    command_timeout: float = number(
+        0.015, "servo_cf older than this counts as lost: actuators at zero", "s", 0.001, 1.0
+    )
+    hand: Literal["scene", "commanded"] = text(
+        "scene", "scene: its hand holds the device; commanded: hand_cf alone moves it"
+    )
+    hand_timeout: float = number(0.2, "hand_cf stands this long; 0: for ever", "s", 0.0, 3600.0)
+    hand_waits: bool = flag(False, "the hand takes hold only once device/start_hand is called")
+
+
+class MechanismParameters(NodeParameters):
+    """Parameters of the mechanism simulator."""
+
+    command_timeout: float = number(
+        0.05, "servo_cf older than this counts as lost and is ramped to zero", "s", 0.001, 1.0
+    )
+    external_timeout: float = number(
+        0.2, "external_cf stands this long; 0: for ever", "s", 0.0, 3600.0
+    )
+    held_points: str = text(
+        "", "in lockstep, points that controllers hold, with commas; empty: operational_point"
+    )
+    awaits_external: bool = flag(
+        False, "in lockstep, a tick waits for external_cf at every operational point"
+    )
+
+
+class AnalyserParameters(NodeParameters):
+    """Parameters of the null-space analyser."""
+
+
+class ControllerParameters(NodeParameters):
+    """Parameters of the teleoperation controller."""
+
+    input_timeout: float = number(
+        0.015, "an input older than this counts as lost: disengaged", "s", 0.001, 1.0
+    )
+
+
+class ViewerParameters(NodeParameters):
+    """Parameters of the scene viewer."""
+
+    marker_rate: float = number(30.0, "rate of markers, frames and joint states", "Hz", 1.0, 200.0)
+    force_scale: float = number(0.05, "length of an arrow per force", "m/N", 1e-4, 10.0)
+    torque_scale: float = number(4.0, "radius of a ring per torque", "m/(N m)", 1e-3, 1000.0)
+    input_timeout: float = number(0.5, "what is older than this is not drawn", "s", 0.02, 60.0)
+    tf: bool = flag(True, "publish /tf and /tf_static, where tf2_msgs is installed")
+    frame_prefix: str = text("", "put before the name of every frame but world")
+
+
+def changes_of(model: type[NodeParameters], name: str) -> Changes:
+    """Return when a parameter may change."""
+    extra = model.model_fields[name].json_schema_extra
+    return extra["changes"] if isinstance(extra, dict) else "never"  # type: ignore[return-value]
+
+
+def range_of(model: type[NodeParameters], name: str) -> tuple[float, float] | None:
+    """Return the bounds of a number; None for anything else."""
+    rules = model.model_fields[name].metadata
+    low = [rule.ge for rule in rules if isinstance(rule, Ge)]
+    high = [rule.le for rule in rules if isinstance(rule, Le)]
+    return (low[0], high[0]) if low and high else None  # type: ignore[return-value]
+
+
+def choices_of(model: type[NodeParameters], name: str) -> tuple[str, ...]:
+    """Return the values that a choice may have; none for anything else."""
+    return tuple(map(str, get_args(model.model_fields[name].annotation)))
+
+
+def validated(model: type[P], values: Mapping[str, object]) -> P:
+    """Return the parameters, checked as a whole.
+
+    Raises:
+        ParameterError: names every parameter that breaks a rule, with value and rule.
+    """
+    try:
+        return model.model_validate(dict(values), strict=False)
+    except ValidationError as error:
+        problems = [
+            f"{'.'.join(map(str, e['loc']))}: {e['msg']} (got {shown(e['input'])})"
+            for e in error.errors()
+        ]
+        raise ParameterError("; ".join(problems)) from None

@@ -1,0 +1,83 @@
+"""Topics of one operational point of the mechanism: what it is told, and what it tells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from sensor_msgs.msg import JointState
+
+from hapticmech_ros.mechanism.mechanism import PointKinematics
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.inputs import ExpiringWrench, Stamped
+from hapticmech_ros.nodes.messages import write_pose, write_twist, write_wrench
+from hapticmech_ros.nodes.parameters import MechanismParameters
+from hapticmech_ros.wire.topics import (
+    EXTERNAL_WRENCH,
+    POINT_COMMAND,
+    POINT_FORCE,
+    POINT_JOINTS,
+    POINT_POSE,
+    POINT_TWIST,
+)
+
+
+class PointPort:
+    """One operational point's commands, and its CRTK topics.
+
+    Args:
+        actor: the mechanism's.
+        name: of the operational point.
+        go_on: called when something came that a tick in lockstep may have waited for.
+
+    Attributes:
+        command: the controller's wrench, which runs out.
+        commands, awaited: the same, and ``external_cf``, by stamp, in lockstep.
+    """
+
+    def __init__(
+        self, actor: Actor[MechanismParameters], name: str, go_on: Callable[[int], None]
+    ) -> None:
+        self._actor = actor
+        self._go_on = go_on
+        self.command = ExpiringWrench(0, 0)
+        self.commands: Stamped[Array] = Stamped()
+        self.awaited: Stamped[Array] = Stamped()
+        self._pose, self._twist, self._wrench = PoseStamped(), TwistStamped(), WrenchStamped()
+        self._publish_pose = actor.output(POINT_POSE, PoseStamped, point=name)
+        self._publish_twist = actor.output(POINT_TWIST, TwistStamped, point=name)
+        self._publish_force = actor.output(POINT_FORCE, WrenchStamped, point=name)
+        self._publish_joints = actor.output(POINT_JOINTS, JointState, point=name)
+        qos = actor.control_input
+        actor.input_command(POINT_COMMAND.of(name), qos, self._on_command)
+        if actor.parameters.awaits_external:
+            topic = EXTERNAL_WRENCH.of(name)
+            actor.input_command(topic, qos, self._on_awaited, unstamped_is_now=False)
+
+    def set_timeout(self, timeout_ns: int) -> None:
+        """Set how long a command stands, and how long it then takes to reach zero."""
+        self.command.timeout_ns = self.command.ramp_ns = timeout_ns
+
+    def publish(
+        self, point: PointKinematics, force: Array, joints: JointState, time_ns: int
+    ) -> None:
+        """Publish what people and CRTK clients read."""
+        write_wrench(self._wrench, force, time_ns)
+        write_twist(self._twist, point.twist, time_ns)
+        write_pose(self._pose, point.pose, time_ns)
+        self._publish_force.publish(self._wrench)
+        self._publish_twist.publish(self._twist)
+        self._publish_joints.publish(joints)
+        self._publish_pose.publish(self._pose)
+
+    def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
+        self.command.put(wrench, now_ns)
+        self._actor.ages.add(now_ns - stamp_ns)
+        if self._actor.lockstep:
+            self.commands.put(wrench, stamp_ns)
+            self._go_on(now_ns)
+
+    def _on_awaited(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
+        self.awaited.put(wrench, stamp_ns)
+        self._go_on(now_ns)

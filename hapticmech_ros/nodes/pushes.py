@@ -1,0 +1,164 @@
+"""Wrenches that other people's nodes put on a body: any number of them at once, summed.
+
+A body is pushed through ``external_cf`` and ``held_cf`` below its name, and through any name below
+these, such as ``external_cf/<who>``: one name for each publisher, because a ROS subscriber is
+not told which publisher a message is from. Names are found in the graph as publishers appear, so
+that what nobody pushes costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from rclpy.subscription import Subscription
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.nodes.actor import NANOSECONDS, Actor
+from hapticmech_ros.nodes.inputs import ExpiringWrench
+from hapticmech_ros.nodes.messages import WORLD, checked_stamp, read_wrench
+from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER
+
+WRENCH_TYPE = "geometry_msgs/msg/WrenchStamped"
+# How often the graph is searched for new publishers, s of the machine's clock.
+SCAN_PERIOD_S = 0.25
+RAMP_NS = NANOSECONDS // 20
+
+
+@dataclass(slots=True)
+class Source:
+    """One topic that pushes: on which body, in which frame's axes, and for how long."""
+
+    body: str
+    held: bool
+    wrench: ExpiringWrench
+    subscription: Subscription
+    found: bool
+    frame: str = WORLD
+    shared: bool = False
+
+
+class Pushes:
+    """All pushes on some bodies.
+
+    Args:
+        actor: whose node listens.
+        prefixes: body -> relative name below which it is pushed.
+        verbs: verb -> whether its wrenches stand until they are replaced.
+        frames: frames whose axes a wrench may be given in, apart from ``world``.
+        root: relative name below which every body is; a publisher there that pushes none is named.
+    """
+
+    def __init__(
+        self,
+        actor: Actor[Any],
+        prefixes: Mapping[str, str],
+        verbs: Mapping[str, bool],
+        frames: Collection[str],
+        root: str = "",
+    ) -> None:
+        self._actor = actor
+        self._frames = {WORLD, *frames}
+        resolve = actor.node.resolve_topic_name
+        self._own = {
+            resolve(f"{prefix}/{verb}"): (body, held)
+            for body, prefix in prefixes.items()
+            for verb, held in verbs.items()
+        }
+        self._bodies = tuple(prefixes)
+        self._verbs = tuple(verbs)
+        self._root = f"{resolve(root)}/" if root else ""
+        self._timeout_ns = 0
+        self._named: set[str] = set()
+        self.sources: dict[str, Source] = {}
+        actor.node.every(SCAN_PERIOD_S, self.scan)
+
+    def listen(self, relative: str) -> None:
+        """Listen to a body's own topic from the start, without waiting for a publisher."""
+        name = self._actor.node.resolve_topic_name(relative)
+        self._add(name, *self._own[name], found=False)
+
+    def set_timeout(self, timeout_ns: int) -> None:
+        """Set how long wrenches stand that are not held."""
+        self._timeout_ns = timeout_ns
+        for source in self.sources.values():
+            if not source.held:
+                source.wrench.timeout_ns = timeout_ns
+
+    def forget(self) -> None:
+        """Drop what was heard; who pushes on is heard again."""
+        for source in self.sources.values():
+            source.wrench.clear()
+
+    def at(self, now_ns: int, rotation_of: Callable[[str], Array]) -> dict[str, Array]:
+        """Return the sum of wrenches (6,) on each body that is pushed, axes of ``world``."""
+        total: dict[str, Array] = {}
+        for source in self.sources.values():
+            wrench = source.wrench.at(now_ns)
+            if not wrench.any():
+                continue
+            if source.frame != WORLD:
+                turn = rotation_of(source.frame)
+                wrench = np.concatenate((turn @ wrench[:3], turn @ wrench[3:]))
+            held = total.get(source.body)
+            total[source.body] = wrench if held is None else held + wrench
+        return total
+
+    def scan(self) -> None:
+        """Listen to new publishers, drop those who left, name those who push nobody."""
+        node = self._actor.node
+        for name, types in node.get_topic_names_and_types():
+            if WRENCH_TYPE in types and name not in self.sources:
+                self._consider(name)
+        for name, source in list(self.sources.items()):
+            publishers = source.subscription.get_publisher_count()
+            if publishers > 1 and not source.shared:
+                source.shared = True
+                node.get_logger().warning(
+                    f"{publishers} publishers on {name}: the newest message counts; "
+                    f"to be summed, each needs a name of its own, such as {name}/left"
+                )
+            # What is held stays when its publisher is gone; so does what has not run out yet.
+            gone = source.found and not publishers and not source.held
+            if gone and not source.wrench.at(self._actor.now_ns()).any():
+                del self.sources[name]
+                node.drop(source.subscription)
+
+    def figures(self, now_ns: int) -> dict[str, str]:
+        """Return who pushes now, for diagnostics."""
+        pushing = [name for name, s in self.sources.items() if s.wrench.at(now_ns).any()]
+        return {"pushed_by": " ".join(sorted(pushing)) or "nobody"}
+
+    def _consider(self, name: str) -> None:
+        node = self._actor.node
+        for own, (body, held) in self._own.items():
+            if name == own or name.startswith(f"{own}/"):
+                if node.count_publishers(name):
+                    self._add(name, body, held, found=True)
+                return
+        below = name.removeprefix(self._root) if self._root else name
+        if below != name and name not in self._named and set(below.split("/")) & set(self._verbs):
+            self._named.add(name)
+            known = ", ".join(self._bodies)
+            node.get_logger().warning(f"{name} pushes nobody: must be below one of {known}")
+
+    def _add(self, name: str, body: str, held: bool, found: bool) -> None:
+        actor = self._actor
+        wrench = ExpiringWrench(0 if held else self._timeout_ns, RAMP_NS)
+
+        def accept(message: WrenchStamped, now_ns: int) -> None:
+            checked_stamp(message.header, now_ns, actor.age_limit_ns, unstamped_is_now=True)
+            frame = message.header.frame_id
+            if frame not in self._frames:
+                rule = f"must be one of {', '.join(sorted(self._frames))}"
+                raise InvalidInputError("frame_id", frame, rule)
+            source.wrench.put(read_wrench(message, frame), now_ns)
+            source.frame = frame
+
+        subscription = actor.input(name, WrenchStamped, COMMAND_SUBSCRIBER, accept)
+        source = Source(body, held, wrench, subscription, found)
+        self.sources[name] = source

@@ -1,0 +1,1 @@
+"""The scene viewer: what people look at, as messages."""

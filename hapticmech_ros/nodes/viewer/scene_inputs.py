@@ -1,0 +1,185 @@
+"""What the scene viewer hears: newest messages, kept as bytes until a picture is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import pinocchio as pin
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
+from std_msgs.msg import Float64MultiArray, UInt8
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.inputs import Latest
+from hapticmech_ros.nodes.messages import read_pose, read_wrench
+from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
+from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.state import StateLayout, WireState
+from hapticmech_ros.wire.topics import (
+    COUNT,
+    DEVICE_COMMAND,
+    DEVICE_FORCE,
+    DEVICE_POSE,
+    POINT_COMMAND,
+    STATE,
+)
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What is known now, old messages left out.
+
+    Attributes:
+        state: of the mechanism.
+        device: pose of the point held.
+        hand_wrench: (6,) F_h.
+        device_command: (6,) by the device, on the hand.
+        point_commands: operational point -> (6,) on the mechanism.
+        count: joint constraints felt at the actor's operational point.
+    """
+
+    state: WireState
+    device: pin.SE3 | None
+    hand_wrench: Array | None
+    device_command: Array | None
+    point_commands: dict[str, Array]
+    count: int | None
+
+
+class Ear(Generic[T]):
+    """The newest message of one topic.
+
+    Args:
+        actor: whose subscription it is.
+        name: of the topic.
+        message_type: of the topic.
+        read: from bytes to the value; refuses by InvalidInputError.
+    """
+
+    def __init__(
+        self, actor: Actor[Any], name: str, message_type: type, read: Callable[[bytes], T]
+    ) -> None:
+        self._actor = actor
+        self._name = name
+        self._type = message_type
+        self._read = read
+        self._latest: Latest[bytes] = Latest()
+        self._subscription: Subscription | None = None
+
+    def open(self) -> None:
+        """Subscribe, if that was not done before."""
+        if self._subscription is None:
+            guarded = self._actor.guarded(self._name, self._keep)
+            self._subscription = self._actor.node.create_subscription(
+                self._type, self._name, guarded, CONTROL_SUBSCRIBER, raw=True
+            )
+
+    def close(self) -> None:
+        """Subscribe no more, and forget."""
+        if self._subscription is not None:
+            self._actor.node.destroy_subscription(self._subscription)
+            self._subscription = None
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget what was heard."""
+        self._latest = Latest()
+
+    def value(self, now_ns: int, timeout_ns: int) -> T | None:
+        """Return the value of a message that came within ``timeout_ns``; a bad one is refused."""
+        message = self._latest.value
+        if message is None or not self._latest.fresh(now_ns, timeout_ns):
+            return None
+        try:
+            return self._read(message)
+        except InvalidInputError as error:
+            self._actor.node.refuse(self._name, error)
+            self.forget()
+            return None
+
+    def _keep(self, message: bytes, now_ns: int) -> None:
+        self._latest.put(message, now_ns)
+
+
+class SceneInputs:
+    """All that the viewer subscribes to, while somebody looks.
+
+    Of what there is at the control rate only that is taken which comes no slower: the mechanism's
+    state and the commands.
+    """
+
+    def __init__(self, actor: Actor[Any], mechanism: Mechanism) -> None:
+        layout = StateLayout(mechanism)
+        directions = 3 if mechanism.scene.task_space == "planar" else 6
+        self._state = Ear(
+            actor, STATE.name, Float64MultiArray, lambda data: layout.unpack(decode(data))
+        )
+        self._device = Ear(
+            actor,
+            DEVICE_POSE.name,
+            PoseStamped,
+            lambda data: read_pose(deserialize_message(data, PoseStamped)),
+        )
+        self._hand = Ear(actor, DEVICE_FORCE.name, WrenchStamped, _wrench)
+        self._command = Ear(actor, DEVICE_COMMAND.name, WrenchStamped, _wrench)
+        self._points = {
+            name: Ear(actor, POINT_COMMAND.of(name), WrenchStamped, _wrench)
+            for name in mechanism.point_names
+        }
+        self._count = Ear(
+            actor,
+            COUNT.of(actor.point),
+            UInt8,
+            lambda data: _count(data, directions),
+        )
+
+    def listen(self, wanted: bool) -> None:
+        """Subscribe to everything, or to nothing."""
+        for ear in self._ears():
+            if wanted:
+                ear.open()
+            else:
+                ear.close()
+
+    def forget(self) -> None:
+        """Forget what was heard."""
+        for ear in self._ears():
+            ear.forget()
+
+    def _ears(self) -> list[Ear[Any]]:
+        alone: list[Ear[Any]] = [self._state, self._device, self._hand, self._command, self._count]
+        return [*alone, *self._points.values()]
+
+    def now(self, now_ns: int, timeout_ns: int) -> Heard | None:
+        """Return what is known; None without a state of the mechanism."""
+        state = self._state.value(now_ns, timeout_ns)
+        if state is None:
+            return None
+        commands = {name: ear.value(now_ns, timeout_ns) for name, ear in self._points.items()}
+        return Heard(
+            state,
+            self._device.value(now_ns, timeout_ns),
+            self._hand.value(now_ns, timeout_ns),
+            self._command.value(now_ns, timeout_ns),
+            {name: wrench for name, wrench in commands.items() if wrench is not None},
+            self._count.value(now_ns, timeout_ns),
+        )
+
+
+def _wrench(data: bytes) -> Array:
+    return read_wrench(deserialize_message(data, WrenchStamped))
+
+
+def _count(data: bytes, largest: int) -> int:
+    count = int(deserialize_message(data, UInt8).data)
+    if count > largest:
+        raise InvalidInputError("count", count, f"must be 0 to {largest}")
+    return count

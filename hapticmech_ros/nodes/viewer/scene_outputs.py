@@ -1,0 +1,184 @@
+"""What the scene viewer publishes: each thing only while somebody subscribes to it."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from collections.abc import Sequence
+from typing import Any
+
+from geometry_msgs.msg import TransformStamped, WrenchStamped
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.messages import set_stamp
+from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.nodes.viewer.scene_inputs import Heard
+from hapticmech_ros.nodes.viewer.view_messages import (
+    marker_array,
+    prefixed,
+    tf_message,
+    transform_message,
+    wrench_in,
+)
+from hapticmech_ros.view import (
+    JointPositions,
+    NamedTransform,
+    Shape,
+    fixed_frames,
+    urdf_of,
+    vanished,
+)
+from hapticmech_ros.view.frames import DEVICE, at_world, frame_names
+from hapticmech_ros.view.shapes import Key
+from hapticmech_ros.wire.view_topics import (
+    FRAMES,
+    MARKERS,
+    ROBOT_DESCRIPTION,
+    SEEN_DEVICE_COMMAND,
+    SEEN_DEVICE_FORCE,
+    SEEN_POINT_COMMAND,
+    SEEN_POINT_FORCE,
+    URDF_JOINTS,
+)
+
+# One message per frame goes out at once: a reader has to get all of them.
+BURST_PUBLISHER = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+# What listeners of tf expect of /tf_static: the last value for whoever comes late.
+STATIC_PUBLISHER = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+TF, TF_STATIC = "/tf", "/tf_static"
+
+
+class SceneOutputs:
+    """Publishers of one viewer; what never changes is published at once.
+
+    Args:
+        actor: whose publishers they are.
+        mechanism: what is shown.
+        prefix: before the name of every frame but ``world``.
+        tf_type: class of tf's messages; None: no tf.
+    """
+
+    def __init__(
+        self, actor: Actor[Any], mechanism: Mechanism, prefix: str, tf_type: Any | None
+    ) -> None:
+        self._actor = actor
+        self._mechanism = mechanism
+        self._prefix = prefix
+        self._names = {
+            name: prefixed(frame, prefix) for name, frame in frame_names(mechanism.scene).items()
+        }
+        self._joints = JointPositions(mechanism)
+        self._fixed = fixed_frames(mechanism.scene)
+        # None: whatever is shown was put there by others, or by an earlier life.
+        self._shown: list[Key] | None = None
+        self._publish_markers = actor.output(MARKERS, MarkerArray)
+        self._publish_frames = actor.output(FRAMES, TransformStamped, BURST_PUBLISHER)
+        self._publish_joints = actor.output(URDF_JOINTS, JointState)
+        self._wrenches: dict[tuple[str, str], Publisher] = {}
+        for topic in (SEEN_DEVICE_COMMAND, SEEN_DEVICE_FORCE):
+            self._wrenches[topic.name, ""] = actor.output(topic, WrenchStamped)
+        for topic in (SEEN_POINT_COMMAND, SEEN_POINT_FORCE):
+            for point in mechanism.point_names:
+                publisher = actor.output(topic, WrenchStamped, point=point)
+                self._wrenches[topic.name, point] = publisher
+        self._publish_description = actor.output(ROBOT_DESCRIPTION, String, LATCHED)
+        self._publish_description.publish(String(data=urdf_of(mechanism)))
+        self._tf_type = tf_type
+        self._publish_tf: Publisher | None = None
+        if tf_type is not None:
+            self._publish_tf = self._tf_publisher(TF, BURST_PUBLISHER)
+            self._publish_tf_static = self._tf_publisher(TF_STATIC, STATIC_PUBLISHER)
+            fixed = self._transforms(self._fixed, actor.now_ns())
+            self._publish_tf_static.publish(tf_message(tf_type, fixed))
+
+    def looked_at(self) -> bool:
+        """Return whether somebody subscribes to anything that moves."""
+        moving = [self._publish_markers, self._publish_frames, self._publish_joints]
+        moving += self._wrenches.values()
+        if self._publish_tf is not None:
+            moving.append(self._publish_tf)
+        return any(_looked_at(publisher) for publisher in moving)
+
+    def wants_markers(self) -> bool:
+        """Return whether somebody looks at markers; what was shown to nobody is forgotten."""
+        wanted = _looked_at(self._publish_markers)
+        if not wanted:
+            self._shown = None
+        return wanted
+
+    def show_markers(self, shapes: Sequence[Shape], time_ns: int, lifetime_s: float) -> None:
+        """Publish a picture; what was in the last one and is not in this one is deleted."""
+        gone = vanished(self._shown or (), shapes)
+        afresh = self._shown is None
+        message = marker_array(shapes, gone, time_ns, lifetime_s, afresh)
+        self._shown = [shape.key for shape in shapes]
+        self._publish_markers.publish(message)
+
+    def clear_markers(self, time_ns: int) -> None:
+        """Publish an empty picture."""
+        self._shown = None
+        self._publish_markers.publish(marker_array((), (), time_ns, 0.0, afresh=True))
+
+    def show_frames(self, moving: Sequence[NamedTransform], time_ns: int) -> None:
+        """Publish all frames by name, and on /tf those that move."""
+        if _looked_at(self._publish_frames):
+            for message in self._transforms([*moving, *self._fixed], time_ns):
+                self._publish_frames.publish(message)
+        if self._publish_tf is not None and _looked_at(self._publish_tf):
+            transforms = self._transforms(moving, time_ns)
+            self._publish_tf.publish(tf_message(self._tf_type, transforms))
+
+    def show_joints(self, q: Array, time_ns: int) -> None:
+        """Publish the positions of the joints of the URDF text."""
+        if _looked_at(self._publish_joints):
+            message = JointState(name=list(self._joints.names))
+            message.position = self._joints.at(q).tolist()
+            set_stamp(message.header.stamp, time_ns)
+            self._publish_joints.publish(message)
+
+    def show_wrenches(self, heard: Heard, time_ns: int) -> None:
+        """Publish wrenches in frames at whose origin they act."""
+        device = self._names[at_world(DEVICE)]
+        self._show_wrench(SEEN_DEVICE_COMMAND.name, "", device, heard.device_command, time_ns)
+        self._show_wrench(SEEN_DEVICE_FORCE.name, "", device, heard.hand_wrench, time_ns)
+        for index, point in enumerate(self._mechanism.point_names):
+            frame = self._names[at_world(point)]
+            command = heard.point_commands.get(point)
+            self._show_wrench(SEEN_POINT_COMMAND.name, point, frame, command, time_ns)
+            contact = heard.state.contacts[index]
+            self._show_wrench(SEEN_POINT_FORCE.name, point, frame, contact, time_ns)
+
+    def _show_wrench(
+        self, topic: str, point: str, frame: str, wrench: Array | None, time_ns: int
+    ) -> None:
+        publisher = self._wrenches[topic, point]
+        if wrench is not None and _looked_at(publisher):
+            publisher.publish(wrench_in(frame, wrench, time_ns))
+
+    def _transforms(self, frames: Sequence[NamedTransform], time_ns: int) -> list[TransformStamped]:
+        return [transform_message(frame, time_ns, self._prefix) for frame in frames]
+
+    def _tf_publisher(self, name: str, qos: QoSProfile) -> Publisher:
+        node = self._actor.node
+        publisher: Publisher = node.create_publisher(self._tf_type, name, qos)
+        return node.keep(publisher)
+
+
+def installed_tf_type() -> Any | None:
+    """Return tf2_msgs' TFMessage, or None where tf2_msgs is not installed."""
+    if importlib.util.find_spec("tf2_msgs") is None:
+        return None
+    return importlib.import_module("tf2_msgs.msg").TFMessage
+
+
+def _looked_at(publisher: Publisher) -> bool:
+    return bool(publisher.get_subscription_count() > 0)

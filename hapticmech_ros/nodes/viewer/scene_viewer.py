@@ -1,0 +1,129 @@
+"""The scene viewer: an optional node that turns what the others say into what people look at.
+
+It draws at its own rate, and only what somebody subscribes to; while nobody does it does not even
+listen. The other nodes neither know nor need it.
+"""
+
+from __future__ import annotations
+
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.nodes.actor import NANOSECONDS, ClockedActor
+from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.parameters import ViewerParameters
+from hapticmech_ros.nodes.viewer.scene_inputs import Heard, SceneInputs
+from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs, installed_tf_type
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.view import Picture, Placement, Placer, Shape, Snapshot, moving_frames
+from hapticmech_ros.wire.topics import STATE
+
+# A marker vanishes when this, or three periods, went by without a new one, s.
+SHORTEST_LIFETIME_S = 1.0
+
+
+class SceneViewer(ClockedActor[ViewerParameters]):
+    """Draws the newest of what it hears, at ``marker_rate``."""
+
+    name = "scene_viewer"
+    parameters_type = ViewerParameters
+
+    def __init__(self, node: Host, parameters: ViewerParameters) -> None:
+        self._drawn_rate = parameters.marker_rate
+        super().__init__(node, parameters)
+        mechanism = Mechanism(self.scene)
+        self._mechanism = mechanism
+        self._analyser = Analyser(mechanism, self.point)
+        self._placer = Placer(mechanism)
+        self._inputs = SceneInputs(self, mechanism)
+        tf_type = installed_tf_type() if parameters.tf else None
+        self._outputs = SceneOutputs(self, mechanism, parameters.frame_prefix, tf_type)
+        self._wanted = False
+        self._last_ns = 0
+        self.pictures = 0
+
+    @property
+    def period_s(self) -> float:
+        """Time between pictures, s."""
+        return 1.0 / self.parameters.marker_rate
+
+    def adopt(self, parameters: ViewerParameters) -> None:
+        """Take new parameters; a new rate counts from now on."""
+        super().adopt(parameters)
+        self._timeout_ns = round(parameters.input_timeout * NANOSECONDS)
+        if parameters.marker_rate != self._drawn_rate:
+            self._drawn_rate = parameters.marker_rate
+            if self.clock is not None:
+                self.begin(self.now_ns())
+
+    def activate(self) -> None:
+        """Begin with what comes from now on."""
+        self._inputs.forget()
+
+    def deactivate(self) -> None:
+        """Leave an empty picture, and listen to nobody."""
+        self._wanted = False
+        self._inputs.listen(False)
+        self._outputs.clear_markers(self.now_ns())
+
+    def ready(self, deadline_ns: int) -> bool:
+        """Return whether a picture can be drawn: always, of what there is."""
+        del deadline_ns
+        return True
+
+    def status(self) -> tuple[bool, str, dict[str, str]]:
+        """Return whether all that is looked at can be drawn."""
+        fresh = self.now_ns() - self._last_ns < self._timeout_ns + NANOSECONDS
+        sentence = "drawing" if fresh else f"nothing on {STATE.name}"
+        if not self._wanted:
+            sentence = "nobody looks"
+        figures = {"pictures": str(self.pictures), **self.clock_figures()}
+        return fresh or not self._wanted, sentence, figures
+
+    def tick(self, periods: int, deadline_ns: int) -> None:
+        """Publish what is known now, to those who look."""
+        del periods, deadline_ns
+        self._wanted = self._outputs.looked_at()
+        self._inputs.listen(self._wanted)
+        now = self.now_ns()
+        heard = self._inputs.now(now, self._timeout_ns)
+        if heard is None:
+            return
+        state, outputs = heard.state, self._outputs
+        time_ns = state.stamp_ns
+        self.ages.add(now - time_ns)
+        self._last_ns = now
+        placement = self._placer.at(state.q)
+        outputs.show_frames(moving_frames(self.scene, placement, heard.device), time_ns)
+        outputs.show_joints(state.q, time_ns)
+        outputs.show_wrenches(heard, time_ns)
+        if outputs.wants_markers():
+            try:
+                shapes = self._draw(heard, placement)
+            except HapticMechError as error:
+                problem = InvalidInputError("state", state.q.tolist(), f"cannot be drawn: {error}")
+                self.node.refuse(STATE.name, problem)
+                return
+            lifetime = max(SHORTEST_LIFETIME_S, 3.0 * self.period_s)
+            outputs.show_markers(shapes, time_ns, lifetime)
+            self.pictures += 1
+
+    def _draw(self, heard: Heard, placement: Placement) -> list[Shape]:
+        state, parameters = heard.state, self.parameters
+        found = self._analyser.analyse(self._mechanism.evaluate(state.q, state.v, state.active))
+        count = heard.count
+        if count is None:
+            count = first_count(found.spectrum.s, self.scene.perception).count
+        picture = Picture(self._mechanism, parameters.force_scale, parameters.torque_scale)
+        snapshot = Snapshot(
+            active=state.active,
+            device=heard.device,
+            hand_wrench=heard.hand_wrench,
+            device_command=heard.device_command,
+            contacts=dict(zip(self._mechanism.point_names, state.contacts, strict=True)),
+            point_commands=heard.point_commands,
+            held=self.point,
+            analysis=found,
+            count=count,
+        )
+        return picture.draw(snapshot, placement)

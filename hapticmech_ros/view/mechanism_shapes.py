@@ -1,0 +1,93 @@
+"""Links, joints and closures as shapes; sizes are shares of the mechanism's length ``unit``, m."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.document import Joint, Scene
+from hapticmech_ros.view import palette
+from hapticmech_ros.view.placement import Placement
+from hapticmech_ros.view.shapes import (
+    Shape,
+    box,
+    capsule,
+    cylinder,
+    numbered,
+    rotation_to,
+    sphere,
+    strip,
+)
+
+LINK_DIAMETER = 0.07
+JOINT_DIAMETER = 0.13
+JOINT_LENGTH = 0.18
+CLOSURE_DIAMETER = 0.15
+GAP_WIDTH = 0.015
+
+
+def link_shapes(scene: Scene, placement: Placement, unit: float) -> list[Shape]:
+    """Return a capsule for every limb; a ball for a link that has none."""
+    thick = LINK_DIAMETER * unit
+    shapes: list[Shape] = []
+    for _, (start, end) in placement.limbs:
+        shapes += capsule(start, end, thick, palette.LINK)
+    drawn = {name for name, _ in placement.limbs}
+    shapes += [
+        sphere(placement.links[link.name].translation, thick, palette.LINK)
+        for link in scene.links
+        if link.name not in drawn
+    ]
+    return numbered("links", shapes)
+
+
+def joint_shapes(scene: Scene, placement: Placement, unit: float) -> list[Shape]:
+    """Return a shape for every joint that holds its link to another or to the world."""
+    shapes = []
+    for link in scene.links:
+        pose, axis = placement.links[link.name], placement.axes[link.name]
+        shapes += joint_shape(link.joint, pose, axis, unit)
+    return numbered("joints", shapes)
+
+
+def joint_shape(joint: Joint, pose: pin.SE3, axis: Array, unit: float) -> list[Shape]:
+    """Return a cylinder about a hinge, a box along a slide, a ball in a socket.
+
+    Args:
+        joint: what it is.
+        pose: frame of the link it carries.
+        axis: (3,) unit vector in the frame of ``pose``'s parent.
+        unit: characteristic length, m.
+    """
+    thick, length = JOINT_DIAMETER * unit, JOINT_LENGTH * unit
+    if joint.type == "revolute":
+        return [cylinder(pose.translation, length * axis, thick, palette.JOINT)]
+    if joint.type == "prismatic":
+        along = pin.SE3(rotation_to(axis), pose.translation)
+        return [box(along, (0.6 * thick, 0.6 * thick, 2.0 * length), palette.JOINT)]
+    if joint.type == "spherical":
+        return [sphere(pose.translation, 1.2 * thick, palette.JOINT)]
+    return []
+
+
+def closure_shapes(placement: Placement, closed: Mapping[str, bool], unit: float) -> list[Shape]:
+    """Return a ball where a loop is closed; two and the gap between where it is open.
+
+    Numbers do not depend on which are closed: 0 for the first closure, 3 for the second, ...
+    """
+    shapes = []
+    for index, (name, (a, b)) in enumerate(placement.closures.items()):
+        size = CLOSURE_DIAMETER * unit
+        if closed[name]:
+            found = [sphere(a.translation, size, palette.CLOSED)]
+            namespace = "closures"
+        else:
+            ends = np.array((a.translation, b.translation))
+            found = [sphere(end, 0.7 * size, palette.OPEN) for end in ends]
+            found.append(strip(ends, GAP_WIDTH * unit, palette.OPEN))
+            namespace = "open_closures"
+        shapes += numbered(namespace, found, first=3 * index)
+    return shapes

@@ -1,0 +1,44 @@
+"""Colours and what they mean; docs/looking.md says the same, and a test holds the two together."""
+
+from __future__ import annotations
+
+Colour = tuple[float, float, float, float]
+
+LINK: Colour = (0.62, 0.66, 0.72, 1.0)
+JOINT: Colour = (0.25, 0.28, 0.33, 1.0)
+CLOSED: Colour = (0.16, 0.65, 0.30, 1.0)
+OPEN: Colour = (0.55, 0.55, 0.55, 0.8)
+HAND: Colour = (0.93, 0.53, 0.10, 1.0)
+CONTACT: Colour = (0.75, 0.20, 0.65, 1.0)
+DEVICE_COMMAND: Colour = (0.85, 0.15, 0.15, 1.0)
+POINT_COMMAND: Colour = (0.15, 0.45, 0.85, 1.0)
+RIGID: Colour = (0.60, 0.35, 1.00, 0.9)
+FREE: Colour = (0.10, 0.65, 0.70, 0.45)
+DEVICE: Colour = (0.95, 0.75, 0.20, 0.6)
+LETTERS: Colour = (0.90, 0.90, 0.90, 1.0)
+# Axes are red, green and blue for x, y and z, as everywhere; those of the world are paler.
+AXES: tuple[Colour, Colour, Colour] = (
+    (0.90, 0.10, 0.10, 1.0),
+    (0.10, 0.70, 0.10, 1.0),
+    (0.15, 0.25, 0.95, 1.0),
+)
+WORLD_AXES: tuple[Colour, Colour, Colour] = (
+    (0.95, 0.55, 0.55, 0.7),
+    (0.55, 0.85, 0.55, 0.7),
+    (0.55, 0.60, 0.95, 0.7),
+)
+# Namespace of a shape -> its colour; namespaces of axes have three.
+MEANING: dict[str, Colour] = {
+    "links": LINK,
+    "joints": JOINT,
+    "closures": CLOSED,
+    "open_closures": OPEN,
+    "hand_force": HAND,
+    "contact_force": CONTACT,
+    "device_command": DEVICE_COMMAND,
+    "point_command": POINT_COMMAND,
+    "rigid_directions": RIGID,
+    "free_directions": FREE,
+    "device": DEVICE,
+    "count": LETTERS,
+}

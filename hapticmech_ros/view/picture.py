@@ -1,0 +1,140 @@
+"""The whole picture: from what is known of mechanism, device and forces to shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.mechanism import Active
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.operational import OperationalAnalysis
+from hapticmech_ros.view import palette
+from hapticmech_ros.view.directions import directions
+from hapticmech_ros.view.mechanism_shapes import closure_shapes, joint_shapes, link_shapes
+from hapticmech_ros.view.placement import Placement
+from hapticmech_ros.view.shapes import Shape, axes, numbered, sphere, text
+from hapticmech_ros.view.wrench_shapes import Scales, direction_shapes, wrench_shapes
+
+# Sizes as shares of the mechanism's characteristic length.
+AXIS_LENGTH = 0.25
+AXIS_SHAFT = 0.025
+DEVICE_DIAMETER = 0.14
+LETTER_HEIGHT = 0.14
+LETTERS_ABOVE = 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """What is known at one time; what is None, or missing, is not drawn.
+
+    Attributes:
+        active: per closure, whether it is closed.
+        device: pose of the point held.
+        hand_wrench: (6,) F_h, by the hand, on the device.
+        device_command: (6,) by the device, on the hand.
+        contacts: operational point -> (6,) F_c, by the environment, on the mechanism.
+        point_commands: operational point -> (6,) by the hand through the controller.
+        held: operational point that ``analysis`` and ``count`` are of.
+        analysis: its spectrum.
+        count: joint constraints felt there.
+    """
+
+    active: Active
+    device: pin.SE3 | None = None
+    hand_wrench: Array | None = None
+    device_command: Array | None = None
+    contacts: Mapping[str, Array] = field(default_factory=dict)
+    point_commands: Mapping[str, Array] = field(default_factory=dict)
+    held: str = ""
+    analysis: OperationalAnalysis | None = None
+    count: int = 0
+
+
+class Picture:
+    """Draws snapshots of one mechanism.
+
+    Args:
+        mechanism: what is drawn.
+        force_scale: length of arrows, m per N.
+        torque_scale: radius of rings, m per N m.
+    """
+
+    def __init__(self, mechanism: Mechanism, force_scale: float, torque_scale: float) -> None:
+        self._scene = mechanism.scene
+        self._closures = [closure.name for closure in mechanism.closures]
+        self._scales = Scales(mechanism.length, force_scale, torque_scale)
+
+    def draw(self, snapshot: Snapshot, placement: Placement) -> list[Shape]:
+        """Return the shapes; the same part has the same key in every picture.
+
+        Raises:
+            InvalidInputError: more constraints counted than there are directions.
+        """
+        unit = self._scales.unit
+        closed = dict(zip(self._closures, snapshot.active, strict=True))
+        shapes = [
+            *link_shapes(self._scene, placement, unit),
+            *joint_shapes(self._scene, placement, unit),
+            *closure_shapes(placement, closed, unit),
+        ]
+        for name, pose in placement.points.items():
+            shapes += _point(name, pose, unit)
+        if snapshot.device is not None:
+            shapes += _device(snapshot.device, unit)
+        shapes += self._wrenches(snapshot, placement)
+        if snapshot.analysis is not None:
+            place = placement.points[snapshot.held].translation
+            shapes += _directions(snapshot.analysis, snapshot.count, place, unit)
+        return shapes
+
+    def _wrenches(self, snapshot: Snapshot, placement: Placement) -> list[Shape]:
+        shapes: list[Shape] = []
+        for number, (name, pose) in enumerate(placement.points.items()):
+            for namespace, wrenches in (
+                ("contact_force", snapshot.contacts),
+                ("point_command", snapshot.point_commands),
+            ):
+                if name in wrenches:
+                    place, wrench = pose.translation, wrenches[name]
+                    shapes += wrench_shapes(namespace, number, place, wrench, self._scales)
+        if snapshot.device is not None:
+            place = snapshot.device.translation
+            for namespace, given in (
+                ("hand_force", snapshot.hand_wrench),
+                ("device_command", snapshot.device_command),
+            ):
+                if given is not None:
+                    shapes += wrench_shapes(namespace, 0, place, given, self._scales)
+        return shapes
+
+
+def _point(name: str, pose: pin.SE3, unit: float) -> list[Shape]:
+    length, shaft = AXIS_LENGTH * unit, AXIS_SHAFT * unit
+    upright = pin.SE3(np.eye(3), pose.translation)
+    body = axes(pose, length, shaft, palette.AXES)
+    world = axes(upright, 1.5 * length, 0.5 * shaft, palette.WORLD_AXES)
+    return [*numbered(f"point/{name}", body), *numbered(f"point/{name}_world", world)]
+
+
+def _device(pose: pin.SE3, unit: float) -> list[Shape]:
+    ball = sphere(pose.translation, DEVICE_DIAMETER * unit, palette.DEVICE)
+    cross = axes(pose, 0.8 * AXIS_LENGTH * unit, 1.5 * AXIS_SHAFT * unit, palette.AXES)
+    return numbered("device", [ball, *cross])
+
+
+def _directions(
+    analysis: OperationalAnalysis, count: int, place: Array, unit: float
+) -> list[Shape]:
+    rigid, free = directions(analysis, count)
+    words = "1 joint constraint" if count == 1 else f"{count} joint constraints"
+    above = place + np.array((0.0, 0.0, LETTERS_ABOVE * unit))
+    letters = text(above, words, LETTER_HEIGHT * unit, palette.LETTERS)
+    return [
+        *direction_shapes("rigid_directions", rigid, place, unit),
+        *direction_shapes("free_directions", free, place, unit),
+        *numbered("count", [letters]),
+    ]

@@ -1,0 +1,137 @@
+"""URDF text of a scene's tree, for RViz, robot_state_publisher and whoever reads URDF.
+
+URDF knows trees only: closures are named in a comment and left open. It has no spherical joint
+either: three hinges about x, y and z stand for it, with links without mass between them. ``free``
+is URDF's ``floating``. Numbers are written so that reading them gives the same bits.
+"""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.document import Joint, Link, Scene
+from hapticmech_ros.view import palette
+from hapticmech_ros.view.joint_positions import HINGES, hinge_name
+from hapticmech_ros.view.mechanism_shapes import LINK_DIAMETER, joint_shape
+from hapticmech_ros.view.placement import Placer
+from hapticmech_ros.view.shapes import Shape, capsule, sphere
+
+# URDF wants limits where the scene has none: m, N and m/s that nobody will reach.
+_NO_LIMIT = "1e6"
+_TYPES = {
+    "revolute": "continuous",
+    "prismatic": "prismatic",
+    "fixed": "fixed",
+    "free": "floating",
+    "planar": "planar",
+}
+_COLOURS = {"link": palette.LINK, "joint": palette.JOINT}
+
+
+def urdf_of(mechanism: Mechanism) -> str:
+    """Return the URDF text of the mechanism's tree; its root link is ``world``."""
+    scene = mechanism.scene
+    robot = Element("robot", name=scene.name)
+    robot.append(ElementTree.Comment(f" {_remark(scene)} "))
+    for name, colour in _COLOURS.items():
+        material = SubElement(robot, "material", name=name)
+        SubElement(material, "color", rgba=_numbers(colour))
+    SubElement(robot, "link", name="world")
+    limbs: dict[str, list[Array]] = {}
+    for name, end in Placer(mechanism).limbs:
+        limbs.setdefault(name, []).append(end)
+    for link in scene.links:
+        _add_link(robot, link, limbs.get(link.name, []), mechanism.length)
+        _add_joints(robot, link)
+    ElementTree.indent(robot)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"
+
+
+def _remark(scene: Scene) -> str:
+    if not scene.closures:
+        return f"Made from the scene {scene.name}."
+    loops = ", ".join(f"{c.name} ({c.kind}: {c.a.link} to {c.b.link})" for c in scene.closures)
+    return (
+        f"Made from the scene {scene.name}. URDF has no loops, so this tree leaves these closures "
+        f"out: {loops}."
+    )
+
+
+def _add_link(robot: Element, link: Link, ends: list[Array], unit: float) -> None:
+    element = SubElement(robot, "link", name=link.name)
+    inertial = SubElement(element, "inertial")
+    SubElement(inertial, "origin", xyz=_numbers(link.inertial.com), rpy="0 0 0")
+    SubElement(inertial, "mass", value=repr(link.inertial.mass))
+    moments = link.inertial.inertia.model_dump()
+    SubElement(inertial, "inertia", {key: repr(value) for key, value in moments.items()})
+    thick = LINK_DIAMETER * unit
+    limbs = [part for end in ends for part in capsule(np.zeros(3), end, thick, palette.LINK)]
+    for shape in limbs or [sphere(np.zeros(3), thick, palette.LINK)]:
+        _add_visual(element, shape, "link")
+    axis = np.array(link.joint.axis) / np.linalg.norm(link.joint.axis)
+    for shape in joint_shape(link.joint, pin.SE3.Identity(), axis, unit):
+        _add_visual(element, shape, "joint")
+
+
+def _add_visual(link: Element, shape: Shape, material: str) -> None:
+    visual = SubElement(link, "visual")
+    rpy = pin.rpy.matrixToRpy(shape.pose.rotation)
+    SubElement(visual, "origin", xyz=_numbers(shape.pose.translation), rpy=_numbers(rpy))
+    geometry = SubElement(visual, "geometry")
+    width, _, length = shape.size
+    if shape.kind == "cylinder":
+        SubElement(geometry, "cylinder", radius=repr(0.5 * width), length=repr(length))
+    elif shape.kind == "sphere":
+        SubElement(geometry, "sphere", radius=repr(0.5 * width))
+    else:
+        SubElement(geometry, "box", size=_numbers(shape.size))
+    SubElement(visual, "material", name=material)
+
+
+def _add_joints(robot: Element, link: Link) -> None:
+    joint, parent = link.joint, link.parent
+    if joint.type != "spherical":
+        element = _add_joint(robot, joint.name, _TYPES[joint.type], parent, link.name)
+        _place(element, joint)
+        if joint.type in ("revolute", "prismatic"):
+            SubElement(element, "axis", xyz=_numbers(joint.axis))
+        elif joint.type == "planar":
+            SubElement(element, "axis", xyz="0 0 1")
+        if joint.type == "prismatic":
+            limits = {"lower": f"-{_NO_LIMIT}", "upper": _NO_LIMIT}
+            SubElement(element, "limit", limits, effort=_NO_LIMIT, velocity=_NO_LIMIT)
+        if joint.damping:
+            SubElement(element, "dynamics", damping=repr(joint.damping))
+        return
+    for index, axis in enumerate(HINGES):
+        last = index == len(HINGES) - 1
+        child = link.name if last else f"{link.name}_{axis}"
+        if not last:
+            SubElement(robot, "link", name=child)
+        name = hinge_name(joint.name, axis)
+        element = _add_joint(robot, name, "continuous", parent, child)
+        if index == 0:
+            _place(element, joint)
+        SubElement(element, "axis", xyz=_numbers(np.eye(3)[index]))
+        parent = child
+
+
+def _add_joint(robot: Element, name: str, kind: str, parent: str, child: str) -> Element:
+    element = SubElement(robot, "joint", name=name, type=kind)
+    SubElement(element, "parent", link=parent)
+    SubElement(element, "child", link=child)
+    return element
+
+
+def _place(element: Element, joint: Joint) -> None:
+    SubElement(element, "origin", xyz=_numbers(joint.origin.xyz), rpy=_numbers(joint.origin.rpy))
+
+
+def _numbers(values: object) -> str:
+    return " ".join(repr(float(value)) for value in np.asarray(values))

@@ -1,0 +1,58 @@
+"""What a topic is: name, type, rate, direction of the wrench, and which QoS it has.
+
+Names are relative, so that namespaces and remapping work; ``{point}`` stands for the name of an
+operational point of the scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Rate = Literal["control", "view", "marker", "change", "1 Hz", "caller's"]
+Qos = Literal["stream", "latched", "command"]
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One topic.
+
+    Attributes:
+        name: relative name, with ``{point}`` where an operational point's name goes.
+        type: ROS message type.
+        publisher: node that publishes it, or ``any``.
+        subscribers: nodes that subscribe.
+        rate: ``control`` is the scene's control rate, ``view`` is for people and slower, ``marker``
+            the scene viewer's.
+        qos: name of the profile in nodes/qos.py.
+        meaning: what it carries; for wrenches by whom, on whom, at which point, in which axes.
+    """
+
+    name: str
+    type: str
+    publisher: str
+    meaning: str
+    subscribers: tuple[str, ...] = ()
+    rate: Rate = "view"
+    qos: Qos = "stream"
+
+    def names(self, absolute: str) -> bool:
+        """Return whether an absolute name is this topic's, in any namespace, of any point."""
+        own, given = self.name.strip("/").split("/"), absolute.strip("/").split("/")
+        pairs = zip(reversed(own), reversed(given), strict=False)
+        return len(given) >= len(own) and all(a in (b, "{point}") for a, b in pairs)
+
+    def of(self, point: str) -> str:
+        """Return the relative name for an operational point."""
+        return self.name.format(point=point)
+
+
+POSE, TWIST, WRENCH = (
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/TwistStamped",
+    "geometry_msgs/msg/WrenchStamped",
+)
+ARRAY = "std_msgs/msg/Float64MultiArray"
+DEVICE, MECHANISM = "haptic_device", "mechanism_simulator"
+ANALYSER, CONTROLLER = "nullspace_analyser", "teleoperation_controller"
+VIEWER = "scene_viewer"

@@ -1,0 +1,63 @@
+"""WrenchStamped as bytes on the wire (XCDR1), for the commands of the control rate.
+
+As in :mod:`~hapticmech_ros.wire.cdr`: the message's Python objects would cost more than the rest.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.model import Array
+
+NANOSECONDS = 1_000_000_000
+WORLD = "world"
+# Encapsulation, seconds, nanoseconds, length of the frame's name; the name; six numbers, aligned.
+_HEAD = struct.Struct("<4siII")
+_WHOLE = struct.Struct("<4siII6s6x6d")
+_SIX = struct.Struct("<6d")
+_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+
+
+class WireWrench(NamedTuple):
+    """A decoded message.
+
+    Attributes:
+        stamp_ns: time it stands for, ns; 0 if it was left empty.
+        frame: name of the frame; may be empty.
+        values: (6,) force and torque, N and N m.
+    """
+
+    stamp_ns: int
+    frame: str
+    values: Array
+
+
+def encode_wrench(values: Array, stamp_ns: int) -> bytes:
+    """Return the serialized message of a wrench (6,) in ``world``."""
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+    return _WHOLE.pack(_LITTLE_ENDIAN, seconds, nanoseconds, 6, b"world\0", *values.tolist())
+
+
+def decode_wrench(message: bytes) -> WireWrench:
+    """Return what a serialized WrenchStamped holds.
+
+    Raises:
+        InvalidInputError: cut short, not little-endian CDR, or a value that is not finite.
+    """
+    try:
+        encapsulation, seconds, nanoseconds, length = _HEAD.unpack_from(message)
+        if encapsulation[:2] != _LITTLE_ENDIAN[:2]:
+            raise InvalidInputError("encapsulation", encapsulation, "must be little-endian CDR")
+        frame = bytes(message[16 : 15 + length]).decode("utf-8", "replace")
+        # Numbers are aligned to 8 bytes, counted behind the encapsulation.
+        values = np.array(_SIX.unpack_from(message, 4 + -(-(12 + length) // 8) * 8))
+    except struct.error as error:
+        rule = "must be a whole WrenchStamped"
+        raise InvalidInputError("message", f"{len(message)} bytes: {error}", rule) from None
+    if not np.isfinite(values).all():
+        raise InvalidInputError("wrench", values.tolist(), "must be finite")
+    return WireWrench(seconds * NANOSECONDS + nanoseconds, frame, values)

@@ -1,0 +1,141 @@
+"""Sound bags, and bags with faults put in."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+from ruamel.yaml import YAML
+
+from hapticmech_ros.bag import BagWriter
+from hapticmech_ros.bag.check import absent, check
+from hapticmech_ros.bag.info import inspect_bag
+from hapticmech_ros.errors import BagError
+from hapticmech_ros.wire.topics import TOPICS
+
+Bytes = Callable[[int, float], bytes]
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+MS = 1_000_000
+START = 10**18
+
+
+def write(path: Path, make: Bytes, stamps: Sequence[int], storage: str = "mcap") -> Path:
+    with BagWriter(path, storage) as bag:
+        bag.add_topic("/f", WRENCH)
+        for i, stamp in enumerate(stamps):
+            bag.write("/f", START + i * MS, make(stamp, 1.0))
+    return path
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_sound_bag(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
+    stamps = [START + i * MS for i in range(100)]
+    report = check(write(tmp_path / "bag", wrench_bytes, stamps, storage))
+    assert report.is_sound
+    (topic,) = report.topics
+    assert (topic.count, topic.backwards, topic.repeated, topic.lost, topic.gaps) == (
+        *(100, 0, 0, 0),
+        0,
+    )
+    assert topic.stamped
+    assert topic.rate_hz == pytest.approx(1000.0)
+    assert topic.notes == ()
+    json.dumps(report.as_dict())
+
+
+def test_counts_gaps_and_what_they_swallowed(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    stamps = [START + i * MS for i in range(200) if i not in (50, 51, 52, 120)]
+    (topic,) = check(write(tmp_path / "bag", wrench_bytes, stamps)).topics
+    assert (topic.gaps, topic.lost) == (2, 4)
+    assert topic.largest_gap_s == pytest.approx(0.004)
+
+
+def test_says_nothing_of_losses_without_a_period(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    stamps = [START + i * i * MS for i in range(50)]
+    (topic,) = check(write(tmp_path / "bag", wrench_bytes, stamps)).topics
+    assert topic.lost is None
+
+
+def test_stamps_that_go_back_or_stand_still(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    order = [0, 1, 2, 2, 3, 5, 4, 6, 7]
+    report = check(write(tmp_path / "bag", wrench_bytes, [START + i * MS for i in order]))
+    (topic,) = report.topics
+    assert (topic.backwards, topic.repeated) == (1, 1)
+    assert report.is_sound
+
+
+def test_messages_that_cannot_be_decoded(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic("/f", WRENCH)
+        bag.write("/f", 1, wrench_bytes(1, 1.0))
+        bag.write("/f", 2, wrench_bytes(1, 1.0)[:30])
+    report = check(tmp_path / "bag")
+    assert report.topics[0].undecodable == 1
+    assert report.damage == ("topic /f: 1 messages cannot be decoded",)
+
+
+def test_fewer_messages_than_stated(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    path = write(tmp_path / "bag", wrench_bytes, [START + i * MS for i in range(10)])
+    yaml, file = YAML(typ="safe"), path / "metadata.yaml"
+    found = yaml.load(file.read_text())
+    found["rosbag2_bagfile_information"]["topics_with_message_count"][0]["message_count"] = 11
+    with file.open("w") as stream:
+        yaml.dump(found, stream)
+    assert check(path).damage == ("topic /f: 10 messages can be read, of 11 stated",)
+
+
+def test_unfinished_and_cut_bags_are_damaged(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    writer = BagWriter(tmp_path / "live")
+    writer.add_topic("/f", WRENCH, "latched")
+    for i in range(20):
+        writer.write("/f", START + i * 100 * MS, wrench_bytes(1, 1.0))
+    writer.split()
+    assert "unfinished" in check(tmp_path / "live").damage[0]
+    info = inspect_bag(tmp_path / "live")
+    assert not info.finished
+    assert (info.messages, len(info.files)) == (20, 2)
+    assert info.topics[0].durability == ("transient_local",)
+    writer.close()
+    assert inspect_bag(tmp_path / "live").finished
+    path = write(tmp_path / "bag", wrench_bytes, [START + i * MS for i in range(100)])
+    data = (path / "bag_0.mcap").read_bytes()
+    (path / "bag_0.mcap").write_bytes(data[: len(data) // 2])
+    assert not check(path).is_sound
+    with pytest.raises(BagError, match="no bag at"):
+        check(tmp_path / "nowhere")
+
+
+def test_missing_qos_and_foreign_types_are_noted(tmp_path: Path) -> None:
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        store = get_typestore(Stores.ROS2_JAZZY)
+        writer.write(writer.add_connection("/f", "std_msgs/msg/UInt8", typestore=store), 1, b"")
+    notes = check(tmp_path / "bag").topics[0].notes
+    assert notes == ("no QoS of its publishers",)
+
+
+def test_names_the_topics_of_the_graph_that_are_absent() -> None:
+    names = ["/left/" + topic.of("handle") for topic in TOPICS if not topic.name.startswith("/")]
+    assert absent([*names, "/diagnostics"]) == ()
+    assert absent(names) == ("/diagnostics",)
+    without = [name for name in names if not name.endswith("rendering")]
+    assert absent([*without, "/diagnostics"]) == ("analysis/{point}/rendering",)
+    assert absent(["/chatter", "/diagnostics"]) == ()
+
+
+def test_information_of_a_bag(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    path = write(tmp_path / "bag", wrench_bytes, range(101))
+    info = inspect_bag(path)
+    assert (info.storage, info.messages, info.start_ns) == ("mcap", 101, START)
+    assert info.duration_s == pytest.approx(0.1)
+    assert info.bytes == (path / "bag_0.mcap").stat().st_size
+    (topic,) = info.topics
+    assert topic.rate_hz == pytest.approx(1000.0)
+    assert (topic.reliability, topic.durability) == (("reliable",), ("volatile",))
+    assert topic.type_hash.startswith("RIHS01_")
+    assert json.loads(json.dumps(info.as_dict()))["files"][0]["messages"] == 101
+    alone = inspect_bag(path / "bag_0.mcap")
+    assert (alone.messages, alone.version) == (101, None)

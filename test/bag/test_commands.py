@@ -1,0 +1,98 @@
+"""``hapticmech bag`` without ROS: what it prints, and how it ends."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from hapticmech_ros.bag import BagWriter
+from hapticmech_ros.cli.bag import app
+from hapticmech_ros.errors import HapticMechError
+
+Bytes = Callable[[int, float], bytes]
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+MS = 1_000_000
+
+
+def run(*arguments: str | Path) -> tuple[int, str]:
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.stdout
+
+
+def write(path: Path, make: Bytes, offset: float = 0.0, count: int = 20) -> Path:
+    with BagWriter(path) as bag:
+        bag.add_topic("/f", WRENCH)
+        for i in range(1, count + 1):
+            bag.write("/f", i * MS, make(i * MS, i + offset))
+    return path
+
+
+def test_info(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    path = write(tmp_path / "bag", wrench_bytes)
+    code, text = run("info", path)
+    assert code == 0
+    assert "20 messages" in text
+    assert "WrenchStamped" in text
+    code, text = run("info", path, "--json")
+    assert json.loads(text)["topics"][0]["rate_hz"] == pytest.approx(1000.0)
+
+
+def test_check_of_one_bag(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    path = write(tmp_path / "bag", wrench_bytes)
+    code, text = run("check", path, "--json", tmp_path / "report.json")
+    assert code == 0
+    assert "is sound" in text
+    assert json.loads((tmp_path / "report.json").read_text())["sound"] is True
+    (path / "metadata.yaml").unlink()
+    code, text = run("check", path)
+    assert code == 1
+    assert "hapticmech bag repair" in text
+
+
+def test_check_of_two_bags(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    a = write(tmp_path / "a", wrench_bytes)
+    b = write(tmp_path / "b", wrench_bytes, offset=0.25)
+    short = write(tmp_path / "short", wrench_bytes, count=19)
+    # The largest deviation is that of the force's y: 2 x 0.25.
+    assert run("check", a, b)[0] == 0
+    assert run("check", a, b, "--tolerance", "0.5")[0] == 0
+    assert run("check", a, b, "--tolerance", "0.49")[0] == 1
+    assert run("check", a, b, "--exact")[0] == 1
+    assert run("check", a, a, "--exact", "--tolerance", "0")[0] == 0
+    assert run("check", a, short, "--tolerance", "0")[0] == 0
+    assert run("check", a, short, "--exact")[0] == 1
+    assert run("check", short, a, "--exact")[0] == 0
+    run("check", a, b, "--json", tmp_path / "report.json")
+    found = json.loads((tmp_path / "report.json").read_text())
+    assert found["topics"]["/f"]["fields"]["wrench.force.y"]["largest"] == 0.5
+
+
+def test_bags_that_share_nothing_do_not_pass(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    a = write(tmp_path / "a", wrench_bytes)
+    with BagWriter(tmp_path / "b") as bag:
+        bag.add_topic("/f", WRENCH)
+        bag.write("/f", 1, wrench_bytes(10**18, 1.0))
+    assert run("check", a, tmp_path / "b", "--tolerance", "1000")[0] == 1
+
+
+def test_repair(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    path = write(tmp_path / "bag", wrench_bytes)
+    (path / "metadata.yaml").unlink()
+    code, text = run("repair", path)
+    assert code == 0
+    assert f"20 messages recovered into {tmp_path / 'bag_repaired'}" in text
+    (path / "bag_0.mcap").write_bytes(b"nothing")
+    assert run("repair", path, "--out", tmp_path / "other")[0] == 1
+
+
+def test_refuses_contradictions(tmp_path: Path) -> None:
+    with pytest.raises(HapticMechError, match="cannot be together"):
+        run("record", "--all", "/x", "--out", tmp_path / "bag")
+    with pytest.raises(HapticMechError, match="must be FROM:=TO"):
+        run("play", tmp_path, "--remap", "/x=/y")

@@ -1,0 +1,252 @@
+"""Two bags that differ in known ways."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.bag import BagReader, BagWriter
+from hapticmech_ros.bag.compare import BagComparison, TopicComparison, compare
+from hapticmech_ros.bag.matching import by_nearest, by_stamp
+from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.layouts import ENERGY_FIELDS
+
+Bytes = Callable[[int, float], bytes]
+Messages = Iterable[tuple[int, bytes]]
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+ARRAY = "std_msgs/msg/Float64MultiArray"
+UINT8 = "std_msgs/msg/UInt8"
+MS = 1_000_000
+START = 10**18
+
+
+def bag(path: Path, msgtype: str, messages: Messages, storage: str = "mcap") -> Path:
+    with BagWriter(path, storage) as writer:
+        writer.add_topic("/t", msgtype)
+        for time_ns, data in messages:
+            writer.write("/t", time_ns, data)
+    return path
+
+
+def one(report: BagComparison) -> TopicComparison:
+    (topic,) = report.topics
+    return topic
+
+
+def energies(count: int, first: int = START, **changed: float) -> list[tuple[int, bytes]]:
+    """Return flat arrays whose fields are 0, 1, 2, ... but for those changed in message 3."""
+    names = list(ENERGY_FIELDS)[1:]
+    flat = FlatArray(ENERGY_FIELDS)
+    made = []
+    for i in range(count):
+        stamp = first + i * MS
+        values = [changed.get(n, float(k)) if i == 3 else float(k) for k, n in enumerate(names)]
+        made.append((stamp, flat.encode(np.array([*divmod(stamp, 10**9), *values]))))
+    return made
+
+
+def wrenches(make: Bytes, count: int, first: int = START) -> list[tuple[int, bytes]]:
+    return [(first + i * MS, make(first + i * MS, 0.1 * i)) for i in range(count)]
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_bag_equals_itself(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
+    path = bag(tmp_path / "a", WRENCH, wrenches(wrench_bytes, 50), storage)
+    report = compare(path, path)
+    topic = one(report)
+    assert (topic.matched, topic.missing, topic.extra, topic.equal) == (50, 0, 0, 50)
+    assert topic.matched_by == "stamp"
+    assert report.is_exact
+    assert report.largest == 0.0
+    assert [field.name for field in topic.fields if "force" in field.name] == [
+        f"wrench.force.{axis}" for axis in "xyz"
+    ]
+
+
+def test_missing_and_extra_messages(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    sent = wrenches(wrench_bytes, 50)
+    a = bag(tmp_path / "a", WRENCH, sent[:45])
+    b = bag(tmp_path / "b", WRENCH, [m for i, m in enumerate(sent) if i not in (7, 8, 30)])
+    topic = one(compare(a, b))
+    assert (topic.matched, topic.missing, topic.extra, topic.equal) == (42, 3, 5, 42)
+    assert not compare(a, b).is_exact
+    # What is only in the second bag does not make it less exact.
+    assert compare(b, b).is_exact
+    assert compare(bag(tmp_path / "c", WRENCH, sent[:10]), a).is_exact
+
+
+def test_known_deviation(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    sent = wrenches(wrench_bytes, 50)
+    offsets = {20: 0.25, 30: 0.125}
+    moved = [(t, wrench_bytes(t, 0.1 * i + offsets.get(i, 0.0))) for i, (t, _) in enumerate(sent)]
+    a, b = bag(tmp_path / "a", WRENCH, sent), bag(tmp_path / "b", WRENCH, moved)
+    report = compare(a, b)
+    fields = {field.name: field for field in one(report).fields}
+    # Force is (f, 2 f, -f). Rounding: 0.1 i is at most 5, with an ulp of 9e-16.
+    for axis, factor in (("x", 1.0), ("y", 2.0), ("z", 1.0)):
+        field = fields[f"wrench.force.{axis}"]
+        assert field.largest == pytest.approx(0.25 * factor, abs=4e-15)
+        rms = math.hypot(0.25, 0.125) / math.sqrt(50)
+        assert field.rms == pytest.approx(rms * factor, abs=4e-15)
+        assert field.worst_at_ns == START + 20 * MS
+    assert fields["wrench.torque.z"].largest == 0.0
+    assert one(report).equal == 48
+    worst = one(report).worst
+    assert worst is not None
+    assert worst.name == "wrench.force.y"
+
+
+def test_fields_of_flat_arrays_have_their_names(tmp_path: Path) -> None:
+    a = bag(tmp_path / "a", ARRAY, energies(10))
+    b = bag(tmp_path / "b", ARRAY, energies(10, work_in=2.5, closure_error=5.0 + 1e-9))
+    fields = {field.name: field for field in one(compare(a, b)).fields}
+    assert set(fields) == set(ENERGY_FIELDS) - {"stamp"}
+    assert fields["work_in"].largest == 0.5
+    assert fields["work_in"].worst_at_ns == START + 3 * MS
+    assert fields["closure_error"].largest == pytest.approx(1e-9, rel=1e-6)
+    assert fields["kinetic"].largest == 0.0
+
+
+def test_nan_is_equal_to_itself_and_infinitely_far_from_numbers(tmp_path: Path) -> None:
+    numbers = bag(tmp_path / "numbers", ARRAY, energies(10))
+    broken = bag(tmp_path / "broken", ARRAY, energies(10, potential=math.nan, kinetic=math.inf))
+    same = compare(broken, broken)
+    assert same.is_exact
+    assert same.largest == 0.0
+    for report in (compare(numbers, broken), compare(broken, numbers)):
+        fields = {field.name: field for field in one(report).fields}
+        assert fields["potential"].largest == math.inf
+        assert fields["kinetic"].largest == math.inf
+        assert fields["latch_loss"].largest == 0.0
+        text = json.dumps(report.as_dict(), allow_nan=False)
+        assert json.loads(text)["topics"]["/t"]["fields"]["potential"]["largest"] == "inf"
+    other = bag(
+        tmp_path / "other",
+        ARRAY,
+        energies(10, potential=math.nan, kinetic=math.inf, latch_loss=4.5),
+    )
+    assert compare(broken, other).largest == 0.5
+    negative = bag(tmp_path / "negative", ARRAY, energies(10, kinetic=-math.inf))
+    assert compare(broken, negative).largest == math.inf
+
+
+def test_negative_zero_differs_in_bits_only(tmp_path: Path) -> None:
+    a = bag(tmp_path / "a", ARRAY, energies(10))
+    b = bag(tmp_path / "b", ARRAY, energies(10, kinetic=-0.0))
+    report = compare(a, b)
+    assert report.largest == 0.0
+    assert not report.is_exact
+
+
+def test_shifted_runs_are_aligned_by_their_start(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    shift = 3_600_000_000_000 + 400_000
+    a = bag(tmp_path / "a", WRENCH, wrenches(wrench_bytes, 50))
+    late = [
+        (t + shift + 50_000, wrench_bytes(t + shift + (i % 3) * 100_000, 0.1 * i))
+        for i, (t, _) in enumerate(wrenches(wrench_bytes, 50))
+        if i != 11
+    ]
+    b = bag(tmp_path / "b", WRENCH, late)
+    assert one(compare(a, b)).matched == 0
+    topic = one(compare(a, b, align="start"))
+    assert (topic.matched, topic.missing, topic.extra, topic.equal) == (49, 1, 0, 49)
+    # Stamps are not among the fields: they differ on purpose.
+    assert topic.largest == 0.0
+
+
+def test_messages_without_stamps_are_matched_by_order(tmp_path: Path) -> None:
+    values = [(START + i, bytes((0, 1, 0, 0, i))) for i in range(20)]
+    a = bag(tmp_path / "a", UINT8, values)
+    b = bag(tmp_path / "b", UINT8, [(t + 5, data) for t, data in values[:17]])
+    topic = one(compare(a, b))
+    assert (topic.matched_by, topic.matched, topic.missing, topic.equal) == ("order", 17, 3, 17)
+
+
+def test_stamps_of_zero_are_none(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    a = bag(tmp_path / "a", WRENCH, [(START + i, wrench_bytes(0, float(i))) for i in range(9)])
+    assert one(compare(a, a)).matched_by == "order"
+
+
+def test_big_endian_stamps_are_read(tmp_path: Path) -> None:
+    body = struct.pack(">iI", 5, 7) + struct.pack(">I", 6) + b"world\0" + b"\0" * 6 + b"\0" * 48
+    a = bag(tmp_path / "a", WRENCH, [(START, b"\x00\x00\x00\x00" + body)])
+    with BagReader(a) as reader:
+        read = reader.stamps_of("/t")
+        assert read is not None
+        ((_, _, data),) = list(reader.serialized())
+        assert read(data) == 5 * 10**9 + 7
+        assert read(data[:9]) is None
+
+
+def test_texts_and_lengths(tmp_path: Path) -> None:
+    def joints(name: str, *positions: float) -> bytes:
+        text = name.encode() + b"\0"
+        out = struct.pack("<iI", 5, 7) + struct.pack("<I", 1) + b"\0"
+        out += b"\0" * (-len(out) % 4) + struct.pack("<II", 1, len(text)) + text
+        out += b"\0" * (-len(out) % 4) + struct.pack("<I", len(positions))
+        out += b"\0" * (-len(out) % 8) + struct.pack(f"<{len(positions)}d", *positions)
+        return b"\x00\x01\x00\x00" + out + struct.pack("<II", 0, 0)
+
+    kind = "sensor_msgs/msg/JointState"
+    a = bag(tmp_path / "a", kind, [(START, joints("elbow", 1.0, 2.0))])
+    b = bag(tmp_path / "b", kind, [(START, joints("wrist", 1.0, 2.5))])
+    c = bag(tmp_path / "c", kind, [(START, joints("elbow", 1.0))])
+    fields = {field.name: field.largest for field in one(compare(a, b)).fields}
+    assert fields["name[0]"] == math.inf
+    assert (fields["position[0]"], fields["position[1]"]) == (0.0, 0.5)
+    assert {f.name: f.largest for f in one(compare(a, c)).fields}["position[0]"] == math.inf
+
+
+def test_topics_in_one_bag_only(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    a = bag(tmp_path / "a", WRENCH, wrenches(wrench_bytes, 3))
+    with BagWriter(tmp_path / "b") as writer:
+        writer.add_topic("/other", WRENCH)
+        writer.write("/other", START, wrench_bytes(START, 0.0))
+        writer.add_topic("/silent", WRENCH)
+    report = compare(a, tmp_path / "b")
+    assert (report.missing_topics, report.extra_topics) == (("/t",), ("/other",))
+    assert not report.is_exact
+    assert compare(a, tmp_path / "b", topics=["/other"]).missing_topics == ()
+
+
+def test_refuses_what_cannot_be_compared(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    a = bag(tmp_path / "a", WRENCH, wrenches(wrench_bytes, 3))
+    b = bag(tmp_path / "b", ARRAY, energies(3))
+    with pytest.raises(BagError, match=r"/t: .*WrenchStamped in one bag, .*MultiArray in"):
+        compare(a, b)
+    with pytest.raises(BagError, match="topic /u"):
+        compare(a, a, topics=["/u"])
+    with pytest.raises(InvalidInputError, match="must be one of stamp, nearest, start"):
+        compare(a, a, align="end")  # type: ignore[arg-type]
+
+
+def test_equal_stamps_are_matched_in_order() -> None:
+    assert by_stamp([1, 1, 2, 3], [1, 3, 1, 1]) == [(0, 0), (1, 2), (3, 1)]
+
+
+def test_nearest_takes_no_message_twice() -> None:
+    assert by_nearest([0, 10, 20, 30], [1, 19, 22, 31]) == [(0, 0), (2, 1), (3, 3)]
+    assert by_nearest([0, 10, 20], []) == []
+    assert by_nearest([5], [5]) == [(0, 0)]
+    # As near to the second as to the third.
+    assert by_nearest([0, 10, 20], [15]) == [(1, 0)]
+
+
+def test_nearest_stamps_of_one_clock_are_paired(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    messages = wrenches(wrench_bytes, 20)
+    a = bag(tmp_path / "a", WRENCH, messages)
+    moved = [(t, wrench_bytes(t + 300_000, 0.1 * i)) for i, (t, _) in enumerate(messages)]
+    b = bag(tmp_path / "b", WRENCH, moved)
+    assert one(compare(a, b)).matched == 0
+    topic = one(compare(a, b, align="nearest"))
+    assert (topic.matched, topic.missing, topic.extra) == (20, 0, 0)
+    far = [(t, wrench_bytes(t + 3_600_000_000_000, 0.1 * i)) for i, (t, _) in enumerate(messages)]
+    c = bag(tmp_path / "c", WRENCH, far)
+    assert one(compare(a, c, align="nearest")).matched == 0

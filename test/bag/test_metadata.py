@@ -1,0 +1,134 @@
+"""Metadata as rosbag2 of ROS 2 Jazzy writes it, field by field."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+from rosbags.interfaces import QosDurability, QosReliability
+from rosbags.rosbag2 import Reader
+from ruamel.yaml import YAML
+
+from hapticmech_ros.bag import BagReader, BagWriter
+from hapticmech_ros.bag.offered_qos import offered_qos
+from hapticmech_ros.errors import BagError
+
+STRING = "std_msgs/msg/String"
+# As `ros2 topic info -v` of ROS 2 shows it.
+STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+HELLO = b"\x00\x01\x00\x00\x03\x00\x00\x00hi\x00"
+STORAGES = {"mcap": "bag_0.mcap", "sqlite3": "bag_0.db3"}
+
+
+@pytest.fixture(params=STORAGES)
+def bag(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    with BagWriter(tmp_path / "bag", request.param) as writer:
+        best = offered_qos("stream")._replace(reliability=QosReliability.BEST_EFFORT)
+        writer.add_topic("/s", STRING, offered=[best, offered_qos("latched")])
+        writer.write("/s", 1_000_000_007, HELLO)
+        writer.write("/s", 3_000_000_009, HELLO)
+    return tmp_path / "bag"
+
+
+def load(bag: Path) -> dict[str, Any]:
+    found: dict[str, Any] = YAML(typ="safe").load((bag / "metadata.yaml").read_text())
+    return found
+
+
+def test_every_field(bag: Path) -> None:
+    (name,) = [name for name in STORAGES.values() if (bag / name).exists()]
+    for_ever = {"sec": 9223372036, "nsec": 854775807}
+    same = {
+        "history": "keep_last",
+        "deadline": for_ever,
+        "lifespan": for_ever,
+        "liveliness": "automatic",
+        "liveliness_lease_duration": for_ever,
+        "avoid_ros_namespace_conventions": False,
+    }
+    profiles = [
+        {**same, "depth": 10, "reliability": "best_effort", "durability": "volatile"},
+        {**same, "depth": 1, "reliability": "reliable", "durability": "transient_local"},
+    ]
+    span = {
+        "duration": {"nanoseconds": 2_000_000_002},
+        "starting_time": {"nanoseconds_since_epoch": 1_000_000_007},
+        "message_count": 2,
+    }
+    topic = {
+        "name": "/s",
+        "type": STRING,
+        "serialization_format": "cdr",
+        "offered_qos_profiles": profiles,
+        "type_description_hash": STRING_HASH,
+    }
+    assert load(bag) == {
+        "rosbag2_bagfile_information": {
+            "version": 9,
+            "storage_identifier": "mcap" if name.endswith("mcap") else "sqlite3",
+            **span,
+            "topics_with_message_count": [{"topic_metadata": topic, "message_count": 2}],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [name],
+            "files": [{"path": name, **span}],
+            "custom_data": None,
+            "ros_distro": "jazzy",
+        }
+    }
+
+
+def test_the_storage_says_the_same_as_the_metadata(bag: Path) -> None:
+    (file,) = [bag / name for name in STORAGES.values() if (bag / name).exists()]
+    if file.suffix == ".mcap":
+        with file.open("rb") as stream:
+            reader = make_reader(stream)
+            summary = reader.get_summary()
+            assert summary is not None
+            (channel,) = summary.channels.values()
+            (note,) = list(reader.iter_metadata())
+        notes, text = channel.metadata, note.metadata["serialized_metadata"]
+        qos, type_hash = notes["offered_qos_profiles"], notes["topic_type_hash"]
+    else:
+        database = sqlite3.connect(file)
+        query = "SELECT offered_qos_profiles, type_description_hash FROM topics"
+        ((qos, type_hash),) = database.execute(query).fetchall()
+        ((version, text),) = database.execute("SELECT metadata_version, metadata FROM metadata")
+        database.close()
+        assert version == 9
+    outside = load(bag)["rosbag2_bagfile_information"]
+    yaml = YAML(typ="safe")
+    assert yaml.load(text) == outside
+    topic = outside["topics_with_message_count"][0]["topic_metadata"]
+    assert yaml.load(qos) == topic["offered_qos_profiles"]
+    assert type_hash == STRING_HASH
+
+
+def test_the_reader_knows_qos_and_hash(bag: Path) -> None:
+    with BagReader(bag) as reader, Reader(bag) as other:
+        topic = reader.topics["/s"]
+        assert len(list(other.messages())) == 2
+    assert [offer.durability for offer in topic.offered] == [
+        QosDurability.VOLATILE,
+        QosDurability.TRANSIENT_LOCAL,
+    ]
+    assert topic.type_hash == STRING_HASH
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_metadata_is_there_from_the_beginning_and_says_so(storage: str, tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / "bag", storage)
+    writer.add_topic("/s", STRING)
+    writer.write("/s", 1, HELLO)
+    writer.flush()
+    found = load(tmp_path / "bag")["rosbag2_bagfile_information"]
+    assert [t["topic_metadata"]["name"] for t in found["topics_with_message_count"]] == ["/s"]
+    with pytest.raises(BagError, match=r"unfinished: .*`hapticmech bag repair .*bag`"):
+        BagReader(tmp_path / "bag")
+    writer.close()
+    with BagReader(tmp_path / "bag") as reader:
+        assert reader.topics["/s"].count == 1
+    assert not list((tmp_path / "bag").glob("*.tmp"))

@@ -1,0 +1,60 @@
+"""Runs made up of round numbers: figures that a reader can work out by himself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from hapticmech_ros.bench.losses import Losses
+from hapticmech_ros.bench.machine import MachineLoad
+from hapticmech_ros.bench.percentiles import Percentiles
+from hapticmech_ros.bench.plan import Configuration, Kind, Step
+from hapticmech_ros.bench.recorded import RECORDED_TRIP, Recorded
+from hapticmech_ros.bench.run import Run
+from hapticmech_ros.bench.words import ROUND_TRIP, Clocked
+from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
+
+SEPARATE = Configuration(1000.0, "separate", True)
+COMPOSED = Configuration(2000.0, "composed", False)
+MakeRun = Callable[..., Run]
+
+
+@pytest.fixture
+def make_run() -> MakeRun:
+    """Return a maker of runs that meet every goal, with bare ones at 100 µs."""
+
+    def make(
+        kind: Kind = "real",
+        configuration: Configuration = SEPARATE,
+        repeat: int = 1,
+        latency_us: float = 100.0,
+        rate_hz: float | None = None,
+        missed: int = 0,
+        lost: int = 0,
+        cpu: float = 0.5,
+        **changes: object,
+    ) -> Run:
+        rate = configuration.rate_hz if rate_hz is None else rate_hz
+        latency = Percentiles(latency_us, 2 * latency_us, 3 * latency_us, 4 * latency_us)
+        found = Recorded(
+            {RECORDED_TRIP: latency},
+            {"device/state → servo_cf": Losses(20000, 20000 - lost, 0)},
+            {"/device/state": 20000},
+            {"/device/state": 308},
+        )
+        process = "composed" if configuration.layout == "composed" else DEVICE
+        clocked = Clocked(rate, round(20 * configuration.rate_hz), missed, 0)
+        run = Run(
+            Step(configuration, repeat, kind),
+            window_s=20.0,
+            clocked={DEVICE: clocked, MECHANISM: clocked},
+            answers_hz={CONTROLLER: rate, ANALYSER: rate},
+            said={ROUND_TRIP: latency},
+            recorded=found if configuration.recorded else None,
+            load=MachineLoad({process: cpu}, 0.5, 0.0, 1.0),
+        )
+        return replace(run, **changes)  # type: ignore[arg-type]
+
+    return make

@@ -1,0 +1,87 @@
+"""The compiled analysis against the readable one."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from oracles.generator import closed_chain, random_mechanism
+from oracles.implementations import apart, condition, pair_of, sample_pair
+from oracles.planar_linkages import five_bar, five_bar_bent
+from oracles.running import with_start
+
+# Sums of some ten products in another order, and what D's condition (up to 1e3) takes.
+ROUNDING = 1e-12
+
+
+def pairs():
+    for name in shipped_scenes():
+        yield from (pair_of(load_scene(name), seed, 0.2 * seed) for seed in range(4))
+    for seed in range(12):
+        for planar in (False, True):
+            for duplicated in (False, True):
+                sample = random_mechanism(seed, planar, duplicated=duplicated)
+                yield from (sample_pair(sample, away) for away in (0.0, 0.3))
+        for kind in ("spherical", "revolute", "weld", "planar_pin"):
+            yield sample_pair(closed_chain(seed, kind))
+
+
+def compare(expected, found, free, magnified):
+    """Check every field; ``free`` is the analysis without closures, which says how large X is."""
+    size = np.abs(free.inverse_inertia).max()
+    assert found.rank == expected.rank
+    assert (found.rows == expected.rows).all()
+    assert apart(found.inverse_inertia, expected.inverse_inertia, size) < magnified
+    assert (found.inverse_inertia == found.inverse_inertia.T).all()
+    assert apart(found.spectrum.s, expected.spectrum.s, 1.0) < magnified
+    # Slope of w: 15/8 over s_off - s_on = 0.03; and products of wrenches of different units.
+    steep = 100.0 * magnified
+    assert apart(found.weights, expected.weights, 1.0) < steep
+    assert apart(found.constraint_projector, expected.constraint_projector) < steep
+    assert apart(found.balanced_share, expected.balanced_share, 1.0) < steep
+    size = np.abs(free.free_acceleration).max()
+    assert apart(found.free_acceleration, expected.free_acceleration, size) < magnified
+    wrenches, duals = found.spectrum.wrenches, found.spectrum.duals
+    assert np.abs(duals.T @ wrenches - np.eye(found.rows.size)).max() < ROUNDING
+    # Bases of the null space may differ: each lies in the other's span.
+    mine, others = found.constraint_wrenches, expected.constraint_wrenches
+    assert mine.shape == others.shape
+    if mine.shape[1]:
+        coordinates = np.linalg.lstsq(others, mine, rcond=None)[0]
+        assert np.linalg.norm(others @ coordinates - mine) < 1e-9 * np.linalg.norm(mine)
+
+
+@pytest.mark.parametrize("pair", list(pairs()))
+def test_analyses_are_the_same(pair):
+    none = (False,) * len(pair.readable.closures)
+    for active in pair.sets:
+        expected, found = pair.evaluate(active)
+        magnified = ROUNDING * condition(expected.space)
+        for name in pair.readable.point_names:
+            readable, compiled = Analyser(pair.readable, name), Analyser(pair.compiled, name)
+            free = readable.analyse(pair.readable.evaluate(pair.q, pair.v, none))
+            compare(readable.analyse(expected), compiled.analyse(found), free, magnified)
+
+
+def test_readable_terms_are_analysed_too():
+    pair = pair_of(load_scene("five_bar"), 1, 0.2)
+    expected, found = pair.evaluate((True,))
+    analyser = Analyser(pair.compiled)
+    mixed, compiled = analyser.analyse(expected), analyser.analyse(found)
+    assert apart(mixed.inverse_inertia, compiled.inverse_inertia) < ROUNDING
+    found_by_readable = Analyser(pair.readable).analyse(found)
+    assert apart(found_by_readable.inverse_inertia, compiled.inverse_inertia) < ROUNDING
+
+
+@pytest.mark.parametrize("bend", [0.1, 1e-3, 1e-5, 1e-7, 0.0])
+def test_small_singular_values_are_the_same_up_to_the_singular_position(bend):
+    # Links 3 and 4 in line at bend 0: a second direction at the end of link 2 becomes rigid.
+    document = with_start(five_bar(), five_bar_bent(1.9, bend), np.array([0.1, 0.2, -0.3, 0.4]))
+    pair = pair_of(scene_from_document(document))
+    expected, found = pair.evaluate((True,))
+    readable, compiled = Analyser(pair.readable, "end2"), Analyser(pair.compiled, "end2")
+    free = readable.analyse(pair.readable.evaluate(pair.q, pair.v, (False,)))
+    analysis = readable.analyse(expected)
+    compare(analysis, compiled.analyse(found), free, ROUNDING * condition(expected.space))
+    assert analysis.spectrum.s[1] < 10.0 * bend + 1e-12

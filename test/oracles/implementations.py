@@ -1,0 +1,73 @@
+"""A scene's mechanism twice, readable and compiled, and how far their results are apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticmech_ros.mechanism import Evaluation, Mechanism, build
+from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
+from hapticmech_ros.mechanism.mechanism import Active
+from hapticmech_ros.mechanism.model import authored_state
+from hapticmech_ros.scene import scene_from_document
+from hapticmech_ros.scene.document import Scene
+from oracles.generator import Sample
+from oracles.kinematics import Array
+from oracles.running import with_start
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Both implementations of one scene, and a state."""
+
+    readable: Mechanism
+    compiled: Mechanism
+    q: Array
+    v: Array
+
+    @property
+    def sets(self) -> set[Active]:
+        """Return sets of closures to try: as the scene starts, all, none."""
+        count = len(self.readable.closures)
+        return {self.readable.initially_active, (True,) * count, (False,) * count}
+
+    def evaluate(self, active: Active) -> tuple[Evaluation, Evaluation]:
+        """Return all terms, readable and compiled."""
+        expected = self.readable.evaluate(self.q, self.v, active)
+        return expected, self.compiled.evaluate(self.q, self.v, active)
+
+
+def pair_of(scene: Scene, seed: int = 0, away: float = 0.0) -> Pair:
+    """Return both at the scene's authored state; ``away`` moves each coordinate by about that."""
+    readable, compiled = build(scene, compiled=False), build(scene)
+    q, v = authored_state(scene, readable.tree)
+    rng = np.random.default_rng(seed)
+    if away:
+        q, v = readable.integrate(q, away * rng.normal(size=v.size)), v + rng.normal(size=v.size)
+    return Pair(readable, compiled, q, v)
+
+
+def sample_pair(sample: Sample, away: float = 0.0) -> Pair:
+    """Return both at a generated sample's state, moved by ``away``."""
+    document = with_start(sample.document, sample.q, sample.v)
+    return pair_of(scene_from_document(document), away=away)
+
+
+def apart(found: Array, expected: Array, size: float = 0.0) -> float:
+    """Return the largest difference relative to the largest entry, or to ``size`` if larger."""
+    assert found.shape == expected.shape
+    if not expected.size:
+        return 0.0
+    largest = max(float(np.abs(expected).max()), size)
+    return float(np.abs(found - expected).max()) / largest if largest > 0.0 else 0.0
+
+
+def condition(space: ConstraintSpace) -> float:
+    """Return by how much the closures that carry force magnify rounding: σ₁/σ_r."""
+    return float(space.sigma[0] / space.sigma[-1]) if space.rank else 1.0
+
+
+def projector(space: ConstraintSpace) -> Array:
+    """Return U Uᵀ, which is unique where U is not."""
+    return space.basis @ space.basis.T

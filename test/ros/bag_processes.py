@@ -1,0 +1,61 @@
+"""``hapticmech bag`` in a process of its own, and a publisher in another."""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from hapticmech_ros.graph import private_environment, start_process, stop_process
+
+_MAIN = "from hapticmech_ros.cli import main; main()"
+
+# Publishes arrays with the fields stamp (2) and index (1), at an even rate, until it is stopped.
+_PUBLISHER = """
+import sys, time
+import numpy as np, rclpy
+from std_msgs.msg import Float64MultiArray
+from hapticmech_ros.wire.cdr import FlatArray
+topic, rate = sys.argv[1], float(sys.argv[2])
+rclpy.init()
+node = rclpy.create_node("steady_publisher")
+publisher = node.create_publisher(Float64MultiArray, topic, 1000)
+while publisher.get_subscription_count() == 0:
+    time.sleep(0.01)
+flat = FlatArray({"stamp": 2, "index": 1})
+start, index = time.time(), 0
+while True:
+    stamp = divmod(time.time_ns(), 10**9)
+    publisher.publish(flat.encode(np.array([*stamp, float(index)])))
+    index += 1
+    time.sleep(max(0.0, start + index / rate - time.time()))
+"""
+
+
+@contextlib.contextmanager
+def bag_command(domain: int, *arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+    """Run ``hapticmech bag ...``, its output in a pipe; ended with the block at the latest."""
+    command = [sys.executable, "-c", _MAIN, "bag", *map(str, arguments)]
+    with _process(command, private_environment(domain)) as process:
+        yield process
+
+
+@contextlib.contextmanager
+def steady_publisher(domain: int, topic: str, rate: float) -> Iterator[subprocess.Popen[str]]:
+    """Publish on a topic once somebody has subscribed to it."""
+    command = [sys.executable, "-c", _PUBLISHER, topic, str(rate)]
+    with _process(command, private_environment(domain)) as process:
+        yield process
+
+
+@contextlib.contextmanager
+def _process(command: list[str], environment: Mapping[str, str]) -> Iterator[subprocess.Popen[str]]:
+    process = start_process(command, environment, pipe_output=True)
+    try:
+        yield process
+    finally:
+        stop_process(process)
+        if process.stdout is not None:
+            process.stdout.close()

@@ -1,0 +1,95 @@
+"""The queue between those who hear messages and the disk."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+
+from hapticmech_ros.bag import BagReader, BagWriter
+from hapticmech_ros.bag.offered_qos import offered_qos
+from hapticmech_ros.errors import BagError
+from hapticmech_ros.nodes.bags import bag_spool
+from hapticmech_ros.nodes.bags.bag_prefetch import Prefetch
+from hapticmech_ros.nodes.bags.bag_spool import BagSpool
+
+UINT8 = "std_msgs/msg/UInt8"
+DATA = b"\x00\x01\x00\x00\x07"
+
+
+class StalledWriter(BagWriter):
+    """A disk that does nothing until it is let go, and may then be full."""
+
+    def __init__(self, path: Path, full: bool = False) -> None:
+        super().__init__(path)
+        self.go = threading.Event()
+        self._full = full
+
+    def write(self, name: str, time_ns: int, data: bytes | memoryview) -> None:
+        assert self.go.wait(30.0)
+        if self._full:
+            raise BagError("no space left")
+        super().write(name, time_ns, data)
+
+
+def test_a_disk_that_stalls_delays_nobody(tmp_path: Path) -> None:
+    writer = StalledWriter(tmp_path / "bag")
+    spool = BagSpool(writer)
+    spool.add_topic("/v", UINT8, [offered_qos("stream")])
+    for i in range(20_000):
+        spool.put("/v", i, DATA)
+    writer.go.set()
+    spool.close()
+    assert spool.dropped == 0
+    with BagReader(tmp_path / "bag") as bag:
+        assert [time for _, time, _ in bag.serialized()] == list(range(20_000))
+
+
+def test_a_queue_that_is_full_drops_and_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bag_spool, "LONGEST_QUEUE_BYTES", 100 * len(DATA))
+    writer = StalledWriter(tmp_path / "bag")
+    spool = BagSpool(writer)
+    spool.add_topic("/v", UINT8, [])
+    for i in range(500):
+        spool.put("/v", i, DATA)
+    writer.go.set()
+    spool.close()
+    assert spool.dropped == 500 - 101
+    with BagReader(tmp_path / "bag") as bag:
+        assert bag.topics["/v"].count == 101
+
+
+def test_a_full_disk_is_told_and_the_bag_is_finished(tmp_path: Path) -> None:
+    writer = StalledWriter(tmp_path / "bag", full=True)
+    spool = BagSpool(writer)
+    spool.add_topic("/v", UINT8, [])
+    spool.put("/v", 1, DATA)
+    writer.go.set()
+    with pytest.raises(BagError, match="no space left"):
+        spool.close()
+    with BagReader(tmp_path / "bag") as bag:
+        assert bag.topics["/v"].count == 0
+
+
+def test_reading_ahead_hands_on_everything_and_the_end() -> None:
+    messages = [("/v", i, DATA) for i in range(10_000)]
+    with Prefetch(iter(messages)) as ahead:
+        assert [ahead.take() for _ in messages] == messages
+        assert ahead.take() is None
+    # Left early, with the queue full: the thread ends all the same.
+    with Prefetch(iter(messages)) as ahead:
+        assert ahead.take() == messages[0]
+
+
+def test_reading_ahead_hands_on_damage() -> None:
+    def damaged():  # type: ignore[no-untyped-def]
+        yield ("/v", 1, DATA)
+        raise BagError("broken here")
+
+    with Prefetch(damaged()) as ahead:
+        assert ahead.take() == ("/v", 1, DATA)
+        with pytest.raises(BagError, match="broken here"):
+            ahead.take()

@@ -1,0 +1,115 @@
+"""The graph's benchmark over real nodes: what it reports hangs together. Nothing here is timed."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import astuple
+from pathlib import Path
+
+import pytest
+
+from hapticmech_ros.bench.benchmark import JSON_NAME, PLOT_NAME, Results, run_benchmark
+from hapticmech_ros.bench.checks import Expected
+from hapticmech_ros.bench.plan import Configuration, Plan, Step
+from hapticmech_ros.bench.run import Run, measure
+from hapticmech_ros.bench.words import ANSWERS, SAID_HOPS
+from hapticmech_ros.graph import private_environment
+from hapticmech_ros.nodes.bench.bare_node import PHASES
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.nodes.haptic_device import HapticDevice
+from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
+from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
+
+pytestmark = pytest.mark.ros
+
+SECONDS, RATE_HZ = 2.0, 500.0
+# Figures are said once a second and rates are taken between them: to a sample or two at each end.
+SLACK_HZ = 2.0
+
+
+@pytest.fixture
+def alone(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in private_environment(domain).items():
+        monkeypatch.setitem(os.environ, name, value)
+
+
+def run(out: Path, recorded: bool, layout: str = "separate") -> tuple[Results, list[str]]:
+    plan = Plan("five_bar", (RATE_HZ,), (layout,), (recorded,), SECONDS, 1)  # type: ignore[arg-type]
+    told: list[str] = []
+    return run_benchmark(plan, out, told.append), told
+
+
+def conserves(run: Run) -> None:
+    """Assert what no machine, however slow, can break."""
+    assert run.failure == ""
+    assert run.window_s >= SECONDS
+    for kept in run.clocked.values():
+        assert 0 <= kept.missed <= kept.periods
+        assert 0.0 < kept.rate_hz <= RATE_HZ + SLACK_HZ
+    for node, clocked in ((CONTROLLER, DEVICE), (ANALYSER, MECHANISM)):
+        # Figures of two nodes are of different moments: rates may differ while they change.
+        assert 0.0 < run.answers_hz[node] <= RATE_HZ + SLACK_HZ
+        assert clocked in run.clocked
+    for latency in run.said.values():
+        values = astuple(latency)
+        assert values[0] > 0.0
+        assert list(values) == sorted(values)
+    assert run.load is not None
+    assert all(0.0 <= share <= os.cpu_count() for share in run.load.cpu.values())  # type: ignore[operator]
+    assert 0.0 <= run.load.busy <= 1.0
+
+
+def test_both_graphs_are_run_and_written_down(alone: None, tmp_path: Path) -> None:
+    results, told = run(tmp_path, recorded=False)
+    assert [one.step.kind for one in results.runs] == ["real", "bare"]
+    assert sum("graph, run" in line for line in told) == 2
+    for one in results.runs:
+        conserves(one)
+        assert set(one.said) == set(SAID_HOPS)
+        assert set(one.answers_hz) == set(ANSWERS)
+        assert one.load is not None
+        assert {*NODES, "probe"} == set(one.load.cpu)
+        assert one.recorded is None
+    assert results.machine["rmw"] == "rmw_fastrtps_cpp"
+    document = json.loads((tmp_path / JSON_NAME).read_text())
+    assert document["sound"] == results.sound
+    assert len(document["runs"]) == 2
+    assert (tmp_path / PLOT_NAME).stat().st_size > 0
+    # What the nodes printed as they ended is kept, not shown.
+    log = (tmp_path / "nodes.log").read_text()
+    assert all(f"bare {name}: " in log and f"\n{name}: " in f"\n{log}" for name in NODES)
+
+
+def test_a_bag_tells_losses_and_that_both_graphs_say_the_same(alone: None, tmp_path: Path) -> None:
+    results, _ = run(tmp_path, recorded=True, layout="composed")
+    for one in results.runs:
+        conserves(one)
+        assert one.recorded is not None
+        for part in one.recorded.losses.values():
+            # The bare graph's losses are told like the real one's: never more answers than samples.
+            assert 0 < part.answered <= part.asked
+            assert part.lost == part.asked - part.answered
+        assert one.load is not None
+        assert {"composed", "recorder", "probe"} == set(one.load.cpu)
+    (comparison,) = results.comparisons
+    assert comparison.alike is not None
+    assert comparison.alike.held, comparison.alike.seen
+    assert not (tmp_path / "bag").exists()
+
+
+def test_the_bare_graph_keeps_the_real_ones_phases() -> None:
+    assert {actor.name: actor.phase for actor in (HapticDevice, MechanismSimulator)} == PHASES
+
+
+def test_a_graph_that_does_not_start_is_a_result(
+    alone: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A module that says something else and ends.
+    monkeypatch.setattr("hapticmech_ros.bench.graphs.BARE", "this")
+    step = Step(Configuration(RATE_HZ, "composed", False), 1, "bare")
+    nothing = Expected((), (), False)
+    found = measure(step, tmp_path / "scene.yaml", "handle", SECONDS, tmp_path, nothing)
+    assert "ended by itself" in found.failure
+    assert not found.sound
+    assert found.said == {}

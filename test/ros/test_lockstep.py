@@ -1,0 +1,236 @@
+"""Graphs in lockstep: the same bits on every run, the session's numbers, and replays of either."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+from geometry_msgs.msg import WrenchStamped
+
+from hapticmech_ros import Mechanism, Session, load_scene
+from hapticmech_ros.bag.reader import BagReader
+from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.graph import private_environment, start_process, stop_process
+from hapticmech_ros.lockstep import LockstepError, LockstepRun, run_lockstep
+from hapticmech_ros.share import shared
+from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.layouts import unpack_device, unpack_rendering
+from hapticmech_ros.wire.state import StateLayout
+from hapticmech_ros.wire.topics import TOPICS
+from ros.harness import Peer, next_domain, six
+
+pytestmark = pytest.mark.ros
+# Both hands wait for a quarter of a second.
+DURATIONS = {"five_bar": 0.5, "spatial_arm": 0.5}
+CONTROL = [f"/{topic.of('handle')}" for topic in TOPICS if topic.rate == "control"]
+START_NS, PERIOD_NS = 1_000_000_000, 1_000_000
+Bag = dict[str, list[bytes]]
+
+
+def lockstep(
+    scene: str, out: Path | None = None, asked: Callable[[], bool] = lambda: False, **run: object
+) -> int:
+    """Run in a domain of its own; return the number of ticks."""
+    given = {"composed": True, **run}
+    environment = private_environment(next_domain())
+    return run_lockstep(LockstepRun(scene, out=out, **given), environment, asked)
+
+
+def messages(path: Path) -> Bag:
+    """Return the serialized messages of a bag, by topic."""
+    with BagReader(path) as bag:
+        return {name: [data for _, _, data in bag.serialized(name)] for name in bag.topics}
+
+
+@contextmanager
+def busy() -> Iterator[None]:
+    """Keep the machine's cores busy for a while."""
+    command = [sys.executable, "-c", "while True: pass"]
+    loads = [start_process(command, private_environment()) for _ in range(2)]
+    try:
+        yield
+    finally:
+        for load in loads:
+            load.kill()
+            stop_process(load)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return a bag of each scene, recorded from one process."""
+    folder = tmp_path_factory.mktemp("lockstep")
+    for scene, duration in DURATIONS.items():
+        ticks = lockstep(scene, folder / scene, duration=duration)
+        assert ticks == round(duration * 1000)
+    return {scene: folder / scene for scene in DURATIONS}
+
+
+@pytest.mark.parametrize("scene", DURATIONS)
+def test_a_run_is_repeated_to_the_bit_whatever_the_machine_does(
+    runs: dict[str, Path], tmp_path: Path, scene: str
+) -> None:
+    with busy():
+        lockstep(scene, tmp_path / "again", duration=DURATIONS[scene], composed=False)
+    one, two = messages(runs[scene]), messages(tmp_path / "again")
+    assert set(one) == set(two)
+    ticks = round(DURATIONS[scene] * 1000)
+    for name in CONTROL:
+        assert len(one[name]) == ticks, name
+    for name in ("/device/measured_cp", "/analysis/handle/constraint_count", "/mechanism/energy"):
+        assert len(one[name]) == ticks // 10, name
+    for name in set(one) - {"/diagnostics"}:
+        assert one[name] == two[name], name
+
+
+@pytest.mark.parametrize("scene", DURATIONS)
+def test_a_run_is_the_session_tick_by_tick(runs: dict[str, Path], scene: str) -> None:
+    bag = messages(runs[scene])
+    devices = [unpack_device(decode(data)) for data in bag["/device/state"]]
+    renderings = [unpack_rendering(decode(data)) for data in bag["/analysis/handle/rendering"]]
+    session = Session(load_scene(scene))
+    samples = [session.tick() for _ in devices]
+    stamps = [START_NS + tick * PERIOD_NS for tick in range(len(samples))]
+    assert [device.stamp_ns for device in devices] == stamps
+    assert [rendering.stamp_ns for rendering in renderings] == stamps
+    assert [rendering.count for rendering in renderings] == [sample.count for sample in samples]
+    outputs = [sample.output for sample in samples]
+    for found, expected in (
+        ([_place(d.measured.pose) for d in devices], [_place(s.device.pose) for s in samples]),
+        ([d.measured.twist for d in devices], [s.device.twist for s in samples]),
+        ([d.measured.hand_wrench for d in devices], [s.hand_wrench for s in samples]),
+        ([_place(r.point.pose) for r in renderings], [_place(s.point.pose) for s in samples]),
+        ([r.point.twist for r in renderings], [s.point.twist for s in samples]),
+        (
+            [r.model.inverse_inertia for r in renderings],
+            [s.analysis.inverse_inertia for s in samples],
+        ),
+        (_wrenches(bag["/device/servo_cf"]), [output.device for output in outputs]),
+        (_wrenches(bag["/mechanism/handle/servo_cf"]), [o.mechanism for o in outputs]),
+    ):
+        one, two = np.array(found), np.array(expected)
+        # Poses travel as quaternions, states as joint coordinates: 1e-16 of a pose, which stiff
+        # controllers turn into 1e-13 of the forces of a few tenths of a newton met here.
+        assert np.abs(one - two).max() <= 5e-12 * np.abs(two).max()
+        assert np.abs(two).max() > 0.0
+
+
+def test_the_hands_wrenches_reproduce_the_run(runs: dict[str, Path], tmp_path: Path) -> None:
+    ticks = lockstep("five_bar", tmp_path / "bag", feed_from=runs["five_bar"], feed=("hand",))
+    assert ticks == 500
+    _same(runs["five_bar"], tmp_path / "bag", CONTROL)
+
+
+@pytest.mark.parametrize("scene", DURATIONS)
+def test_the_devices_samples_reproduce_what_is_rendered(
+    runs: dict[str, Path], tmp_path: Path, scene: str
+) -> None:
+    lockstep(scene, tmp_path / "bag", feed_from=runs[scene], feed=("device",))
+    _same(runs[scene], tmp_path / "bag", CONTROL)
+
+
+def test_a_push_from_outside_is_recorded_and_reproduced(tmp_path: Path) -> None:
+    domain = next_domain()
+    peer = Peer(domain)
+    publisher = peer.node.create_publisher(WrenchStamped, "mechanism/handle/external_cf", 10)
+    forces = peer.listen("mechanism/handle/measured_cf", WrenchStamped)
+    message = WrenchStamped()
+    message.header.frame_id = "world"
+    message.wrench.force.x, message.wrench.torque.z = 0.2, 0.003
+    asked = itertools.count()
+
+    def pushed_and_over() -> bool:
+        """Push until that is felt, and wait until it has run out; called every 0.2 s."""
+        peer.run(0.02)
+        felt = [any(six(force)) for force in forces]
+        if not any(felt):
+            publisher.publish(message)
+        return (any(felt) and not felt[-1]) or next(asked) > 150
+
+    run = LockstepRun("five_bar", rate=0.5, out=tmp_path / "pushed", composed=True)
+    try:
+        run_lockstep(run, private_environment(domain), pushed_and_over)
+    finally:
+        peer.close()
+    layout = StateLayout(Mechanism(load_scene("five_bar")))
+    states = [layout.unpack(decode(data)) for data in messages(run.out)["/mechanism/state"]]
+    pushed = [bool(state.contacts.any()) for state in states]
+    assert 100 < sum(pushed) < len(pushed)
+    feed = ("hand", "external")
+    lockstep("five_bar", tmp_path / "again", feed_from=run.out, feed=feed)
+    # Stopped on its way: the last tick may be incomplete.
+    _same(run.out, tmp_path / "again", CONTROL, ticks=len(states) - 1)
+
+
+def test_a_replay_with_a_change_differs(runs: dict[str, Path], tmp_path: Path) -> None:
+    shipped = shared("config/scenes/five_bar.yaml")
+    assert shipped is not None
+    document = yaml.safe_load(shipped.read_text(encoding="utf-8"))
+    document["links"][0]["inertial"] = dict(document["links"][0]["inertial"], mass=1.1)
+    heavier = tmp_path / "heavier.yaml"
+    heavier.write_text(yaml.safe_dump(document), encoding="utf-8")
+    lockstep(str(heavier), tmp_path / "bag", feed_from=runs["five_bar"], feed=("hand",))
+    one, two = messages(runs["five_bar"]), messages(tmp_path / "bag")
+    first, second = (
+        [unpack_rendering(decode(data)) for data in bag["/analysis/handle/rendering"]]
+        for bag in (one, two)
+    )
+    assert [r.stamp_ns for r in first] == [r.stamp_ns for r in second]
+    assert np.abs(first[0].model.inverse_inertia - second[0].model.inverse_inertia).max() > 0.01
+    # The same hand, felt otherwise.
+    wrenches = [
+        [unpack_device(decode(d)).measured.hand_wrench for d in bag["/device/state"]]
+        for bag in (one, two)
+    ]
+    assert np.array_equal(*wrenches)
+    assert one["/device/servo_cf"] != two["/device/servo_cf"]
+
+
+def test_a_silent_node_is_named(domain: int) -> None:
+    run = LockstepRun(
+        "five_bar",
+        duration=0.1,
+        composed=True,
+        stall_timeout=2.0,
+        parameters={"nullspace_analyser.autostart": False},
+    )
+    with pytest.raises(LockstepError, match="/analysis/handle/rendering"):
+        run_lockstep(run, private_environment(domain), lambda: False)
+
+
+def test_what_cannot_be_run_is_refused(runs: dict[str, Path], tmp_path: Path) -> None:
+    bag = runs["five_bar"]
+    for given, word in (
+        ({"feed_from": bag, "feed": ("foot",)}, "foot"),
+        ({"feed_from": bag, "feed": ("hand", "device")}, "exclude"),
+        ({"feed_from": bag}, "go together"),
+        ({"feed": ("hand",)}, "go together"),
+        ({"feed_from": bag, "feed": ("hand",), "hold": ("a", "b")}, "one point"),
+    ):
+        with pytest.raises(InvalidInputError, match=word):
+            lockstep("five_bar", tmp_path / "never", **given)
+    with pytest.raises((LockstepError, BagError), match="nowhere"):
+        lockstep("five_bar", feed_from=tmp_path / "nowhere", feed=("hand",))
+    assert not (tmp_path / "never").exists()
+
+
+def _same(expected: Path, found: Path, topics: list[str], ticks: int | None = None) -> None:
+    one, two = messages(expected), messages(found)
+    for name in topics:
+        assert one[name][:ticks] == two[name][:ticks], name
+        assert one[name], name
+
+
+def _place(pose: pin.SE3) -> np.ndarray:
+    return np.asarray(pose.homogeneous)
+
+
+def _wrenches(data: list[bytes]) -> list[np.ndarray]:
+    """Return the wrenches of serialized WrenchStamped messages: their last six numbers."""
+    return [np.frombuffer(message[-48:], dtype="<f8") for message in data]

@@ -1,0 +1,209 @@
+"""Parameters: described, checked as a whole, refused with value and rule, and obeyed."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rcl_interfaces.srv import DescribeParameters, ListParameters
+from std_msgs.msg import Float64MultiArray
+
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.nodes.hosted_parameters import descriptor_of
+from hapticmech_ros.nodes.runtime import ACTORS
+from hapticmech_ros.share import shared
+from hapticmech_ros.wire.layouts import unpack_device
+from ros.harness import Peer, running
+
+pytestmark = pytest.mark.ros
+UNITS = ("Hz", "s")
+DEVICE = "haptic_device"
+
+
+def test_every_parameter_describes_itself(domain: int, peer: Peer) -> None:
+    with running(",".join(NODES), domain, autostart=False):
+        for node in NODES:
+            fields = ACTORS[node].parameters_type.model_fields
+            listed = peer.call(ListParameters, f"{node}/list_parameters", ListParameters.Request())
+            assert set(fields) <= set(listed.result.names)
+            request = DescribeParameters.Request(names=list(fields))
+            found = peer.call(DescribeParameters, f"{node}/describe_parameters", request)
+            values = peer.parameters_of(node, *fields)
+            for descriptor, value in zip(found.descriptors, values, strict=True):
+                field = fields[descriptor.name]
+                assert len(descriptor.description) > 10, descriptor.name
+                if isinstance(field.default, float):
+                    (span,) = descriptor.floating_point_range
+                    assert span.from_value <= field.default <= span.to_value
+                    assert descriptor.description.rsplit(", ", 1)[1] in UNITS, descriptor
+                if descriptor.name not in ("scene", "autostart"):
+                    assert value == field.default
+                assert descriptor.dynamic_typing is False
+
+
+@pytest.mark.parametrize("node", list(NODES))
+def test_parameter_file_names_all_parameters_and_their_defaults(node: str) -> None:
+    path = shared(f"config/{node}.yaml")
+    assert path is not None
+    text = Path(path).read_text(encoding="utf-8")
+    document = yaml.safe_load(text)
+    assert list(document) == [f"/**/{node}"]
+    model = ACTORS[node].parameters_type
+    given = document[f"/**/{node}"]["ros__parameters"]
+    assert given == {name: field.default for name, field in model.model_fields.items()}
+    # A number without a decimal point would be an integer, which ROS refuses.
+    assert all(
+        type(given[name]) is type(field.default) for name, field in model.model_fields.items()
+    )
+    for name, field in model.model_fields.items():
+        (line,) = re.findall(rf"^ +{name}: .*$", text, re.MULTILINE)
+        if isinstance(field.default, float):
+            unit = descriptor_of(model, name).description.rsplit(", ", 1)[1]
+            assert f"# {unit}, " in line
+
+
+def test_a_change_within_the_rules_is_obeyed(domain: int, peer: Peer) -> None:
+    samples = peer.listen("device/state", Float64MultiArray)
+    poses = peer.listen("device/measured_cp", PoseStamped)
+    with running(DEVICE, domain, hand="commanded"):
+        command = peer.publisher("device/servo_cf", WrenchStamped)
+
+        def obeyed_s() -> float:
+            """Return for how long the device obeys a command that is said once."""
+            seen = len(samples)
+            message = peer.wrench(0.05, 0.0, 0.0, 0.0, 0.0, 0.0)
+            stamps: list[int] = []
+
+            def over() -> bool:
+                nonlocal seen
+                for data in samples[seen:]:
+                    sample = unpack_device(data.data)
+                    if sample.applied.any():
+                        stamps.append(sample.stamp_ns)
+                    elif stamps:
+                        return True
+                seen = len(samples)
+                if not stamps:
+                    # Best effort: a command may be lost on its way.
+                    command.publish(message)
+                    peer.run(0.05)
+                return False
+
+            peer.until(over, "the command to be obeyed and lost")
+            return (stamps[-1] - stamps[0]) * 1e-9
+
+        # By deadlines of the device: the last one that is obeyed is no later than the timeout.
+        assert obeyed_s() < 0.2
+        assert peer.set_parameters(DEVICE, command_timeout=0.5).successful
+        assert obeyed_s() > 0.3
+
+        def samples_per_pose() -> float:
+            peer.run(0.3)
+            before = len(samples), len(poses)
+            peer.until(lambda: len(poses) >= before[1] + 8, "poses")
+            return (len(samples) - before[0]) / (len(poses) - before[1])
+
+        assert samples_per_pose() == pytest.approx(10.0, rel=0.5)
+        assert peer.set_parameters(DEVICE, view_rate=20.0).successful
+        assert samples_per_pose() == pytest.approx(50.0, rel=0.5)
+        assert peer.parameters_of(DEVICE, "view_rate", "command_timeout") == [20.0, 0.5]
+
+
+def test_a_change_against_the_rules_changes_nothing(domain: int, peer: Peer) -> None:
+    samples = peer.listen("device/state", Float64MultiArray)
+    names = list(ACTORS[DEVICE].parameters_type.model_fields)
+    with running(DEVICE, domain):
+        peer.until(lambda: samples, "the device")
+        before = peer.parameters_of(DEVICE, "use_sim_time", *names)
+        for name, value, reasons in (
+            ("view_rate", 5000.0, ("view_rate", "5000", "1000")),
+            ("view_rate", 0.5, ("view_rate", "0.5", "1.0")),
+            ("command_timeout", math.nan, ("command_timeout", "nan", "0.001")),
+            ("hand_timeout", -1.0, ("hand_timeout", "-1", "0.0")),
+            ("message_age_limit", math.inf, ("message_age_limit", "inf", "3600")),
+            ("view_rate", "fast", ("DOUBLE", "STRING")),
+            ("view_rate", 50, ("DOUBLE", "INTEGER")),
+            ("scene", "two_link", ("scene", "unconfigured")),
+            ("operational_point", "handle", ("operational_point", "unconfigured")),
+            ("hand", "commanded", ("hand", "unconfigured")),
+            ("use_sim_time", True, ("use_sim_time", "unconfigured")),
+            ("lockstep", True, ("lockstep", "read-only")),
+            ("autostart", False, ("autostart", "read-only")),
+            ("no_such_parameter", 1.0, ("undeclared",)),
+        ):
+            _refused(peer.set_parameters(DEVICE, **{name: value}), *reasons)
+        _refused(peer.set_atomically(DEVICE, view_rate=20.0, hand_timeout=-1.0), "hand_timeout")
+        _refused(peer.set_atomically(DEVICE, view_rate=20.0, scene="two_link"), "scene")
+        _refused(peer.set_atomically(DEVICE, use_sim_time=True, hand_timeout=0.3), "use_sim_time")
+        assert peer.parameters_of(DEVICE, "use_sim_time", *names) == before
+        seen = len(samples)
+        peer.until(lambda: len(samples) > seen + 100, "the device to go on by the machine's clock")
+
+        assert peer.transition(DEVICE, "deactivate", "cleanup")
+        _refused(peer.set_parameters(DEVICE, hand="octopus"), "hand", "octopus", "commanded")
+        assert peer.set_atomically(DEVICE, scene="two_link", hand="commanded").successful
+        assert peer.transition(DEVICE, "configure", "activate")
+        assert peer.parameters_of(DEVICE, "scene", "hand") == ["two_link", "commanded"]
+
+
+def test_files_set_parameters_and_slips_are_named(
+    domain: int, peer: Peer, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    common, special = tmp_path / "common.yaml", tmp_path / "special.yaml"
+    everyone = {"view_rate": 40.0, "message_age_limit": 0.5, "veiw_rate": 30.0}
+    common.write_text(yaml.safe_dump({"/**": {"ros__parameters": everyone}}))
+    theirs = {"ros__parameters": {"hand_timeout": 0.4, "view_rate": 25.0}}
+    others = {"ros__parameters": {"view_rate": 11.0}}
+    special.write_text(yaml.safe_dump({DEVICE: theirs, "mechanism_simulator": others}))
+    files = ("--params-file", str(common), "--params-file", str(special))
+    with running(DEVICE, domain, arguments=files):
+        found = peer.parameters_of(DEVICE, "view_rate", "message_age_limit", "hand_timeout")
+    assert found == [25.0, 0.5, 0.4]
+    error = capfd.readouterr().err
+    assert "'veiw_rate'" in error
+    assert "view_rate, " in error
+    assert error.count("no parameter") == 1
+
+
+def test_the_shipped_file_is_taken(domain: int, peer: Peer) -> None:
+    path = shared("config/haptic_device.yaml")
+    arguments = ("--params-file", str(path), "-p", f"{DEVICE}:hand_timeout:=0.4")
+    fields = ACTORS[DEVICE].parameters_type.model_fields
+    with running(DEVICE, domain, arguments=arguments):
+        found = dict(zip(fields, peer.parameters_of(DEVICE, *fields), strict=True))
+    assert found == {name: field.default for name, field in fields.items()} | {"hand_timeout": 0.4}
+
+
+@pytest.mark.parametrize(
+    ("given", "reasons"),
+    [
+        ({"view_rate": 5000.0}, ("view_rate", "5000")),
+        ({"hand": "octopus"}, ("hand", "octopus", "commanded")),
+        ({"command_timeout": "soon"}, ("command_timeout", "soon")),
+        ({"lockstep": True}, ("lockstep", "use_sim_time")),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_a_bad_start_ends_with_a_message(
+    domain: int,
+    given: dict[str, Any],
+    reasons: tuple[str, ...],
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    with running(DEVICE, domain, **given) as process:
+        assert process.wait(20.0) == 1
+    error = capfd.readouterr().err
+    for word in reasons:
+        assert word in error
+    assert "Traceback" not in error
+
+
+def _refused(result: Any, *words: str) -> None:
+    assert not result.successful
+    for word in words:
+        assert word in result.reason, result.reason

@@ -1,0 +1,199 @@
+"""Pushes of other nodes: summed, held or expiring, on points and on links, in any frame."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import WrenchStamped
+from rcl_interfaces.msg import Log
+from sensor_msgs.msg import JointState
+
+from hapticmech_ros import Simulator, load_scene
+from oracles.kinematics import link_poses
+from ros.harness import Peer, figures, running, six
+
+pytestmark = pytest.mark.ros
+SCENE = load_scene("spatial_arm")
+NODE = "mechanism_simulator"
+# Seven links turn about z, y, z, ... : where each stands, from the scene's own numbers.
+CHAIN = {
+    "links": [
+        {
+            "name": link.name,
+            "parent": link.parent,
+            "joint": {
+                "type": "revolute",
+                "axis": link.joint.axis,
+                "origin": {"xyz": link.joint.origin.xyz, "rpy": link.joint.origin.rpy},
+            },
+        }
+        for link in SCENE.links
+    ]
+}
+
+
+class Pushed:
+    """The mechanism as it is pushed: what it says, and publishers that push on while waiting."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        self.forces = peer.listen("mechanism/handle/measured_cf", WrenchStamped)
+        self.joints = peer.listen("mechanism/measured_js", JointState)
+        self.statuses = peer.statuses()
+        self.logs = peer.listen("/rosout", Log)
+        self._pushing: dict[str, tuple[Any, tuple[float, ...], str]] = {}
+
+    def push(self, below: str, *wrench: float, frame: str = "world") -> None:
+        """Push from now on through a topic below ``mechanism/``."""
+        held = self._pushing.get(below)
+        publisher = held[0] if held else self.new_publisher(below)
+        self._pushing[below] = publisher, wrench, frame
+
+    def new_publisher(self, below: str) -> Any:
+        """Return a publisher, met or not."""
+        return self.peer.node.create_publisher(WrenchStamped, f"mechanism/{below}", 10)
+
+    def stop(self, below: str, leave: bool = False) -> None:
+        """Push no more, and leave the graph if so wished."""
+        publisher, _, _ = self._pushing.pop(below)
+        if leave:
+            self.peer.node.destroy_publisher(publisher)
+
+    def until(self, condition: Any, what: str) -> None:
+        """Push until a condition holds."""
+
+        def holds() -> bool:
+            for publisher, wrench, frame in self._pushing.values():
+                publisher.publish(self.peer.wrench(*wrench, frame=frame))
+            self.peer.run(0.01)
+            return bool(condition())
+
+        self.peer.until(holds, what)
+
+    def until_force(self, *expected: float, tolerance: float = 0.0) -> None:
+        """Push until the mechanism measures a wrench at its handle."""
+
+        def measured() -> bool:
+            found = six(self.forces[-1]) if self.forces else [np.nan] * 6
+            return bool(np.abs(np.subtract(found, expected)).max() <= tolerance)
+
+        self.until(measured, f"the force {expected}")
+
+    def until_status(self, key: str, *words: str) -> None:
+        """Push until diagnostics say all these words of something."""
+
+        def said() -> bool:
+            status = self.statuses.get(NODE)
+            value = figures(status).get(key, "") if status else ""
+            return all(word in value for word in words)
+
+        self.until(said, f"{key} to say {words}")
+
+    def until_warned(self, *words: str) -> None:
+        """Push until a line of the log has all these words."""
+        self.until(
+            lambda: any(all(word in log.msg for word in words) for log in self.logs),
+            f"a warning with {words}",
+        )
+
+
+def test_pushes_add_up_and_run_out_each_by_itself(domain: int, peer: Peer) -> None:
+    arm = Pushed(peer)
+    with running(NODE, domain, "spatial_arm", external_timeout=0.5, diagnostics_period=0.05):
+        arm.push("handle/external_cf", 0.0, 0.0, 0.03, 0.0, 0.0, 0.0)
+        arm.push("handle/external_cf/left", 0.01, 0.0, 0.0, 0.0, 0.0, 0.001)
+        arm.push("handle/external_cf/right/hand", 0.0, 0.02, 0.0, 0.0, 0.0, 0.0)
+        arm.until_force(0.01, 0.02, 0.03, 0.0, 0.0, 0.001)
+        pushers = [f"/mechanism/handle/external_cf{who}" for who in ("", "/left", "/right/hand")]
+        arm.until_status("pushed_by", *pushers)
+        arm.stop("handle/external_cf/right/hand")
+        arm.until_force(0.01, 0.0, 0.03, 0.0, 0.0, 0.001)
+        arm.stop("handle/external_cf", leave=True)
+        arm.until_force(0.01, 0.0, 0.0, 0.0, 0.0, 0.001)
+        arm.stop("handle/external_cf/left")
+        arm.until_force(*[0.0] * 6)
+        arm.until_status("pushed_by", "nobody")
+
+        # A wrench that is held stands when its publisher is gone, until another one comes.
+        arm.push("handle/held_cf", 0.02, 0.0, 0.0, 0.0, 0.0, 0.0)
+        arm.push("handle/held_cf/mass", 0.0, 0.0, 0.01, 0.0, 0.0, 0.0)
+        arm.until_force(0.02, 0.0, 0.01, 0.0, 0.0, 0.0)
+        arm.stop("handle/held_cf", leave=True)
+        arm.stop("handle/held_cf/mass")
+        seen = len(arm.forces)
+        # Twice the timeout that others have, by the mechanism's own samples.
+        arm.until(lambda: len(arm.forces) > seen + 100, "a second of samples")
+        assert all(six(force)[:3] == [0.02, 0.0, 0.01] for force in arm.forces[seen:])
+        arm.push("handle/held_cf", 0.0, -0.02, 0.0, 0.0, 0.0, 0.0)
+        arm.until_force(0.0, -0.02, 0.01, 0.0, 0.0, 0.0)
+        arm.push("handle/held_cf", *[0.0] * 6)
+        arm.until_force(0.0, 0.0, 0.01, 0.0, 0.0, 0.0)
+
+
+def test_a_pushed_link_moves_the_mechanism_as_the_core_says(domain: int, peer: Peer) -> None:
+    arm = Pushed(peer)
+    wrench = np.array([0.1, 0.2, -0.3, 0.01, 0.0, 0.02])
+    fast = 0.2
+    with running(NODE, domain, "spatial_arm"):
+        arm.push("forearm/held_cf", *wrench)
+        arm.until(
+            lambda: arm.joints and np.abs(arm.joints[-1].velocity).max() > fast, "the arm to move"
+        )
+        moving = [m for m in arm.joints if np.abs(m.velocity).max() > fast]
+    simulator = Simulator(SCENE)
+    state = simulator.initial_state()
+    while np.abs(state.v - moving[0].velocity).min() > fast or np.abs(state.v).max() < fast:
+        state = simulator.step(state, np.zeros((1, 6)), {"forearm": wrench})
+    found = np.array(moving[0].velocity)
+    # They differ by where in a view period the limit was passed; both have hardly moved.
+    cosine = found @ state.v / (np.linalg.norm(found) * np.linalg.norm(state.v))
+    assert cosine > 0.98
+    # What the contact at the handle is, is not changed by pushes on links.
+    assert all(six(force) == [0.0] * 6 for force in arm.forces)
+
+
+def test_axes_of_a_push_are_those_of_its_frame(domain: int, peer: Peer) -> None:
+    arm = Pushed(peer)
+    # So small that the arm stays where it is: the frames are those of the start.
+    force, torque = 1e-4 * np.array([1.0, 2.0, 3.0]), 1e-5 * np.array([3.0, -1.0, 2.0])
+    poses = link_poses(CHAIN, Simulator(SCENE).initial_state().q)
+    hand = poses["hand"][0]
+    expected = {
+        "hand": hand,
+        "handle": hand,
+        "upper_arm": poses["upper_arm"][0],
+        "handle_world": np.eye(3),
+        "world": np.eye(3),
+    }
+    assert np.abs(hand - poses["upper_arm"][0]).max() > 0.3
+    with running(NODE, domain, "spatial_arm"):
+        for frame, turn in expected.items():
+            arm.push("handle/held_cf", *force, *torque, frame=frame)
+            # Only the axes turn: the force acts at the handle, and brings no torque of its own.
+            arm.until_force(*(turn @ force), *(turn @ torque), tolerance=1e-6)
+            assert np.abs(np.array(arm.joints[-1].velocity)).max() < 0.1
+
+
+def test_slips_are_refused_and_named(domain: int, peer: Peer) -> None:
+    arm = Pushed(peer)
+    with running(NODE, domain, "spatial_arm", diagnostics_period=0.05):
+        arm.push("handle/external_cf", 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, frame="tool0")
+        arm.push("elbow/held_cf/me", np.nan, 0.0, 0.0, 0.0, 0.0, 0.0)
+        arm.push("tip/external_cf", 0.1, 0.0, 0.0, 0.0, 0.0, 0.0)
+        arm.until_status("last_refusal", "handle/external_cf", "tool0", "handle_world", "hand")
+        arm.until_status("last_refusal", "elbow/held_cf/me", "nan", "finite")
+        status = figures(arm.statuses[NODE])
+        assert int(status["refused_messages"]) > 1
+        assert status["pushed_by"] == "nobody"
+        arm.until_warned("/mechanism/tip/external_cf", "handle", "forearm")
+        assert not any("servo_cf" in log.msg for log in arm.logs)
+        arm.new_publisher("handle/external_cf")
+        arm.until_warned("2 publishers", "/mechanism/handle/external_cf", "of its own")
+        arm.stop("handle/external_cf")
+        arm.push("handle/external_cf", 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, frame="handle")
+        arm.until_status("pushed_by", "/mechanism/handle/external_cf")
+    warnings = [log.msg for log in arm.logs if "pushes nobody" in log.msg]
+    assert len(warnings) == 1
+    assert all(np.isfinite(six(force)).all() for force in arm.forces)

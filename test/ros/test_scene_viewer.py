@@ -1,0 +1,246 @@
+"""The viewer alone: it draws what it hears, drops what is over, and nothing kills it."""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String, UInt8
+from visualization_msgs.msg import Marker, MarkerArray
+
+from hapticmech_ros import Mechanism, load_scene
+from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.nodes.messages import set_stamp, write_array
+from hapticmech_ros.view import Placer
+from hapticmech_ros.wire.state import StateLayout, WireState
+from ros.harness import RELIABLE, Peer, refuses, running, six
+
+pytestmark = pytest.mark.ros
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+CONTACT = np.array([[0.4, -0.2, 0.0, 0.0, 0.0, 0.005]])
+FELT = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+MECHANISM = Mechanism(load_scene("five_bar"))
+Q, _ = consistent_initial_state(MECHANISM)
+
+
+def state(peer: Peer, closed: bool = True, now_ns: int | None = None) -> Float64MultiArray:
+    now = peer.node.get_clock().now().nanoseconds if now_ns is None else now_ns
+    told = WireState(now, (closed,), Q, np.zeros(4), CONTACT, (True,))
+    message = Float64MultiArray()
+    write_array(message, StateLayout(MECHANISM).pack(told))
+    return message
+
+
+def namespaces(message: MarkerArray) -> set[str]:
+    return {marker.ns for marker in message.markers if marker.action == Marker.ADD}
+
+
+class Stage:
+    """A peer that says the same things until something is seen."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        self.publishers: dict[str, tuple[Any, Any]] = {}
+
+    def says(self, topic: str, kind: Any, message: Any) -> None:
+        """Say what ``message()`` returns from now on, once somebody listens."""
+        if topic not in self.publishers:
+            publisher = self.peer.node.create_publisher(kind, topic, RELIABLE)
+            self.until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
+            self.publishers[topic] = publisher, message
+        self.publishers[topic] = self.publishers[topic][0], message
+
+    def hushes(self, topic: str) -> None:
+        """Say nothing more on a topic."""
+        self.publishers[topic] = self.publishers[topic][0], None
+
+    def until(self, condition: Any, what: str) -> None:
+        def seen() -> bool:
+            for publisher, message in self.publishers.values():
+                if message is not None:
+                    publisher.publish(message())
+            return bool(condition())
+
+        self.peer.until(seen, what)
+
+
+def test_the_picture_has_what_is_heard_and_loses_what_is_over(domain: int, peer: Peer) -> None:
+    pictures = peer.listen("view/markers", MarkerArray)
+    stage = Stage(peer)
+    with running("scene_viewer", domain, input_timeout=0.3) as process:
+        stage.says("mechanism/state", Float64MultiArray, lambda: state(peer))
+        stage.until(lambda: pictures, "a picture")
+        assert pictures[0].markers[0].action == Marker.DELETEALL
+        mechanism = {"links", "joints", "closures", "point/handle", "point/handle_world"}
+        assert mechanism <= namespaces(pictures[-1])
+        assert "contact_force" in namespaces(pictures[-1])
+        assert not {"device", "hand_force"} & namespaces(pictures[-1])
+        (arrow,) = [m for m in pictures[-1].markers if m.ns == "contact_force"]
+        tail, tip = arrow.points
+        place = Placer(MECHANISM).at(Q).points["handle"].translation
+        assert [tail.x, tail.y] == pytest.approx(place[:2], abs=1e-12)
+        assert [tip.x - tail.x, tip.y - tail.y] == pytest.approx(0.05 * CONTACT[0, :2], abs=1e-12)
+
+        stage.says("device/measured_cp", PoseStamped, lambda: peer.pose(0.2, 0.1))
+        stage.says("device/measured_cf", WrenchStamped, lambda: peer.wrench(1.0, *[0.0] * 5))
+        stage.says("device/servo_cf", WrenchStamped, lambda: peer.wrench(-1.0, *[0.0] * 5))
+        stage.says("mechanism/handle/servo_cf", WrenchStamped, lambda: peer.wrench(*[0.5] * 6))
+        stage.says("analysis/handle/constraint_count", UInt8, lambda: UInt8(data=2))
+        wanted = {"device", "hand_force", "device_command", "point_command", "rigid_directions"}
+        stage.until(lambda: wanted <= namespaces(pictures[-1]), "everything that is said")
+        stage.until(lambda: letters(pictures[-1]) == "2 joint constraints", "the count")
+
+        stage.hushes("device/measured_cf")
+        stage.until(
+            lambda: ("hand_force", 0) in deleted(pictures), "the deletion of a force that is over"
+        )
+        assert "hand_force" not in namespaces(pictures[-1])
+        stage.says("mechanism/state", Float64MultiArray, lambda: state(peer, closed=False))
+        stage.until(lambda: "open_closures" in namespaces(pictures[-1]), "the open loop")
+        assert ("closures", 0) in deleted(pictures)
+        assert process.poll() is None
+
+
+def test_it_listens_only_while_somebody_looks(domain: int, peer: Peer) -> None:
+    states = peer.node.create_publisher(Float64MultiArray, "mechanism/state", 10)
+    statuses = peer.statuses()
+    with running("scene_viewer", domain, diagnostics_period=0.02):
+        peer.until(lambda: "scene_viewer" in statuses, "diagnostics")
+        peer.until(lambda: statuses["scene_viewer"].message == "nobody looks", "rest")
+        assert states.get_subscription_count() == 0
+        looking = peer.node.create_subscription(MarkerArray, "view/markers", lambda _: None, 10)
+        peer.until(lambda: states.get_subscription_count() == 1, "a subscription")
+        peer.node.destroy_subscription(looking)
+        peer.until(lambda: states.get_subscription_count() == 0, "rest again")
+        looking = peer.listen("view/markers", MarkerArray)
+        stage = Stage(peer)
+        stage.says("mechanism/state", Float64MultiArray, lambda: state(peer))
+        stage.until(lambda: "links" in {ns for m in looking for ns in namespaces(m)}, "a picture")
+
+
+def test_an_inactive_viewer_leaves_nothing_and_comes_back(domain: int, peer: Peer) -> None:
+    pictures = peer.listen("view/markers", MarkerArray)
+    stage = Stage(peer)
+    with running("scene_viewer", domain):
+        stage.says("mechanism/state", Float64MultiArray, lambda: state(peer))
+        stage.until(lambda: pictures, "a picture")
+        assert peer.transition("scene_viewer", "deactivate")
+        peer.until(lambda: not namespaces(pictures[-1]), "an empty picture")
+        assert [marker.action for marker in pictures[-1].markers] == [Marker.DELETEALL]
+        states, _ = stage.publishers["mechanism/state"]
+        peer.until(lambda: states.get_subscription_count() == 0, "rest")
+        assert peer.transition("scene_viewer", "activate")
+        stage.until(lambda: "links" in namespaces(pictures[-1]), "a picture again")
+
+
+def test_in_simulated_time_pictures_come_with_the_clock(domain: int, peer: Peer) -> None:
+    pictures = peer.listen("view/markers", MarkerArray)
+    times = iter(range(10**9, 10**12, 10**7))
+    sent = [0]
+
+    def tell_time() -> Clock:
+        sent[0] = next(times)
+        clock = Clock()
+        set_stamp(clock.clock, sent[0])
+        return clock
+
+    stage = Stage(peer)
+    with running("scene_viewer", domain, use_sim_time=True):
+        stage.says("/clock", Clock, tell_time)
+        stage.says("mechanism/state", Float64MultiArray, lambda: state(peer, now_ns=sent[0]))
+        stage.until(lambda: any(namespaces(m) for m in pictures), "a picture")
+    assert pictures[-1].markers[-1].header.stamp.sec < 1000
+
+
+def test_bad_messages_are_refused_and_the_rest_is_drawn(domain: int, peer: Peer) -> None:
+    pictures = peer.listen("view/markers", MarkerArray)
+    statuses = peer.statuses()
+    with running("scene_viewer", domain, diagnostics_period=0.02) as process:
+        states = peer.publisher("mechanism/state", Float64MultiArray)
+        for bad in (Float64MultiArray(), Float64MultiArray(data=[0.5] * 18)):
+            refuses(peer, statuses, "scene_viewer", states, bad)
+        stage = Stage(peer)
+        stage.says("mechanism/state", Float64MultiArray, lambda: state(peer))
+        stage.says("analysis/handle/constraint_count", UInt8, lambda: UInt8(data=200))
+        stage.until(lambda: "constraint_count" in refusals(statuses), "refusal of the count")
+        stage.says("analysis/handle/constraint_count", UInt8, lambda: UInt8(data=1))
+        poses = peer.publisher("device/measured_cp", PoseStamped)
+        bad_pose = peer.pose(0.1, w=0.5)
+        stage.until(lambda: poses.publish(bad_pose) or pictures, "a picture without the device")
+        assert "device" not in namespaces(pictures[-1])
+        assert process.poll() is None
+
+
+def test_model_joints_frames_and_wrenches(domain: int, peer: Peer) -> None:
+    descriptions = peer.listen("robot_description", String, LATCHED)
+    joints = peer.listen("joint_states", JointState)
+    frames = peer.listen("view/frames", TransformStamped)
+    forces = peer.listen("view/handle/measured_cf", WrenchStamped)
+    felt = peer.listen("view/device/servo_cf", WrenchStamped)
+    stage = Stage(peer)
+    with running("scene_viewer", domain, frame_prefix="left/"):
+        stage.says("mechanism/state", Float64MultiArray, lambda: state(peer))
+        stage.says("device/measured_cp", PoseStamped, lambda: peer.pose(0.2, 0.1))
+        stage.says("device/servo_cf", WrenchStamped, lambda: peer.wrench(*FELT))
+        names = {"link1", "link2", "link3", "link4", "handle", "handle_world", "device"}
+        wanted = {f"left/{name}" for name in (*names, "device_world")}
+
+        def all_there() -> bool:
+            seen = {frame.child_frame_id for frame in frames}
+            return bool(descriptions and joints and forces and felt) and wanted <= seen
+
+        stage.until(all_there, "model, joints, frames and wrenches")
+    robot = ElementTree.fromstring(descriptions[-1].data.encode())
+    moving = {j.get("name") for j in robot.findall("joint") if j.get("type") != "fixed"}
+    assert set(joints[-1].name) == moving
+    assert list(joints[-1].position) == pytest.approx(Q, abs=1e-12)
+    parents = {frame.child_frame_id: frame.header.frame_id for frame in frames}
+    assert set(parents) == wanted
+    assert parents["left/handle"] == "left/link2"
+    assert parents["left/link4"] == parents["left/device_world"] == "world"
+    assert six(forces[-1]) == CONTACT[0].tolist()
+    assert forces[-1].header.frame_id == "left/handle_world"
+    assert six(felt[-1]) == FELT
+    assert felt[-1].header.frame_id == "left/device_world"
+
+
+def test_scales_change_while_it_runs(domain: int, peer: Peer) -> None:
+    pictures = peer.listen("view/markers", MarkerArray)
+    stage = Stage(peer)
+    with running("scene_viewer", domain):
+        stage.says("mechanism/state", Float64MultiArray, lambda: state(peer))
+        stage.until(lambda: pictures, "a picture")
+        assert peer.set_parameters("scene_viewer", force_scale=0.2).successful
+        assert peer.set_parameters("scene_viewer", marker_rate=60.0).successful
+        assert not peer.set_parameters("scene_viewer", marker_rate=0.0).successful
+        wanted = 0.2 * np.linalg.norm(CONTACT[0, :3])
+        stage.until(lambda: abs(length(pictures[-1]) - wanted) < 1e-9, "a longer arrow")
+
+
+def length(picture: MarkerArray) -> float:
+    for marker in picture.markers:
+        if marker.ns == "contact_force" and marker.action == Marker.ADD:
+            tail, tip = marker.points
+            return float(np.hypot(tip.x - tail.x, tip.y - tail.y))
+    return 0.0
+
+
+def letters(picture: MarkerArray) -> str:
+    return "".join(m.text for m in picture.markers if m.ns == "count")
+
+
+def deleted(pictures: list[MarkerArray]) -> set[tuple[str, int]]:
+    markers = [marker for picture in pictures for marker in picture.markers]
+    return {(m.ns, m.id) for m in markers if m.action == Marker.DELETE}
+
+
+def refusals(statuses: dict[str, Any]) -> str:
+    status = statuses.get("scene_viewer")
+    found = {pair.key: pair.value for pair in status.values} if status else {}
+    return found.get("last_refusal", "")

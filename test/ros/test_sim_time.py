@@ -1,0 +1,145 @@
+"""Nodes that live by /clock: time is what it says, stands when it stands, and goes back with it."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import WrenchStamped
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64MultiArray
+
+from hapticmech_ros import Mechanism, load_scene
+from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.state import StateLayout
+from ros.harness import RELIABLE, Peer, figures, running
+
+pytestmark = pytest.mark.ros
+MS = 1_000_000
+STEP_NS = 10 * MS
+PERIODS = 10
+
+
+class TestClock:
+    """Publishes /clock step by step, each once the device has answered the one before."""
+
+    __test__ = False
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        self.now_ns = 0
+        self.devices = peer.listen("device/state", Float64MultiArray)
+        self.mechanisms = peer.listen("mechanism/state", Float64MultiArray)
+        self._publisher = peer.node.create_publisher(Clock, "/clock", RELIABLE)
+
+    def begin(self, time_ns: int, *heard: list) -> None:
+        """Go on from a time until all that listen say so."""
+        self.now_ns = time_ns
+
+        def going() -> bool:
+            self.tell(self.now_ns + STEP_NS)
+            self.peer.run(0.05)
+            return all(heard)
+
+        self.peer.until(going, "samples")
+
+    def tell(self, time_ns: int) -> None:
+        """Say what time it is."""
+        self.now_ns = time_ns
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(time_ns, 1000 * MS)
+        self._publisher.publish(message)
+
+    def step(self) -> None:
+        """Go on by a step and wait for the device's sample."""
+        seen = len(self.devices)
+        self.tell(self.now_ns + STEP_NS)
+        self.peer.until(lambda: len(self.devices) > seen, f"a sample at {self.now_ns}")
+
+    def samples(self, since: int) -> list:
+        """Return the device's samples from a number on."""
+        return [unpack_device(message.data) for message in self.devices[since:]]
+
+
+def test_simulated_time_is_the_clocks(domain: int, peer: Peer) -> None:
+    statuses = peer.statuses()
+    clock = TestClock(peer)
+    given = {"use_sim_time": True, "hand": "commanded", "diagnostics_period": 0.05}
+    with running("haptic_device,mechanism_simulator", domain, **given):
+        push = peer.publisher("device/hand_cf", WrenchStamped)
+        clock.begin(1000 * MS, clock.devices, clock.mechanisms)
+        started = len(clock.devices)
+        for _ in range(30):
+            message = WrenchStamped()
+            message.header.frame_id = "world"
+            message.wrench.force.x = 0.03
+            push.publish(message)
+            clock.step()
+        # The push has run out, by the clock: the device coasts.
+        for _ in range(40):
+            clock.step()
+        coasting = clock.samples(-10)
+        stamps = [sample.stamp_ns for sample in clock.samples(started)]
+        assert stamps == list(range(stamps[0], clock.now_ns + 1, STEP_NS))
+        assert coasting[0].measured.twist[0] > 0.005
+        for before, after in itertools.pairwise(coasting):
+            way = after.measured.pose.translation - before.measured.pose.translation
+            expected = before.measured.twist[:3] * STEP_NS / (1000 * MS)
+            # Sums of ten steps of floating point.
+            assert np.abs(way - expected).max() < 1e-12
+        # The mechanism's grid is half a period later, so that its last deadline is half before.
+        layout = StateLayout(Mechanism(load_scene("five_bar")))
+        peer.until(
+            lambda: layout.unpack(clock.mechanisms[-1].data).stamp_ns == clock.now_ns - MS // 2,
+            "the mechanism's sample",
+        )
+        # All of a step's periods count, from the first sample (which had one or more) on.
+        whole = (clock.now_ns - unpack_device(clock.devices[0].data).stamp_ns) // MS
+        peer.until(
+            lambda: 0 < int(figures(statuses["haptic_device"])["periods"]) - whole <= PERIODS,
+            f"{whole} periods",
+        )
+        assert figures(statuses["haptic_device"])["dropped_periods"] == "0"
+
+        # A standing clock: nothing moves, whether it is silent or says the same again.
+        seen = len(clock.devices), len(clock.mechanisms)
+        for _ in range(10):
+            clock.tell(clock.now_ns)
+            peer.run(0.03)
+        assert (len(clock.devices), len(clock.mechanisms)) == seen
+
+
+def test_a_clock_that_jumps_back_begins_anew(domain: int, peer: Peer) -> None:
+    clock = TestClock(peer)
+    commands = {"use_sim_time": True, "hand": "commanded"}
+    with running("haptic_device", domain, **commands) as process:
+        push = peer.publisher("device/servo_cf", WrenchStamped)
+        clock.begin(50_000 * MS, clock.devices)
+
+        def pushed() -> bool:
+            message = WrenchStamped()
+            message.header.frame_id = "world"
+            # Stamped by the clock: an old stamp would be refused.
+            seconds, nanoseconds = divmod(clock.now_ns, 1000 * MS)
+            message.header.stamp.sec, message.header.stamp.nanosec = seconds, nanoseconds
+            message.wrench.force.y = 0.02
+            push.publish(message)
+            clock.step()
+            return bool(clock.samples(-1)[0].applied.any())
+
+        peer.until(pushed, "the command")
+        seen = len(clock.devices)
+        clock.tell(1000 * MS)
+        # What was commanded in another time counts no more.
+        peer.run(0.2)
+        for _ in range(5):
+            clock.step()
+        back = clock.samples(seen)
+        stamps = [sample.stamp_ns for sample in back]
+        assert all(1000 * MS <= stamp <= clock.now_ns for stamp in stamps)
+        assert stamps == sorted(stamps)
+        assert stamps[-1] == clock.now_ns
+        assert not any(sample.applied.any() for sample in back)
+        peer.until(pushed, "commands to be obeyed again")
+        assert process.poll() is None

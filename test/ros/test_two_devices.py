@@ -1,0 +1,92 @@
+"""Two devices on one mechanism: each engages by itself, and each feels what the other does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from geometry_msgs.msg import WrenchStamped
+
+from hapticmech_ros.bag.reader import BagReader
+from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.lockstep import LockstepRun, run_lockstep
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.share import shared
+from ros.harness import Peer, next_domain, six
+
+pytestmark = pytest.mark.ros
+TRIO = [name for name in NODES if name != "mechanism_simulator"]
+
+
+def two_points(folder: Path) -> Path:
+    """Return a file with the spatial arm, held at its hand (a) and at its elbow (b), hands idle."""
+    shipped = shared("config/scenes/spatial_arm.yaml")
+    assert shipped is not None
+    document = yaml.safe_load(shipped.read_text(encoding="utf-8"))
+    document["operational_points"] = [
+        {"name": "a", "link": "hand", "origin": {"xyz": [0, 0, 0.06]}},
+        {"name": "b", "link": "upper_arm", "origin": {"xyz": [0, 0, 0.2]}},
+    ]
+    document["hand"] = {"kind": "constant_wrench", "force": [0, 0, 0], "torque": [0, 0, 0]}
+    path = folder / "two_points.yaml"
+    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    return path
+
+
+def test_two_devices_feel_each_other(domain: int, peer: Peer, tmp_path: Path) -> None:
+    statuses = peer.statuses()
+    commands = {name: peer.listen(f"{name}/device/servo_cf", WrenchStamped) for name in "ab"}
+    stray = peer.listen("device/servo_cf", WrenchStamped)
+    environment = private_environment(domain)
+    # Five nodes more than usual on one machine: patient with each other's messages.
+    patient = {
+        "teleoperation_controller.input_timeout": 0.2,
+        "haptic_device.command_timeout": 0.2,
+        "diagnostics_period": 0.1,
+    }
+    scene = str(two_points(tmp_path))
+    with Graph(scene, True, parameters=patient, environment=environment, hold=("a", "b")) as graph:
+        names = {"mechanism_simulator", *(f"{point}/{node}" for point in "ab" for node in TRIO)}
+
+        def engaged() -> bool:
+            return all(
+                f"{point}/teleoperation_controller" in statuses
+                and statuses[f"{point}/teleoperation_controller"].message == "engaged"
+                for point in "ab"
+            )
+
+        peer.until(engaged, "both controllers to engage", 40.0)
+        peer.until(lambda: names <= set(statuses), f"diagnostics of {names}")
+        assert set(statuses) == names
+        peer.until(lambda: all(len(heard) > 100 for heard in commands.values()), "commands")
+        for pusher, other in (("a", "b"), ("b", "a")):
+            push = peer.publisher(f"{pusher}/device/hand_cf", WrenchStamped)
+            before = max(np.linalg.norm(six(m)[:3]) for m in commands[other][-50:])
+
+            def felt(push=push, other=other, before=before) -> bool:
+                push.publish(peer.wrench(0.6, 0.4, -0.3, 0.0, 0.0, 0.0))
+                return np.linalg.norm(six(commands[other][-1])[:3]) > before + 0.05
+
+            peer.until(felt, f"{other} to feel {pusher}")
+            peer.until(engaged, "both to be engaged still")
+        graph.check()
+        codes = graph.stop()
+    assert set(codes) == {"mechanism_simulator", *(f"{point}/{','.join(TRIO)}" for point in "ab")}
+    assert set(codes.values()) == {0}
+    assert not stray
+
+
+def test_two_devices_in_lockstep_repeat_to_the_bit(tmp_path: Path) -> None:
+    scene, found = str(two_points(tmp_path)), []
+    for index, composed in enumerate((True, False)):
+        bag = tmp_path / str(index)
+        run = LockstepRun(scene, duration=0.05, hold=("a", "b"), composed=composed, out=bag)
+        assert run_lockstep(run, private_environment(next_domain()), lambda: False) == 50
+        with BagReader(bag) as reader:
+            control = [name for name, topic in reader.topics.items() if topic.count == 50]
+            found.append({name: [data for *_, data in reader.serialized(name)] for name in control})
+    for point in "ab":
+        assert {f"/{point}/device/servo_cf", f"/mechanism/{point}/servo_cf"} <= set(found[0])
+    assert found[0] == found[1]

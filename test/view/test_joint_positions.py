@@ -1,0 +1,66 @@
+"""Positions of the URDF's joints stand for the configuration that they were made from."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.scene.loader import scene_from_document
+from hapticmech_ros.view import JointPositions
+from hapticmech_ros.view.joint_positions import hinge_angles
+from oracles.generator import blank, random_inertial, random_mechanism
+from oracles.kinematics import turn
+
+
+def composed(a: float, b: float, c: float) -> np.ndarray:
+    return turn((1, 0, 0), a) @ turn((0, 1, 0), b) @ turn((0, 0, 1), c)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_three_hinges_turn_as_far_as_the_ball(seed):
+    rotation = _random_rotation(seed)
+    # Products of three exact rotations: a few roundings.
+    assert np.abs(composed(*hinge_angles(rotation)) - rotation).max() < 1e-14
+
+
+@pytest.mark.parametrize("b", [-np.pi / 2, np.pi / 2])
+def test_hinges_in_line_still_give_the_rotation(b):
+    rotation = composed(0.7, b, -0.4)
+    a, found, c = hinge_angles(rotation)
+    assert c == 0.0
+    assert np.abs(composed(a, found, c) - rotation).max() < 1e-14
+
+
+def test_only_what_one_number_can_say_is_listed():
+    for seed in range(12):
+        mechanism = Mechanism(scene_from_document(random_mechanism(seed).document))
+        joints = JointPositions(mechanism)
+        sizes = {"revolute": 1, "prismatic": 1, "spherical": 3}
+        expected = sum(sizes.get(kind, 0) for kind in mechanism.tree.joint_types)
+        assert len(joints.names) == expected == joints.at(pin.neutral(mechanism.model)).size
+
+
+def test_positions_follow_their_names():
+    document = blank()
+    for index, kind in enumerate(("revolute", "free", "prismatic")):
+        document["links"].append(
+            {
+                "name": f"link{index}",
+                "parent": f"link{index - 1}" if index else "world",
+                "joint": {"name": f"joint{index}", "type": kind},
+                "inertial": random_inertial(np.random.default_rng(1), False),
+            }
+        )
+    document["operational_points"].append({"name": "tip", "link": "link2"})
+    joints = JointPositions(Mechanism(scene_from_document(document)))
+    q = np.array((0.3, 9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0, -0.2))
+    found = dict(zip(joints.names, joints.at(q).tolist(), strict=True))
+    assert found == {"joint0": 0.3, "joint2": -0.2}
+
+
+def _random_rotation(seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    axis = rng.normal(size=3)
+    return turn(axis / np.linalg.norm(axis), rng.uniform(-np.pi, np.pi))
