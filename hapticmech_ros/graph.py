@@ -73,9 +73,7 @@ class Graph:
     def check(self) -> None:
         """Raise NodeDiedError if a node has ended."""
         for name, process in self.processes.items():
-            code = process.poll()
-            if code is not None:
-                raise NodeDiedError(f"{name} ended by itself with exit code {code}")
+            check_running(name, process)
 
     def ended(self) -> list[str]:
         """Return the names of the processes that are no more."""
@@ -174,6 +172,13 @@ def start_process(
         text=True,
         preexec_fn=_end_with_parent,
     )
+
+
+def check_running(name: str, process: subprocess.Popen[str]) -> None:
+    """Raise NodeDiedError if a process has ended."""
+    code = process.poll()
+    if code is not None:
+        raise NodeDiedError(f"{name} ended by itself with exit code {code}")
 
 
 def stop_process(process: subprocess.Popen[str]) -> int:

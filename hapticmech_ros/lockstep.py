@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.feeds import check_feeds
 from hapticmech_ros.graph import Graph, start_process, stop_process, told_by
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.scene import load_scene
 
 CLOCK = "hapticmech_ros.nodes.lockstep_clock"
-FEEDS = ("hand", "device", "external")
 
 
 class LockstepError(HapticMechError):
@@ -102,9 +102,7 @@ def _check(run: LockstepRun) -> None:
     if "control_rate" in run.parameters:
         rule = "is the run's, not a parameter of nodes: the clock needs it too (--control-rate)"
         raise InvalidInputError("control_rate", run.parameters["control_rate"], rule)
-    for kind in run.feed:
-        if kind not in FEEDS:
-            raise InvalidInputError("feed", kind, f"must be one of {', '.join(FEEDS)}")
+    check_feeds(run.feed)
     if {"hand", "device"} <= set(run.feed):
         rule = "hand and device exclude each other: a device that is fed has its hand in it"
         raise InvalidInputError("feed", run.feed, rule)

@@ -54,7 +54,7 @@ def run(
     ] = 0.0,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
-    from hapticmech_ros.graph import Graph, start_process, stop_process
+    from hapticmech_ros.graph import Graph, check_running, start_process, stop_process
     from hapticmech_ros.lockstep import LockstepRun, run_lockstep
     from hapticmech_ros.nodes.entry import NODES, VIEWER
     from hapticmech_ros.scene import load_scene
@@ -103,6 +103,8 @@ def run(
             while left > 0.0 and not stop.wait(min(CHECK_PERIOD_S, left)):
                 left -= CHECK_PERIOD_S
                 graph.check()
+                if recorder is not None:
+                    check_running("the recorder", recorder)
     finally:
         if recorder is not None:
             stop_process(recorder)

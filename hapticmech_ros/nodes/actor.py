@@ -10,13 +10,13 @@ from collections.abc import Callable
 from typing import Any, ClassVar, Generic, TypeVar
 
 from geometry_msgs.msg import WrenchStamped
-from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import checked_time
 from hapticmech_ros.nodes.parameters import NodeParameters
@@ -86,12 +86,16 @@ class Actor(Generic[P]):
 
     def output(
         self, topic: Topic, message_type: Any, qos: QoSProfile | None = None, point: str = ""
-    ) -> Publisher:
-        """Create the publisher of a topic of the table."""
+    ) -> Outlet:
+        """Create what a topic of the table is published through."""
         name = topic.of(point or self.point)
-        chosen = qos or self.output_qos
-        publisher: Publisher = self.node.create_publisher(message_type, name, chosen)
-        return self.node.keep(publisher)
+        return self.output_named(name, message_type, qos or self.output_qos)
+
+    def output_named(self, name: str, message_type: Any, qos: QoSProfile) -> Outlet:
+        """Create what a topic of any name is published through."""
+        publisher = self.node.keep(self.node.create_publisher(message_type, name, qos))
+        stays = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        return self.node.exchange.outlet(publisher, publisher.topic_name, stays)
 
     def input(
         self,
@@ -111,10 +115,7 @@ class Actor(Generic[P]):
         def read(message: bytes, now_ns: int) -> None:
             accept(decode(message), now_ns)
 
-        guarded = self.guarded(name, read)
-        self.node.keep(
-            self.node.create_subscription(Float64MultiArray, name, guarded, qos, raw=True)
-        )
+        self._input_raw(name, Float64MultiArray, qos, read)
 
     def input_command(
         self,
@@ -137,8 +138,7 @@ class Actor(Generic[P]):
             stamp = checked_time(found.stamp_ns, now_ns, limit, unstamped_is_now)
             accept(found.values, stamp, now_ns)
 
-        guarded = self.guarded(name, read)
-        self.node.keep(self.node.create_subscription(WrenchStamped, name, guarded, qos, raw=True))
+        self._input_raw(name, WrenchStamped, qos, read)
 
     def guarded(self, name: str, accept: Callable[[M, int], None]) -> Callable[[M], None]:
         """Return a callback that hands on messages while active, and counts those refused."""
@@ -151,8 +151,23 @@ class Actor(Generic[P]):
                 accept(message, now)
             except InvalidInputError as error:
                 self.node.refuse(name, error)
+            self.node.exchange.deliver()
 
         return callback
+
+    def _input_raw(
+        self,
+        name: str,
+        message_type: Any,
+        qos: QoSProfile,
+        read: Callable[[bytes, int], None],
+    ) -> None:
+        """Subscribe to a topic's bytes, be they from this process or from outside."""
+        node, callback = self.node, self.guarded(name, read)
+        if not self.lockstep:
+            # In lockstep all goes one way: what is late there is waited for, not dropped.
+            callback = node.hand_over(node.resolve_topic_name(name), callback)
+        node.keep(node.create_subscription(message_type, name, callback, qos, raw=True))
 
 
 class ClockedActor(Actor[P]):

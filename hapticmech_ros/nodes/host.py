@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.nodes.exchange import Exchange, Listener
 
 E = TypeVar("E")
 
@@ -17,9 +18,11 @@ class Host(Protocol):
 
     Attributes:
         active: whether the actor acts.
+        exchange: joins it with the other nodes of its process.
     """
 
     active: bool
+    exchange: Exchange
 
     @property
     def create_publisher(self) -> Any:
@@ -61,6 +64,12 @@ class Host(Protocol):
 
     def drop(self, entity: object) -> None:
         """Destroy what is kept."""
+
+    def hand_over(self, topic: str, listener: Listener) -> Listener:
+        """Give a listener a topic's messages within the process until cleanup.
+
+        Returns the callback for the subscription that brings those from outside.
+        """
 
     def every(self, period_s: float, callback: Callable[[], None]) -> None:
         """Call back at a period of the machine's clock while the node is active."""

@@ -18,6 +18,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.actor import NANOSECONDS, Actor, ClockedActor
+from hapticmech_ros.nodes.exchange import Exchange, Listener
 from hapticmech_ros.nodes.hosted_parameters import HostedParameters
 from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.nodes.parameters import NodeParameters, ParameterError
@@ -34,15 +35,21 @@ SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FA
 class ManagedNode(LifecycleNode):
     """A lifecycle node that hosts an actor.
 
+    Args:
+        actor_type: what it becomes on configure.
+        exchange: shared by the nodes of the process.
+
     Attributes:
         actor: what it does; None while unconfigured.
         active: whether it does it.
         refused: messages refused so far.
     """
 
-    def __init__(self, actor_type: type[Actor[Any]]) -> None:
+    def __init__(self, actor_type: type[Actor[Any]], exchange: Exchange) -> None:
         super().__init__(actor_type.name)
         self._actor_type = actor_type
+        self.exchange = exchange
+        self._listeners: list[tuple[str, Listener]] = []
         self.actor: Actor[Any] | None = None
         self.active = False
         self._in_sim_time = False
@@ -66,11 +73,6 @@ class ManagedNode(LifecycleNode):
     def parameters(self) -> NodeParameters:
         """Parameters as they stand."""
         return self._hosted.values
-
-    @property
-    def in_sim_time(self) -> bool:
-        """Whether time is what /clock says."""
-        return bool(self.get_parameter("use_sim_time").value)
 
     def start(self) -> None:
         """Configure and activate, unless that is left to others.
@@ -96,6 +98,7 @@ class ManagedNode(LifecycleNode):
         """Let a clocked actor act."""
         if self.active and isinstance(self.actor, ClockedActor):
             self.actor.act(now_ns)
+            self.exchange.deliver()
 
     def now_ns(self) -> int:
         """Return the node's time, ns."""
@@ -113,6 +116,11 @@ class ManagedNode(LifecycleNode):
         """Destroy what :meth:`keep` remembers."""
         self._kept.remove(entity)
         self._destroy(entity)
+
+    def hand_over(self, topic: str, listener: Listener) -> Listener:
+        """Give a listener a topic's messages within the process until cleanup."""
+        self._listeners.append((topic, listener))
+        return self.exchange.listen(topic, listener)
 
     def every(self, period_s: float, callback: Callable[[], None]) -> None:
         """Call back at a period of the machine's clock while the node is active, until cleanup."""
@@ -143,9 +151,9 @@ class ManagedNode(LifecycleNode):
         """Build the actor from scene and parameters."""
         del state
         self.failure = None
-        self._in_sim_time = self.in_sim_time
+        self._look_for_clock()
         try:
-            if self.parameters.lockstep and not self.in_sim_time:
+            if self.parameters.lockstep and not self._in_sim_time:
                 raise ParameterError("lockstep: needs use_sim_time:=true (got false)")
             self.actor = self._actor_type(self, self.parameters)
         except HapticMechError as error:
@@ -160,10 +168,11 @@ class ManagedNode(LifecycleNode):
         actor = self.actor
         if actor is None:
             return FAILURE
+        self._look_for_clock()
         actor.activate()
         if isinstance(actor, ClockedActor):
             actor.backlog = Backlog()
-            if self.in_sim_time:
+            if self._in_sim_time:
                 # /clock does not wait for whoever is late: a step's periods are owed all at once.
                 actor.backlog.per_tick = actor.backlog.limit
                 actor.clock = None
@@ -205,6 +214,9 @@ class ManagedNode(LifecycleNode):
             self._jumps = None
 
     def _release(self) -> None:
+        for topic, listener in self._listeners:
+            self.exchange.silence(topic, listener)
+        self._listeners.clear()
         for entity in self._kept:
             self._destroy(entity)
         self._kept.clear()
@@ -235,6 +247,10 @@ class ManagedNode(LifecycleNode):
 
         service.callback = guarded
 
+    def _look_for_clock(self) -> None:
+        """Look whether time is what /clock says; asked for once, since now_ns() is asked often."""
+        self._in_sim_time = bool(self.get_parameter("use_sim_time").value)
+
     def _follow_clock(self) -> None:
         step = Duration(nanoseconds=1)
         threshold = JumpThreshold(
@@ -253,7 +269,7 @@ class ManagedNode(LifecycleNode):
             actor.clock = None
         if actor.clock is None:
             actor.begin(now)
-        actor.act(now)
+        self.act(now)
 
     def _adopt(self, before: NodeParameters) -> None:
         if self.actor is not None:

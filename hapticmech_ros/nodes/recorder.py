@@ -8,13 +8,10 @@ hand pushes), progress, done or failed.
 from __future__ import annotations
 
 import argparse
-import importlib
-import json
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import rclpy
 from rclpy.experimental import EventsExecutor
@@ -26,6 +23,8 @@ from std_srvs.srv import Trigger
 
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.nodes.child import tell
+from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
 from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.scene import load_scene
@@ -146,17 +145,6 @@ def _record_until_done(
 def _expected(point: str) -> list[str]:
     """Return the topics that a running graph publishes all the time."""
     return [t.of(point) for t in TOPICS if t.publisher != "any" and t.rate in ("control", "view")]
-
-
-def tell(event: str, **facts: object) -> None:
-    """Print a line of JSON for the parent process."""
-    print(json.dumps({"event": event, **facts}), flush=True)
-
-
-def message_class(name: str) -> Any:
-    """Return the class of a message type such as ``std_msgs/msg/String``."""
-    package, _, kind = name.split("/")
-    return getattr(importlib.import_module(f"{package}.msg"), kind)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,8 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.bag.reader import BagReader
-from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.errors import BagError
+from hapticmech_ros.feeds import check_feeds
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.messages import write_wrench
@@ -38,7 +39,6 @@ from hapticmech_ros.wire.topics import (
     TOPICS,
 )
 
-KINDS = ("hand", "device", "external")
 _DEVICE = FlatArray(DEVICE_FIELDS)
 
 
@@ -102,9 +102,7 @@ def feed_from_bag(path: Path, scene: Scene, kinds: Sequence[str]) -> Feed:
         InvalidInputError: another kind, or the bag's mechanism is not the scene's.
         BagError: no such bag, or without the control-rate topics that are needed.
     """
-    for kind in kinds:
-        if kind not in KINDS:
-            raise InvalidInputError("feed", kind, f"must be one of {', '.join(KINDS)}")
+    check_feeds(kinds)
     with BagReader(path) as bag:
         rows = [decode(data) for data in _messages(bag, DEVICE_STATE.name)]
         commands = _messages(bag, DEVICE_COMMAND.name)

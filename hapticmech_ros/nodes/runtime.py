@@ -23,6 +23,7 @@ from rclpy.task import Future
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.managed import ManagedNode
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
@@ -68,10 +69,11 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
     wake_up_in_time()
     rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[ManagedNode] = []
+    exchange = Exchange()
     try:
         # One by one: those made before a failure are destroyed.
         for name in names:
-            nodes.append(ManagedNode(ACTORS[name]))
+            nodes.append(ManagedNode(ACTORS[name], exchange))
             nodes[-1].start()
         run_until(stop, nodes)
         for node in nodes:

@@ -12,6 +12,7 @@ from std_msgs.msg import Float64MultiArray, UInt8
 
 from hapticmech_ros.graph import Graph, private_environment, stop_process
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.nodes.messages import stamp_ns
 from hapticmech_ros.wire.layouts import unpack_rendering
 from ros.harness import Peer, figures, running, six
 
@@ -30,10 +31,11 @@ def test_the_hand_moves_the_mechanism(domain: int, peer: Peer, composed: bool) -
         peer.until(lambda: counts, "a count")
         peer.until(lambda: _travel(point) > 0.01, "the point to move 10 mm")
         assert counts[-1].data in (1, 2)
+        told = "loop_latency_p50_us"
+        peer.until(lambda: float(figures(statuses["haptic_device"])[told]) > 0.0, "a latency")
         graph.check()
         codes = graph.stop()
     assert set(codes.values()) == {0}
-    assert float(figures(statuses["haptic_device"])["loop_latency_p50_us"]) > 0.0
 
 
 @pytest.mark.parametrize("victim", list(NODES))
@@ -55,6 +57,25 @@ def test_a_node_dies_and_comes_back(domain: int, peer: Peer, victim: str) -> Non
             peer.until(lambda: renderings, "renderings")
     assert all(np.isfinite(six(m)).all() for m in commands)
     assert unpack_rendering(renderings[-1].data).count >= 1
+
+
+def test_composed_nodes_hear_each_other_once_and_others_too(domain: int, peer: Peer) -> None:
+    commands = peer.listen("device/servo_cf", WrenchStamped)
+    statuses = peer.statuses()
+    with running(",".join(NODES), domain, diagnostics_period=0.1):
+        # With a listener outside, each answer also comes back to the process: it counts once.
+        peer.until(lambda: len(commands) > 400, "answers")
+        stamps = [stamp_ns(message.header) for message in commands]
+        assert len(set(stamps)) == len(stamps)
+        heard = figures(statuses["haptic_device"])
+        assert int(heard["loop_latency_count"]) <= int(heard["periods"])
+        publish = peer.publisher("mechanism/handle/external_cf", WrenchStamped)
+
+        def pushed() -> bool:
+            publish.publish(peer.wrench(0.1, 0, 0, 0, 0, 0))
+            return "external_cf" in figures(statuses["mechanism_simulator"])["pushed_by"]
+
+        peer.until(pushed, "a wrench from outside to reach the mechanism")
 
 
 def test_nodes_start_in_any_order(domain: int, peer: Peer) -> None:

@@ -12,6 +12,7 @@ from rclpy.qos import DurabilityPolicy
 from visualization_msgs.msg import Marker
 
 from hapticmech_ros import Mechanism, load_scene
+from hapticmech_ros.nodes.exchange import Exchange, Outlet
 from hapticmech_ros.nodes.viewer.scene_inputs import Heard
 from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs
 from hapticmech_ros.view import Placer, moving_frames
@@ -46,21 +47,18 @@ class StandInPublisher:
 
 
 class StandInActor:
-    """Has what SceneOutputs asks of an actor and of its node."""
+    """Has what SceneOutputs asks of an actor."""
 
     def __init__(self) -> None:
-        self.node = self
         self.made: dict[str, StandInPublisher] = {}
 
-    def create_publisher(self, kind: Any, name: str, qos: Any) -> StandInPublisher:
+    def output_named(self, name: str, kind: Any, qos: Any) -> Outlet:
         self.made[name] = StandInPublisher(kind, qos)
-        return self.made[name]
+        stays = qos is not None and qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        return Exchange().outlet(self.made[name], name, stays)
 
-    def keep(self, entity: Any) -> Any:
-        return entity
-
-    def output(self, topic: Any, kind: Any, qos: Any = None, point: str = "handle") -> Any:
-        return self.create_publisher(kind, topic.of(point), qos)
+    def output(self, topic: Any, kind: Any, qos: Any = None, point: str = "handle") -> Outlet:
+        return self.output_named(topic.of(point), kind, qos)
 
     def now_ns(self) -> int:
         return NOW
@@ -147,6 +145,7 @@ def test_a_reader_who_comes_back_gets_a_clean_picture() -> None:
 
 def test_clearing_leaves_nothing() -> None:
     stage = Stage()
+    stage.actor.made["view/markers"].readers = 1
     stage.outputs.clear_markers(NOW)
     (message,) = stage.sent("view/markers")
     assert [marker.action for marker in message.markers] == [Marker.DELETEALL]

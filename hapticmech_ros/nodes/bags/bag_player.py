@@ -25,8 +25,8 @@ from hapticmech_ros.bag.timeline import Timeline
 from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.nodes.bags.bag_prefetch import Prefetch
 from hapticmech_ros.nodes.bags.bag_qos import adapted_offer
-from hapticmech_ros.nodes.bags.heard_topic import message_class
 from hapticmech_ros.nodes.bags.keyboard import Keyboard
+from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
 
 CLOCK = "/clock"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -10,10 +9,10 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from hapticmech_ros.errors import BagError
 from hapticmech_ros.nodes.bags.bag_qos import adapted_request, as_recorded
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
 from hapticmech_ros.nodes.bags.message_info import Info, WithInfo
+from hapticmech_ros.nodes.message_class import message_class
 
 # All publishers of a topic are not discovered at once. Their offers are written down after this.
 SETTLE_S = 0.4
@@ -131,19 +130,6 @@ class HeardTopic:
             self._spool.put(self.name, time_ns, data)
         else:
             self._held.append((time_ns, data))
-
-
-def message_class(msgtype: str) -> Any:
-    """Return the Python class of a message type.
-
-    Raises:
-        BagError: its package is not installed, or has no such message.
-    """
-    package, _, kind = msgtype.partition("/msg/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), kind)
-    except (ImportError, AttributeError, ValueError):
-        raise BagError(f"message type {msgtype!r}: its package is not installed") from None
 
 
 def _is_weaker(wanted: QoSProfile, present: QoSProfile) -> bool:

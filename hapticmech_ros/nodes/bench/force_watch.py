@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 
-import rclpy
-from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray
 
+from hapticmech_ros.nodes.child import tell, watch
 from hapticmech_ros.nodes.qos import RECORDER_SUBSCRIBER
-from hapticmech_ros.nodes.recorder import tell
-from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.topics import DEVICE_STATE
@@ -46,22 +41,5 @@ class ForceWatch(Node):
             tell("on" if pushing else "off", stamp_ns=sample.stamp_ns)
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Watch until a signal; return the exit code."""
-    stop = StopRequest()
-    rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
-    node = ForceWatch()
-    executor = EventsExecutor()
-    executor.add_node(node)
-    tell("ready")
-    try:
-        while rclpy.ok() and not stop.asked:
-            wait_for_messages(executor, LONGEST_WAIT_S)
-        return 0
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(watch(ForceWatch, sys.argv[1:]))

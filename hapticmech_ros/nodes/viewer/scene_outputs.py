@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped, WrenchStamped
-from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -17,6 +16,7 @@ from visualization_msgs.msg import MarkerArray
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.nodes.viewer.scene_inputs import Heard
@@ -83,17 +83,16 @@ class SceneOutputs:
         self._publish_markers = actor.output(MARKERS, MarkerArray)
         self._publish_frames = actor.output(FRAMES, TransformStamped, BURST_PUBLISHER)
         self._publish_joints = actor.output(URDF_JOINTS, JointState)
-        self._wrenches: dict[tuple[str, str], Publisher] = {}
+        self._wrenches: dict[tuple[str, str], Outlet] = {}
         for topic in (SEEN_DEVICE_COMMAND, SEEN_DEVICE_FORCE):
             self._wrenches[topic.name, ""] = actor.output(topic, WrenchStamped)
         for topic in (SEEN_POINT_COMMAND, SEEN_POINT_FORCE):
             for point in mechanism.point_names:
-                publisher = actor.output(topic, WrenchStamped, point=point)
-                self._wrenches[topic.name, point] = publisher
+                self._wrenches[topic.name, point] = actor.output(topic, WrenchStamped, point=point)
         self._publish_description = actor.output(ROBOT_DESCRIPTION, String, LATCHED)
         self._publish_description.publish(String(data=urdf_of(mechanism)))
         self._tf_type = tf_type
-        self._publish_tf: Publisher | None = None
+        self._publish_tf: Outlet | None = None
         if tf_type is not None:
             self._publish_tf = self._tf_publisher(TF, BURST_PUBLISHER)
             self._publish_tf_static = self._tf_publisher(TF_STATIC, STATIC_PUBLISHER)
@@ -106,11 +105,11 @@ class SceneOutputs:
         moving += self._wrenches.values()
         if self._publish_tf is not None:
             moving.append(self._publish_tf)
-        return any(_looked_at(publisher) for publisher in moving)
+        return any(outlet.wanted for outlet in moving)
 
     def wants_markers(self) -> bool:
         """Return whether somebody looks at markers; what was shown to nobody is forgotten."""
-        wanted = _looked_at(self._publish_markers)
+        wanted = self._publish_markers.wanted
         if not wanted:
             self._shown = None
         return wanted
@@ -130,16 +129,16 @@ class SceneOutputs:
 
     def show_frames(self, moving: Sequence[NamedTransform], time_ns: int) -> None:
         """Publish all frames by name, and on /tf those that move."""
-        if _looked_at(self._publish_frames):
+        if self._publish_frames.wanted:
             for message in self._transforms([*moving, *self._fixed], time_ns):
                 self._publish_frames.publish(message)
-        if self._publish_tf is not None and _looked_at(self._publish_tf):
+        if self._publish_tf is not None and self._publish_tf.wanted:
             transforms = self._transforms(moving, time_ns)
             self._publish_tf.publish(tf_message(self._tf_type, transforms))
 
     def show_joints(self, q: Array, time_ns: int) -> None:
         """Publish the positions of the joints of the URDF text."""
-        if _looked_at(self._publish_joints):
+        if self._publish_joints.wanted:
             message = JointState(name=list(self._joints.names))
             message.position = self._joints.at(q).tolist()
             set_stamp(message.header.stamp, time_ns)
@@ -161,16 +160,14 @@ class SceneOutputs:
         self, topic: str, point: str, frame: str, wrench: Array | None, time_ns: int
     ) -> None:
         publisher = self._wrenches[topic, point]
-        if wrench is not None and _looked_at(publisher):
+        if wrench is not None and publisher.wanted:
             publisher.publish(wrench_in(frame, wrench, time_ns))
 
     def _transforms(self, frames: Sequence[NamedTransform], time_ns: int) -> list[TransformStamped]:
         return [transform_message(frame, time_ns, self._prefix) for frame in frames]
 
-    def _tf_publisher(self, name: str, qos: QoSProfile) -> Publisher:
-        node = self._actor.node
-        publisher: Publisher = node.create_publisher(self._tf_type, name, qos)
-        return node.keep(publisher)
+    def _tf_publisher(self, name: str, qos: QoSProfile) -> Outlet:
+        return self._actor.output_named(name, self._tf_type, qos)
 
 
 def installed_tf_type() -> Any | None:
@@ -178,7 +175,3 @@ def installed_tf_type() -> Any | None:
     if importlib.util.find_spec("tf2_msgs") is None:
         return None
     return importlib.import_module("tf2_msgs.msg").TFMessage
-
-
-def _looked_at(publisher: Publisher) -> bool:
-    return bool(publisher.get_subscription_count() > 0)

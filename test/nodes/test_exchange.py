@@ -1,0 +1,139 @@
+"""Messages within a process: each once, in order, and outside only if somebody listens there."""
+
+from hapticmech_ros.nodes.exchange import MOST_UNDERWAY, Exchange, Outlet
+
+
+class FakePublisher:
+    """Publishes into a list, to a given number of subscriptions."""
+
+    def __init__(self, subscriptions: int) -> None:
+        self.subscriptions = subscriptions
+        self.sent: list[object] = []
+
+    def publish(self, message: object) -> None:
+        self.sent.append(message)
+
+    def get_subscription_count(self) -> int:
+        return self.subscriptions
+
+
+def outlet(exchange: Exchange, subscriptions: int, stays: bool = False) -> tuple[Outlet, list]:
+    publisher = FakePublisher(subscriptions)
+    return exchange.outlet(publisher, "/topic", stays), publisher.sent
+
+
+def test_within_the_process_nothing_goes_outside() -> None:
+    exchange, heard = Exchange(), []
+    exchange.listen("/topic", heard.append)
+    # The one subscription is that of the listener itself.
+    publish, sent = outlet(exchange, 1)
+    publish.publish(b"a")
+    assert heard == []
+    exchange.deliver()
+    assert heard == [b"a"]
+    assert sent == []
+
+
+def test_who_listens_outside_gets_it_too_and_the_copy_is_dropped_here() -> None:
+    exchange, heard = Exchange(), []
+    from_outside = exchange.listen("/topic", heard.append)
+    publish, sent = outlet(exchange, 2)
+    publish.publish(b"a")
+    exchange.deliver()
+    for message in sent:
+        from_outside(message)
+    from_outside(b"of another process")
+    assert sent == [b"a"]
+    assert heard == [b"a", b"of another process"]
+
+
+def test_nothing_is_sent_that_nobody_wants_unless_it_stays() -> None:
+    exchange = Exchange()
+    publish, sent = outlet(exchange, 0)
+    assert not publish.wanted
+    publish.publish(b"a")
+    publish.publish(object())
+    assert sent == []
+    latched, kept = outlet(exchange, 0, stays=True)
+    assert latched.wanted
+    latched.publish(b"a")
+    assert kept == [b"a"]
+
+
+def test_what_stays_goes_outside_also_while_only_this_process_listens() -> None:
+    exchange, heard = Exchange(), []
+    exchange.listen("/topic", heard.append)
+    publish, sent = outlet(exchange, 1, stays=True)
+    publish.publish(b"a")
+    exchange.deliver()
+    assert heard == sent == [b"a"]
+
+
+def test_message_objects_take_the_way_through_the_middleware() -> None:
+    exchange, heard = Exchange(), []
+    exchange.listen("/topic", heard.append)
+    publish, sent = outlet(exchange, 1)
+    message = object()
+    publish.publish(message)
+    exchange.deliver()
+    assert sent == [message]
+    assert heard == []
+
+
+def test_answers_come_after_the_message_they_answer() -> None:
+    exchange, heard = Exchange(), []
+    publish, _ = outlet(exchange, 1)
+
+    def answer(message: bytes) -> None:
+        if message == b"question":
+            publish.publish(b"answer")
+            exchange.deliver()
+        heard.append(message)
+
+    exchange.listen("/topic", answer)
+    publish.publish(b"question")
+    publish.publish(b"next")
+    exchange.deliver()
+    assert heard == [b"question", b"next", b"answer"]
+
+
+def test_a_silenced_listener_hears_no_more() -> None:
+    exchange, heard = Exchange(), []
+    exchange.listen("/topic", heard.append)
+    publish, _ = outlet(exchange, 1)
+    publish.publish(b"a")
+    exchange.silence("/topic", heard.append)
+    exchange.deliver()
+    publish.publish(b"b")
+    exchange.deliver()
+    assert heard == []
+
+
+def test_delivery_goes_on_after_a_listener_that_raised() -> None:
+    exchange, heard = Exchange(), []
+
+    def refuse(message: bytes) -> None:
+        raise ValueError(message)
+
+    exchange.listen("/topic", refuse)
+    exchange.listen("/topic", heard.append)
+    publish, _ = outlet(exchange, 2)
+    publish.publish(b"a")
+    try:
+        exchange.deliver()
+    except ValueError:
+        exchange.deliver()
+    assert heard == [b"a"]
+
+
+def test_copies_that_never_come_back_are_forgotten() -> None:
+    exchange, heard = Exchange(), []
+    from_outside = exchange.listen("/topic", heard.append)
+    publish, _ = outlet(exchange, 2)
+    for number in range(MOST_UNDERWAY + 1):
+        publish.publish(b"%d" % number)
+    exchange.deliver()
+    heard.clear()
+    from_outside(b"0")
+    from_outside(b"%d" % MOST_UNDERWAY)
+    assert heard == [b"0"]
