@@ -8,12 +8,16 @@ different.
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any, Protocol
 
 # How many messages may be on their way through the middleware back to this process.
 MOST_UNDERWAY = 1024
+# How long an answer holds to the question of who listens: asked each time it would cost as much as
+# a message. Somebody new outside hears a topic at most so much later.
+CENSUS_NS = 20_000_000
 
 Listener = Callable[[bytes], None]
 
@@ -55,26 +59,39 @@ class Outlet:
         self._exchange = exchange
         self._line = line
         self._stays = stays
+        self._readers = 0
+        self._census_ns = -CENSUS_NS
 
     @property
     def wanted(self) -> bool:
         """Whether anybody would get a message."""
-        return self._stays or self.publisher.get_subscription_count() > 0
+        return self._stays or self._count() > 0
 
     def publish(self, message: Any) -> None:
         """Send a message, or its bytes, to all who listen."""
         line = self._line
-        if not line.listeners or type(message) is not bytes:
+        if type(message) is not bytes:
             if self.wanted:
                 self.publisher.publish(message)
             return
-        if self._stays or self.publisher.get_subscription_count() > len(line.listeners):
+        if not line.listeners:
+            self.publisher.publish(message)
+            return
+        if self._stays or self._count() > len(line.listeners):
             underway = line.underway
             underway[message] = None
             if len(underway) > MOST_UNDERWAY:
                 del underway[next(iter(underway))]
             self.publisher.publish(message)
         self._exchange.send(line.listeners, message)
+
+    def _count(self) -> int:
+        """Return how many subscriptions there are, those of this process included."""
+        now = time.monotonic_ns()
+        if now - self._census_ns >= CENSUS_NS:
+            self._census_ns = now
+            self._readers = self.publisher.get_subscription_count()
+        return self._readers
 
 
 class Exchange:

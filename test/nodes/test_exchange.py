@@ -1,5 +1,7 @@
 """Messages within a process: each once, in order, and outside only if somebody listens there."""
 
+import time
+
 from hapticmech_ros.nodes.exchange import MOST_UNDERWAY, Exchange, Outlet
 
 
@@ -47,11 +49,10 @@ def test_who_listens_outside_gets_it_too_and_the_copy_is_dropped_here() -> None:
     assert heard == [b"a", b"of another process"]
 
 
-def test_nothing_is_sent_that_nobody_wants_unless_it_stays() -> None:
+def test_nothing_is_converted_that_nobody_wants_unless_it_stays() -> None:
     exchange = Exchange()
     publish, sent = outlet(exchange, 0)
     assert not publish.wanted
-    publish.publish(b"a")
     publish.publish(object())
     assert sent == []
     latched, kept = outlet(exchange, 0, stays=True)
@@ -78,6 +79,18 @@ def test_message_objects_take_the_way_through_the_middleware() -> None:
     exchange.deliver()
     assert sent == [message]
     assert heard == []
+
+
+def test_who_comes_later_is_noticed() -> None:
+    exchange, heard = Exchange(), []
+    exchange.listen("/topic", heard.append)
+    publish, sent = outlet(exchange, 1)
+    publish.publish(b"a")
+    publish.publisher.subscriptions = 2  # type: ignore[attr-defined]
+    deadline = time.monotonic() + 10.0
+    while not sent and time.monotonic() < deadline:
+        publish.publish(b"b")
+    assert sent == [b"b"]
 
 
 def test_answers_come_after_the_message_they_answer() -> None:
