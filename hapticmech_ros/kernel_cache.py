@@ -12,19 +12,36 @@ import subprocess
 import sys
 from pathlib import Path
 
+# A slow machine takes a minute.
+COMPILE_TIMEOUT_S = 300.0
 _PACKAGE = Path(__file__).parent
 # All files whose functions or constants become part of a kernel.
 _SOURCES = (
     "compilation.py",
     "mechanism/constraint_space.py",
     "mechanism/small_matrices.py",
+    "saturation_kernels.py",
+    "mechanism/tables.py",
     "mechanism/closure_kernels.py",
     "mechanism/kernels.py",
     "mechanism/motion_kernels.py",
+    "mechanism/step_kernels.py",
     "operational/kernels.py",
+    "operational/point_kernels.py",
+    "rotation_kernels.py",
+    "device/hand.py",
+    "device/hand_kernels.py",
+    "device/kernels.py",
+    "control/flat.py",
+    "control/pose_kernels.py",
+    "control/kernels.py",
+    "wire/kernels.py",
 )
 # Imports every kernel.
-_ALL = "import hapticmech_ros.operational.compiled"
+_ALL = (
+    "import hapticmech_ros.mechanism.compiled_stepping, hapticmech_ros.operational.compiled,"
+    " hapticmech_ros.control.compiled, hapticmech_ros.device.compiled, hapticmech_ros.wire.readings"
+)
 
 
 def folder(chosen: str = "") -> Path:
@@ -47,7 +64,14 @@ def compile_ahead() -> None:
     done = folder(os.environ.get("NUMBA_CACHE_DIR", "")) / f"compiled-{place}"
     if done.exists():
         return
-    compiled = subprocess.run([sys.executable, "-c", _ALL], check=False, stdin=subprocess.DEVNULL)
+    command = [sys.executable, "-c", _ALL]
+    try:
+        compiled = subprocess.run(
+            command, check=False, stdin=subprocess.DEVNULL, timeout=COMPILE_TIMEOUT_S
+        )
+    except subprocess.TimeoutExpired:
+        # Each process then compiles for itself what it needs.
+        return
     if compiled.returncode == 0 and done.parent.is_dir():
         done.touch()
 

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.control import (
-    ControlArchitecture,
     ControlOutput,
     DeviceMeasurement,
     Engagement,
     PointMeasurement,
     RenderingModel,
+    control_for,
 )
-from hapticmech_ros.device import DeviceState, ImpedanceDevice, hand_law
+from hapticmech_ros.device import DeviceState, device_for
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
 from hapticmech_ros.mechanism.model import Array
@@ -72,13 +72,11 @@ class Session:
         self._analyser = Analyser(self.simulator.mechanism, point)
         self._index = self._analyser.index
         self._points = len(self.simulator.mechanism.point_names)
-        self._control = ControlArchitecture(scene)
-        self._hand = hand_law(scene.hand)
-        self._device = ImpedanceDevice(scene.device, self.period, scene.task_space == "planar")
+        self._control = control_for(scene)
+        self._device = device_for(scene)
         self._mechanism_state = self.simulator.initial_state()
         start = self.simulator.evaluate(self._mechanism_state).points[self._index].pose
-        self._held = start
-        self._device_state = self._device.at_rest(start)
+        self._device_state = self._held = self._device.at_rest(start, held=True)
         self._engagement: Engagement = self._control.engage(0.0, start, start)
         self._pending: deque[tuple[Array, Array]] = deque(
             [(np.zeros(6), np.zeros(6))] * command_delay
@@ -109,11 +107,10 @@ class Session:
         point = terms.points[self._index]
         analysis = self._analyser.analyse(terms)
         self._count = self._next_count(analysis.spectrum.s, time)
-        hand = self._hand(time, device.pose, device.twist, self._held)
         output = self._control.compute(
             time,
             self._engagement,
-            DeviceMeasurement(device.measured_pose, device.measured_twist, hand),
+            DeviceMeasurement(device.measured_pose, device.measured_twist, device.hand_wrench),
             PointMeasurement(point.pose, point.twist, external),
             rendering_model(analysis),
         )
@@ -122,7 +119,7 @@ class Session:
             device,
             mechanism,
             point,
-            hand,
+            device.hand_wrench,
             external,
             analysis,
             self._count.count,
@@ -133,7 +130,7 @@ class Session:
         wrenches = np.zeros((self._points, 6))
         wrenches[self._index] = to_mechanism + external
         self._mechanism_state = self.simulator.step(mechanism, wrenches)
-        self._device_state = self._device.step(device, to_device, self._hand, time, self._held)
+        self._device_state = self._device.step(device, to_device, self._held, self._tick)
         self._tick += 1
         return sample
 

@@ -2,72 +2,39 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.control.engagement import Engagement, engage, pose_error
+from hapticmech_ros.control.flat import device_of, model_of, point_of
 from hapticmech_ros.control.four_channel import FourChannel
 from hapticmech_ros.control.impedance import impedance_wrench
 from hapticmech_ros.control.joint_constraint import joint_constraint_wrench
+from hapticmech_ros.control.measurements import (
+    ControlOutput,
+    DeviceMeasurement,
+    PointMeasurement,
+    RenderingModel,
+)
+from hapticmech_ros.control.prediction import carried_on
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.document import Device, Scene
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceMeasurement:
-    """What the device reports, world axes: pose, twist (6,), hand wrench F_h (6,) on the device."""
+class ControlArchitecture:
+    """The controllers of a scene. Holds gains only; state is the :class:`Engagement`.
 
-    pose: pin.SE3
-    twist: Array
-    hand_wrench: Array
-
-
-@dataclass(frozen=True, slots=True)
-class PointMeasurement:
-    """What the mechanism reports of its operational point, world axes.
-
-    ``contact_wrench`` (6,) F_c is by the environment on the mechanism, at the point.
-    """
-
-    pose: pin.SE3
-    twist: Array
-    contact_wrench: Array
-
-
-@dataclass(frozen=True, slots=True)
-class RenderingModel:
-    """What the analysis reports: X, P_c, Π (6, 6 each) and a_0 (6,), world axes at the point."""
-
-    inverse_inertia: Array
-    constraint_projector: Array
-    balanced_share: Array
-    free_acceleration: Array
-
-
-@dataclass(frozen=True, slots=True)
-class ControlOutput:
-    """Wrenches of one control period, world axes, N and N m.
+    Measurements come as objects, or as flat arrays with the time that lies between them; see
+    :mod:`~hapticmech_ros.control.flat`.
 
     Attributes:
-        device: (6,) servo_cf of the device: on the hand, by the device.
-        mechanism: (6,) servo_cf of the operational point: on the mechanism, by the hand.
-        impedance, joint_constraint, four_channel: (6,) the three parts of ``device``.
-        error: (6,) pose error e, m and rad.
+        compiled: whether a kernel computes; see :func:`~hapticmech_ros.control.build.control_for`.
     """
 
-    device: Array
-    mechanism: Array
-    impedance: Array
-    joint_constraint: Array
-    four_channel: Array
-    error: Array
-
-
-class ControlArchitecture:
-    """The controllers of a scene. Holds gains only; state is the :class:`Engagement`."""
+    compiled: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         self.gains = scene.controller
@@ -120,6 +87,33 @@ class ControlArchitecture:
             four_channel=ramp * channels.device,
             error=error,
         )
+
+    def engage_flat(self, time: float, device: Array, rendered: Array, ahead: float) -> Engagement:
+        """Start rendering with flat measurements; arguments as in :meth:`answer`."""
+        return self.engage(time, device_of(device).pose, _point_at(rendered, ahead).pose)
+
+    def answer(
+        self, time: float, engagement: Engagement, device: Array, rendered: Array, ahead: float
+    ) -> Array:
+        """Return the wrenches for flat measurements, (6, 6): rows as in :class:`ControlOutput`.
+
+        Args:
+            time: s.
+            engagement: the tie of the two poses.
+            device: (19,) the device's measurement.
+            rendered: (133,) analysis and measurement of the operational point.
+            ahead: s, from the time of ``rendered`` to that of ``device``; the point's pose is
+                carried on by its twist for as long.
+        """
+        point, model = _point_at(rendered, ahead), model_of(rendered)
+        return self.compute(time, engagement, device_of(device), point, model).rows()
+
+
+def _point_at(rendered: Array, ahead: float) -> PointMeasurement:
+    """Return the point's measurement, its pose carried on for ``ahead`` (s)."""
+    seen = point_of(rendered)
+    pose = carried_on(seen.pose, seen.twist, ahead)
+    return PointMeasurement(pose, seen.twist, seen.contact_wrench)
 
 
 def device_inertia(device: Device) -> Array:

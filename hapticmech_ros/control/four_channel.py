@@ -29,12 +29,16 @@ class ChannelWrenches:
 
 
 class FourChannel:
-    """Channels with constant gains."""
+    """Channels with constant gains.
+
+    Attributes:
+        stiffness, damping: (6,) of C_m = C_s, N/m, N m/rad and N s/m, N m s/rad.
+    """
 
     def __init__(self, position: PositionChannelGains, force: ForceChannelGains) -> None:
         self.force = force
-        self._stiffness = np.array([position.stiffness] * 3 + [position.angular_stiffness] * 3)
-        self._damping = np.array([position.damping] * 3 + [position.angular_damping] * 3)
+        self.stiffness = np.array([position.stiffness] * 3 + [position.angular_stiffness] * 3)
+        self.damping = np.array([position.damping] * 3 + [position.angular_damping] * 3)
 
     def wrenches(
         self,
@@ -53,7 +57,7 @@ class FourChannel:
             hand_wrench: (6,) F_h, by the hand on the device.
             contact_wrench: (6,) F_c, by the environment on the mechanism at the operational point.
         """
-        coupling = self._stiffness * error + self._damping * error_rate
+        coupling = self.stiffness * error + self.damping * error_rate
         in_range = coupling - balanced_share @ coupling
         return ChannelWrenches(
             device=self.force.contact * contact_wrench - in_range,

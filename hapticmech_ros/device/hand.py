@@ -12,6 +12,8 @@ from hapticmech_ros.scene.document import ConstantWrenchHand, Hand, SpringDamper
 
 # (elapsed s, pose, twist, pose when the hand took hold) -> wrench on the device, world axes.
 HandLaw = Callable[[float, pin.SE3, Array, pin.SE3], Array]
+# Half a nanosecond, s, absorbs the rounding of times that are sums of periods.
+START_TOLERANCE = 5e-10
 
 
 def hand_law(hand: Hand) -> HandLaw:
@@ -30,35 +32,45 @@ def no_hand(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array
     return np.zeros(6)
 
 
-def _constant(hand: ConstantWrenchHand) -> HandLaw:
-    pushing = np.array(hand.force + hand.torque)
-    idle = np.zeros(6)
-    pushing.flags.writeable = idle.flags.writeable = False
-    # Half a nanosecond absorbs the rounding of times that are sums of periods.
-    start = hand.start_delay - 5e-10
-
-    def law(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
-        del pose, twist, held
-        return pushing if elapsed >= start else idle
-
-    return law
-
-
-def _spring_damper(hand: SpringDamperHand) -> HandLaw:
+def spring_gains(hand: SpringDamperHand) -> tuple[Array, Array]:
+    """Return stiffnesses and dampings (6,), N/m, N m/rad and N s/m, N m s/rad."""
     stiffness = np.array([hand.stiffness] * 3 + [hand.angular_stiffness] * 3)
     damping = np.array([hand.damping] * 3 + [hand.angular_damping] * 3)
+    return stiffness, damping
+
+
+def target_table(hand: SpringDamperHand) -> tuple[Array, Array]:
+    """Return times (n,), s, the first one 0, and offsets (n, 6) of the target, m and rad."""
     times = np.array([waypoint.time for waypoint in hand.waypoints])
     offsets = np.array([waypoint.xyz + waypoint.rotation for waypoint in hand.waypoints])
     if times[0] > 0.0:
         times = np.concatenate(([0.0], times))
         offsets = np.vstack((np.zeros(6), offsets))
+    return times, offsets
+
+
+def _constant(hand: ConstantWrenchHand) -> HandLaw:
+    pushing = np.array(hand.force + hand.torque)
+    idle = np.zeros(6)
+    pushing.flags.writeable = idle.flags.writeable = False
+
+    def law(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
+        del pose, twist, held
+        return pushing if elapsed - hand.start_delay >= -START_TOLERANCE else idle
+
+    return law
+
+
+def _spring_damper(hand: SpringDamperHand) -> HandLaw:
+    stiffness, damping = spring_gains(hand)
+    times, offsets = target_table(hand)
     idle = np.zeros(6)
 
     def law(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
         moving = elapsed - hand.start_delay
-        if moving < -5e-10:
+        if moving < -START_TOLERANCE:
             return idle
-        offset, rate = _target(times, offsets, moving)
+        offset, rate = _target(times, offsets, max(moving, 0.0))
         goal = held.translation + offset[:3]
         turned = pin.exp3(offset[3:]) @ held.rotation
         # Left Jacobian of exp: from the rate of a rotation vector to angular velocity, world axes.
@@ -73,9 +85,9 @@ def _target(times: Array, offsets: Array, time: float) -> tuple[Array, Array]:
     """Return offset and rate of the target: minimum-jerk moves from waypoint to waypoint."""
     if time >= times[-1]:
         return offsets[-1], np.zeros(6)
-    index = max(int(np.searchsorted(times, time, side="right")) - 1, 0)
+    index = int(np.searchsorted(times, time, side="right")) - 1
     span = times[index + 1] - times[index]
-    u = min(max((time - times[index]) / span, 0.0), 1.0)
+    u = (time - times[index]) / span
     way = offsets[index + 1] - offsets[index]
     share = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
     speed = 30.0 * u**2 * (1.0 - u) ** 2 / span

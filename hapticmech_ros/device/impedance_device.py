@@ -1,46 +1,47 @@
 """Simulated impedance-type device: a rigid body between hand and actuators, sampled and held.
 
-    Λ_d ẍ = F_h + u - b ẋ
+    Λ_d ẍ = F_h + F_o + u - b ẋ
 
-u is the command, limited by the actuators and held over a sample period (zero-order hold).
+u is the command, limited by the actuators and held over a sample period (zero-order hold); so is
+F_o, by others than the hand. The hand's own law F_h acts all through the period.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.device.hand import HandLaw
+from hapticmech_ros.device.hand import HandLaw, no_hand
+from hapticmech_ros.device.state import DeviceState
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.document import Device
 
-
-@dataclass(frozen=True, slots=True)
-class DeviceState:
-    """True state of the device, and what its encoders said last.
-
-    Attributes:
-        pose: of the point held, in the world.
-        twist: (6,) of the point held, world axes.
-        measured_pose: pose rounded to encoder steps.
-        measured_twist: twist as estimated from the encoders; the true one if they are ideal.
-    """
-
-    pose: pin.SE3
-    twist: Array
-    measured_pose: pin.SE3
-    measured_twist: Array
+NO_WRENCH = np.zeros(6)
+NO_WRENCH.flags.writeable = False
 
 
 class ImpedanceDevice:
-    """Steps a device of the scene by one sample period at a time."""
+    """Steps a device of the scene by one sample period at a time.
 
-    def __init__(self, device: Device, period: float, planar: bool) -> None:
+    Args:
+        device: of the scene.
+        period: s.
+        planar: whether it moves in x, y and about z only.
+        law: of the hand.
+
+    Attributes:
+        compiled: whether a kernel computes; see :func:`~hapticmech_ros.device.build.device_for`.
+    """
+
+    compiled: ClassVar[bool] = False
+
+    def __init__(self, device: Device, period: float, planar: bool, law: HandLaw = no_hand) -> None:
         self.device = device
         self.period = period
+        self._law = law
         self._step = period / device.substeps
         self._damping = np.array([device.damping] * 3 + [device.angular_damping] * 3)
         task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
@@ -50,40 +51,50 @@ class ImpedanceDevice:
         cut_off = 2.0 * np.pi * device.velocity_filter * period
         self._filter_gain = cut_off / (1.0 + cut_off)
 
-    def at_rest(self, pose: pin.SE3) -> DeviceState:
-        """Return the device standing still at ``pose``."""
-        return DeviceState(pose, np.zeros(6), self._quantised(pose), np.zeros(6))
-
-    def limited(self, command: Array) -> Array:
-        """Return what the actuators give of a command (6,)."""
-        return limited(command, self.device.force_limit, self.device.torque_limit)
+    def at_rest(self, pose: pin.SE3, held: bool = False) -> DeviceState:
+        """Return the device standing still at ``pose``, where the hand takes hold now or not."""
+        own = self._law(0.0, pose, NO_WRENCH, pose) if held else NO_WRENCH
+        measured = self._quantised(pose)
+        return DeviceState(pose, np.zeros(6), measured, np.zeros(6), own, np.zeros(6))
 
     def step(
-        self, state: DeviceState, command: Array, hand: HandLaw, elapsed: float, held: pin.SE3
+        self,
+        state: DeviceState,
+        command: Array,
+        held: DeviceState | None,
+        ticks: int,
+        push: Array = NO_WRENCH,
     ) -> DeviceState:
         """Advance one period.
 
         Args:
             state: where to start.
             command: (6,) servo_cf, on the hand by the device, held over the period.
-            hand: the hand's law, which acts all through the period.
-            elapsed: s since engagement, for the hand.
-            held: pose when the hand took hold.
+            held: state in which the hand took hold; None if nobody holds.
+            ticks: whole periods since then, until ``state``.
+            push: (6,) by others than the hand, on the device, world axes.
         """
-        actuators = self.limited(command)
+        actuators = limited(command, self.device.force_limit, self.device.torque_limit)
         step, gain = self._step, self._gain
         pose, twist = state.pose, state.twist
         for index in range(self.device.substeps):
-            push = hand(elapsed + index * step, pose, twist, held)
-            force = push + actuators - self._damping * twist
+            own = self._hand_wrench(ticks * self.period + index * step, pose, twist, held)
+            force = push + own + actuators - self._damping * twist
             twist = twist + gain * force
             pose = pin.SE3(
                 pin.exp3(step * twist[3:]) @ pose.rotation, pose.translation + step * twist[:3]
             )
+        own = self._hand_wrench((ticks + 1) * self.period, pose, twist, held)
         if self._ideal:
-            return DeviceState(pose, twist, pose, twist)
+            return DeviceState(pose, twist, pose, twist, own, actuators)
         measured = self._quantised(pose)
-        return DeviceState(pose, twist, measured, self._estimated(state, measured))
+        estimated = self._estimated(state, measured)
+        return DeviceState(pose, twist, measured, estimated, own, actuators)
+
+    def _hand_wrench(
+        self, elapsed: float, pose: pin.SE3, twist: Array, held: DeviceState | None
+    ) -> Array:
+        return NO_WRENCH if held is None else self._law(elapsed, pose, twist, held.pose)
 
     def _quantised(self, pose: pin.SE3) -> pin.SE3:
         if self._ideal:

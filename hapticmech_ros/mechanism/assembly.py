@@ -33,7 +33,8 @@ def assemble(mechanism: Mechanism, q: Array, v: Array, active: Active) -> tuple[
     """
     names = mechanism.names_of(active)
     for _ in range(ASSEMBLY_ITERATIONS):
-        residual, _, space = mechanism.closing_terms(q, active)
+        closing = mechanism.closing_terms(q, active)
+        residual, space = closing.residual, closing.space
         if not residual.size or np.abs(residual).max() <= ASSEMBLY_TOLERANCE:
             break
         step = -space.correction(residual)

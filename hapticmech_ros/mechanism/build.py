@@ -1,8 +1,11 @@
-"""Which implementation of a mechanism runs."""
+"""Which implementation of a mechanism and of its steps runs."""
 
 from __future__ import annotations
 
+from typing import cast
+
 from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.mechanism.stepping import Stepper
 from hapticmech_ros.scene.document import Scene
 
 
@@ -20,3 +23,16 @@ def build(scene: Scene, compiled: bool = True) -> Mechanism:
     from hapticmech_ros.mechanism.compiled import CompiledMechanism
 
     return CompiledMechanism(scene)
+
+
+def build_stepper(mechanism: Mechanism) -> Stepper:
+    """Return what steps a mechanism as its scene says, compiled if the mechanism is."""
+    simulation = mechanism.scene.simulation
+    if not mechanism.compiled:
+        return Stepper(mechanism, simulation.integrator, simulation.period)
+    from hapticmech_ros.mechanism.compiled import CompiledMechanism
+    from hapticmech_ros.mechanism.compiled_stepping import CompiledStepper
+
+    return CompiledStepper(
+        cast(CompiledMechanism, mechanism), simulation.integrator, simulation.period
+    )

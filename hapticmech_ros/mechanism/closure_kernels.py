@@ -1,7 +1,8 @@
 """Residual φ, Jacobian W and bias Ẇv of each kind of closure, as :mod:`closures` defines them.
 
-A pose is a row of 12 numbers: the frame's three axes in the world, then its origin. Joint Jacobians
-are rows of 6 per degree of freedom: velocity of what is at the world's origin, then angular rate.
+A pose is a row of ``poses``, 12 numbers: a frame's three axes in the world, then its origin. Joint
+Jacobians are rows of 6 per degree of freedom: velocity of what is at the world's origin, then
+angular rate.
 """
 
 from __future__ import annotations
@@ -17,68 +18,109 @@ KINDS = {"spherical": SPHERICAL, "revolute": REVOLUTE, "weld": WELD, "planar_pin
 
 
 @inner
-def residual_of(kind: int, a: Array, b: Array, out: Array) -> None:
-    """Fill ``out`` (m,) with φ of frames at poses ``a`` and ``b``."""
+def residual_of(
+    kind: int, poses: Array, frame_a: int, frame_b: int, first: int, residual: Array
+) -> None:
+    """Fill φ of two frames into ``residual`` (m,), from row ``first`` on."""
     points = 2 if kind == PLANAR_PIN else 3
     for i in range(points):
-        out[i] = a[9 + i] - b[9 + i]
+        residual[first + i] = poses[frame_a, 9 + i] - poses[frame_b, 9 + i]
+    if kind in (REVOLUTE, WELD):
+        _residual_of_axes(kind, poses[frame_a], poses[frame_b], residual[first + 3 :])
+
+
+@inner
+def _residual_of_axes(kind: int, a: Array, b: Array, out: Array) -> None:
     if kind == REVOLUTE:
-        out[3], out[4] = dot(b[0:3], a[6:9]), dot(b[3:6], a[6:9])
-    elif kind == WELD:
-        turn = np.empty(3)
-        out[3:6] = 0.0
-        for k in range(3):
-            cross(b[3 * k : 3 * k + 3], a[3 * k : 3 * k + 3], turn)
-            for i in range(3):
-                out[3 + i] += 0.5 * turn[i]
+        out[0], out[1] = dot(b[0:3], a[6:9]), dot(b[3:6], a[6:9])
+        return
+    turn = np.empty(3)
+    out[0:3] = 0.0
+    for k in range(3):
+        cross(b[3 * k : 3 * k + 3], a[3 * k : 3 * k + 3], turn)
+        for i in range(3):
+            out[i] += 0.5 * turn[i]
 
 
 @inner
 def jacobian_of(
     kind: int,
-    a: Array,
-    b: Array,
-    on_a: Array,
-    on_b: Array,
+    poses: Array,
+    frame_a: int,
+    frame_b: int,
+    support: Array,
     joint_jacobian: Array,
-    out: Array,
+    first: int,
+    jacobian: Array,
 ) -> None:
-    """Fill ``out`` (m, nv) with W; ``on_a`` and ``on_b`` (nv,) are 1 where a rate moves it."""
-    points = 2 if kind == PLANAR_PIN else 3
+    """Fill W of two frames into ``jacobian`` (m, nv), from row ``first`` on.
+
+    ``support`` (frames, nv) is 1 where a rate moves a frame, else 0.
+    """
+    for col in range(support.shape[1]):
+        on_a, on_b = support[frame_a, col], support[frame_b, col]
+        x = on_a * poses[frame_a, 9] - on_b * poses[frame_b, 9]
+        y = on_a * poses[frame_a, 10] - on_b * poses[frame_b, 10]
+        z = on_a * poses[frame_a, 11] - on_b * poses[frame_b, 11]
+        a, b, c = joint_jacobian[col, 3], joint_jacobian[col, 4], joint_jacobian[col, 5]
+        on = on_a - on_b
+        jacobian[first, col] = on * joint_jacobian[col, 0] + (b * z - c * y)
+        jacobian[first + 1, col] = on * joint_jacobian[col, 1] + (c * x - a * z)
+        if kind != PLANAR_PIN:
+            jacobian[first + 2, col] = on * joint_jacobian[col, 2] + (a * y - b * x)
+    if kind in (REVOLUTE, WELD):
+        on_a, on_b = support[frame_a], support[frame_b]
+        axes, rows = joint_jacobian[:, 3:], jacobian[first + 3 :]
+        _jacobian_of_axes(kind, poses[frame_a], poses[frame_b], on_a, on_b, axes, rows)
+
+
+@inner
+def _jacobian_of_axes(
+    kind: int, a: Array, b: Array, on_a: Array, on_b: Array, axes: Array, out: Array
+) -> None:
     gain_a, gain_b = np.empty((3, 3)), np.empty((3, 3))
-    turns = 0
+    turns = 2
     if kind == REVOLUTE:
-        turns = 2
         for k in range(2):
             cross(a[6:9], b[3 * k : 3 * k + 3], gain_a[k])
             for i in range(3):
                 gain_b[k, i] = -gain_a[k, i]
-    elif kind == WELD:
+    else:
         turns = 3
         _weld_gains(a, b, gain_a, gain_b)
-    arm, moved = np.empty(3), np.empty(3)
-    for c in range(on_a.size):
-        column = joint_jacobian[c]
-        for i in range(3):
-            arm[i] = on_a[c] * a[9 + i] - on_b[c] * b[9 + i]
-        cross(column[3:6], arm, moved)
-        for i in range(points):
-            out[i, c] = (on_a[c] - on_b[c]) * column[i] + moved[i]
+    for col in range(on_a.size):
         for i in range(turns):
-            by_a, by_b = dot(gain_a[i], column[3:6]), dot(gain_b[i], column[3:6])
-            out[points + i, c] = on_a[c] * by_a + on_b[c] * by_b
+            by_a, by_b = dot(gain_a[i], axes[col]), dot(gain_b[i], axes[col])
+            out[i, col] = on_a[col] * by_a + on_b[col] * by_b
 
 
 @inner
-def bias_of(kind: int, a: Array, b: Array, motion_a: Array, motion_b: Array, out: Array) -> None:
-    """Fill ``out`` (m,) with Ẇv.
+def bias_of(
+    kind: int,
+    poses: Array,
+    frame_a: int,
+    frame_b: int,
+    motion_a: Array,
+    motion_b: Array,
+    first: int,
+    bias: Array,
+) -> None:
+    """Fill Ẇv of frames ``frame_a`` and ``frame_b`` into ``bias`` (m,), from row ``first`` on.
 
-    A motion (4, 3) is a frame's velocity and angular rate, then its acceleration and angular
+    A motion (12,) is a frame's velocity and angular rate, then its acceleration and angular
     acceleration at v̇ = 0, world axes.
     """
     points = 2 if kind == PLANAR_PIN else 3
     for i in range(points):
-        out[i] = motion_a[2, i] - motion_b[2, i]
+        bias[first + i] = motion_a[6 + i] - motion_b[6 + i]
+    if kind in (REVOLUTE, WELD):
+        _bias_of_axes(kind, poses[frame_a], poses[frame_b], motion_a, motion_b, bias[first:])
+
+
+@inner
+def _bias_of_axes(
+    kind: int, a: Array, b: Array, motion_a: Array, motion_b: Array, out: Array
+) -> None:
     rates = np.empty((4, 3))
     if kind == REVOLUTE:
         z = a[6:9]
@@ -88,7 +130,7 @@ def bias_of(kind: int, a: Array, b: Array, motion_a: Array, motion_b: Array, out
             _axis_rates(axis, motion_b, rates[2], rates[3])
             twice = 2.0 * dot(rates[2], rates[0])
             out[3 + k] = dot(rates[3], z) + twice + dot(axis, rates[1])
-    elif kind == WELD:
+    else:
         out[3:6] = 0.0
         turn = np.empty((3, 3))
         for k in range(3):
@@ -106,9 +148,9 @@ def bias_of(kind: int, a: Array, b: Array, motion_a: Array, motion_b: Array, out
 def _axis_rates(axis: Array, motion: Array, first: Array, second: Array) -> None:
     """Fill first and second derivative of a unit axis at zero joint acceleration."""
     bend = np.empty(3)
-    cross(motion[1], axis, first)
-    cross(motion[1], first, bend)
-    cross(motion[3], axis, second)
+    cross(motion[3:6], axis, first)
+    cross(motion[3:6], first, bend)
+    cross(motion[9:], axis, second)
     for i in range(3):
         second[i] += bend[i]
 

@@ -13,9 +13,15 @@ import pinocchio as pin
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closure_kernels import KINDS
-from hapticmech_ros.mechanism.compiled_space import CompiledSpace
+from hapticmech_ros.mechanism.compiled_space import CompiledClosing, CompiledSpace
 from hapticmech_ros.mechanism.constraint_space import singular_inertia
-from hapticmech_ros.mechanism.kernels import factor_closures, solve_motion
+from hapticmech_ros.mechanism.kernels import (
+    NO_SVD,
+    SINGULAR,
+    factor_closures,
+    packed_size,
+    solve_motion,
+)
 from hapticmech_ros.mechanism.mechanism import (
     Active,
     Closing,
@@ -25,10 +31,13 @@ from hapticmech_ros.mechanism.mechanism import (
 )
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion_kernels import move_frames
+from hapticmech_ros.mechanism.tables import Tables, fold
 from hapticmech_ros.scene.document import Scene
 
 # A pose in memory: the columns of its rotation, then its translation.
 _POSE_SIZE = 12
+# In these axes ``crba`` leaves joint Jacobians and joints' poses behind as well.
+_IN_WORLD = pin.Convention.WORLD
 
 
 class CompiledEvaluation(Evaluation):
@@ -47,33 +56,31 @@ class CompiledEvaluation(Evaluation):
         return result[:nv], result[nv:]
 
 
-class CompiledClosing(Closing):
-    """φ, W and what kernels made of them."""
+class Chosen:
+    """What a set of active closures fixes.
 
-    __slots__ = ()
+    Attributes:
+        constants: the mechanism's tables with these closures, folded.
+        m: number of closure rows.
+        size: length of a packed array.
+        scratch: a packed array for terms that nobody keeps.
+    """
 
-    @property
-    def error(self) -> float:
-        """Largest |φ|, m or rad; 0 without closures."""
-        return float(cast(CompiledSpace, self.space).packed[-1])
-
-
-class _Chosen:
-    """What a set of active closures fixes: their table, row units, and places in a packed space."""
-
-    def __init__(self, closures: Array, lengths: Array, nv: int) -> None:
-        self.closures = closures
-        self.lengths = lengths
-        self.rows = m = lengths.size
-        factor = nv * nv
-        self.residual = slice(factor, factor + m)
-        self.jacobian = slice(factor + m, factor + m + m * nv)
-        self.size = factor + m * (nv + 1) + min(m, nv) * (nv + m + 1) + 1
-        self.bias = slice(2 * nv, 2 * nv + m)
+    def __init__(self, tables: Tables) -> None:
+        self.constants = fold(tables)
+        self.m = tables.m
+        self.size = packed_size(tables.nv, tables.m, tables.carriers.size)
+        self.scratch = np.empty(self.size)
 
 
 class CompiledMechanism(Mechanism):
-    """A scene's tree, closures and operational points, evaluated at states by kernels."""
+    """A scene's tree, closures and operational points, evaluated at states by kernels.
+
+    Attributes:
+        placed: D (lower triangle), joint Jacobians and joints' poses at what :meth:`place` was
+            given: views of what Pinocchio computed.
+        bias_force: (nv,) view of h after ``nonLinearEffects``.
+    """
 
     compiled: ClassVar[bool] = True
 
@@ -81,22 +88,35 @@ class CompiledMechanism(Mechanism):
         super().__init__(scene)
         model, data, nv = self.model, self.data, self.nv
         # Views of what Pinocchio allocated for the life of ``data``, transposed: rows first.
-        self._inertia = np.reshape(data.M, (nv, nv), order="F").T
-        self._joint_jacobian = np.reshape(data.J, (6, nv), order="F").T
-        self._bias_force = np.reshape(data.nle, nv)
-        self._poses = placement_view(data)
-        self._point_poses = tuple(data.oMf[frame] for frame in self._point_frames)
-        self._rates = np.empty(nv)
-        self._damping = np.array(self.tree.damping, dtype=float)
-        self._carriers = np.array([int(frame.parentJoint) for frame in model.frames])
-        self._points = np.array(self._point_frames, dtype=np.int64)
-        self._joints = np.array(
-            [(int(model.parents[i]), *_rates_of(model, i)) for i in range(model.njoints)]
+        self.placed: tuple[Array, Array, Array] = (
+            np.reshape(data.M, (nv, nv), order="F").T,
+            np.reshape(data.J, (6, nv), order="F").T,
+            placement_view(data.oMi),
         )
-        self._support = np.array([self._moved_by(joint) for joint in self._carriers.tolist()])
-        self._sets: dict[Active, _Chosen] = {}
+        self.bias_force: Array = np.reshape(data.nle, nv)
+        # Copying a pose is a fifth of making one.
+        poses = pin.StdVec_SE3([pin.SE3.Identity()] * len(self.point_names))
+        self._point_poses = tuple(poses)
+        self._point_places = placement_view(poses)
+        self._rates = np.empty(nv)
+        carriers = np.array([int(frame.parentJoint) for frame in model.frames])
+        self._without_closures = Tables(
+            self.nq,
+            nv,
+            0,
+            carriers,
+            joints=np.array(
+                [(int(model.parents[i]), *_rates_of(model, i)) for i in range(model.njoints)]
+            ),
+            closures=np.zeros((0, 4)),
+            points=np.array(self._point_frames),
+            damping=np.array(self.tree.damping, dtype=float),
+            lengths=np.zeros(0),
+            support=np.array([self._moved_by(joint) for joint in carriers.tolist()]),
+            placements=np.array([_in_memory(frame.placement) for frame in model.frames]),
+        )
+        self._sets: dict[Active, Chosen] = {}
         self._single = [self._table([index]) for index in range(len(self.closures))]
-        self._passive = slice(nv, 2 * nv)
 
     def evaluate(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
@@ -104,105 +124,76 @@ class CompiledMechanism(Mechanism):
         """Evaluate every term of Eq. 1; see :meth:`Mechanism.evaluate`."""
         if closing is None:
             closing = self.closing_terms(q, active)
-        else:
-            self._place(q)
         pin.nonLinearEffects(self.model, self.data, q, v)
         self._rates[:] = v
-        nv, chosen = self.nv, self._set(active)
-        forces = np.empty(2 * nv + chosen.rows)
-        count = len(self._point_poses)
-        jacobians, motions = np.empty((count, 6, nv)), np.empty((count, 2, 6))
-        move_frames(
-            self._bias_force,
-            self._damping,
-            self._rates,
-            self._joint_jacobian,
-            self._poses,
-            self._support,
-            self._carriers,
-            self._joints,
-            chosen.closures,
-            self._points,
-            forces,
-            jacobians,
-            motions,
-        )
+        nv, chosen = self.nv, self.chosen(active)
+        space = cast(CompiledSpace, closing.space)
+        first = 2 * nv + chosen.m
+        each = 6 * nv + 12
+        terms = np.empty(first + each * len(self._point_frames))
+        packed, poses = space.packed, self._point_places
+        move_frames(*chosen.constants, packed, self.bias_force, self._rates, terms, poses)
         points = []
-        for index, pose in enumerate(self._point_poses):
-            twist, drift = motions[index]
-            points.append(PointKinematics(pose.copy(), jacobians[index], twist, drift))
-        residual, jacobian, space = closing
+        for at, pose in zip(range(first, terms.size, each), self._point_poses, strict=True):
+            moving = at + 6 * nv
+            jacobian = terms[at:moving].reshape(6, nv)
+            twist, drift = terms[moving : moving + 6], terms[moving + 6 : moving + 12]
+            points.append(PointKinematics(pose.copy(), jacobian, twist, drift))
         return CompiledEvaluation(
-            forces[:nv],
-            forces[self._passive],
-            residual,
-            jacobian,
-            forces[chosen.bias],
+            terms[:nv],
+            terms[nv : 2 * nv],
+            closing.residual,
+            closing.jacobian,
+            terms[2 * nv : first],
             space,
             tuple(points),
         )
 
     def closing_terms(self, q: Array, active: Active) -> Closing:
         """Return φ, W and the factorisation at q: what projections need."""
-        pin.crba(self.model, self.data, q)
-        self._place(q)
-        return self._factored(self._set(active))
+        self.place(q)
+        return self._factored(self.chosen(active))
 
     def distance_of(self, index: int, q: Array, v: Array) -> tuple[float, float]:
         """Return |φ| of closure ``index``, active or not, and the rate at which it grows."""
-        residual, jacobian, _ = self._closing_of(index, q)
+        self.place(q)
+        closing = self._factored(self._single[index])
+        residual = closing.residual
         distance = float(np.sqrt(residual @ residual))
-        rate = residual @ (jacobian @ v)
+        rate = residual @ (closing.jacobian @ v)
         return distance, float(rate) / distance if distance > 0.0 else 0.0
 
-    def _closing_of(self, index: int, q: Array) -> Closing:
-        pin.crba(self.model, self.data, q)
-        self._place(q)
-        return self._factored(self._single[index])
+    def place(self, q: Array) -> None:
+        """Compute D, joint Jacobians and joints' poses at q."""
+        pin.crba(self.model, self.data, q, _IN_WORLD)
 
-    def _place(self, q: Array) -> None:
-        """Compute joint Jacobians and placements of joints and frames."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        pin.updateFramePlacements(self.model, self.data)
-
-    def _factored(self, chosen: _Chosen) -> Closing:
-        packed = np.empty(chosen.size)
-        rank = factor_closures(
-            self._inertia,
-            self._joint_jacobian,
-            self._poses,
-            self._support,
-            chosen.closures,
-            chosen.lengths,
-            packed,
-        )
-        if rank < 0:
-            if rank == -1:
-                raise HapticMechError("SVD of the loop closures did not converge")
-            raise singular_inertia(-2 - rank)
-        nv, m = self.nv, chosen.rows
-        space = CompiledSpace(packed, nv, m, rank)
-        residual, jacobian = packed[chosen.residual], packed[chosen.jacobian].reshape(m, nv)
-        return CompiledClosing(residual, jacobian, space)
-
-    def _set(self, active: Active) -> _Chosen:
+    def chosen(self, active: Active) -> Chosen:
+        """Return what a set of closures fixes; found once."""
         found = self._sets.get(active)
         if found is None:
-            found = self._table([i for i, on in self._numbered(active) if on])
+            numbered = zip(enumerate(self.closures), active, strict=True)
+            found = self._table([index for (index, _), on in numbered if on])
             self._sets[active] = found
         return found
 
-    def _numbered(self, active: Active) -> list[tuple[int, bool]]:
-        return [(i, on) for (i, _), on in zip(enumerate(self.closures), active, strict=True)]
+    def _factored(self, chosen: Chosen) -> CompiledClosing:
+        packed = np.empty(chosen.size)
+        code = factor_closures(*chosen.constants, *self.placed, packed)
+        if code < 0:
+            raise failure(code)
+        # Closures are asked for their branch next.
+        pin.updateFramePlacements(self.model, self.data)
+        return CompiledClosing(packed, self.nv, chosen.m)
 
-    def _table(self, indices: list[int]) -> _Chosen:
+    def _table(self, indices: list[int]) -> Chosen:
         table, lengths, first = np.zeros((len(indices), 4), dtype=np.int64), [np.zeros(0)], 0
         for row, index in enumerate(indices):
             loop = self.closures[index]
             table[row] = KINDS[loop.kind], loop.frame_a, loop.frame_b, first
             lengths.append(loop.row_lengths(self.length))
             first += loop.rows
-        return _Chosen(table, np.concatenate(lengths), self.nv)
+        fixed = self._without_closures
+        return Chosen(fixed._replace(m=first, closures=table, lengths=np.concatenate(lengths)))
 
     def _moved_by(self, joint: int) -> Array:
         """Return (nv,) 1 for the rates of a joint and of those before it, 0 for others."""
@@ -214,22 +205,34 @@ class CompiledMechanism(Mechanism):
         return moves
 
 
-def placement_view(data: pin.Data) -> Array:
-    """Return (frames, 12) a view of ``data.oMf``: each frame's axes, then its origin.
+def failure(code: int) -> HapticMechError:
+    """Return the error of a kernel's negative code."""
+    if code == NO_SVD:
+        return HapticMechError("SVD of the loop closures did not converge")
+    return singular_inertia(SINGULAR - code)
+
+
+def placement_view(poses: pin.StdVec_SE3) -> Array:
+    """Return (n, 12) a view of poses in Pinocchio's memory: each one's axes, then its origin.
 
     Raises:
         HapticMechError: this build of Pinocchio keeps poses in another order.
     """
-    rotations = [pose.rotation for pose in data.oMf]
+    rotations = [pose.rotation for pose in poses]
     starts = [rotation.__array_interface__["data"][0] for rotation in rotations]
-    origins = [pose.translation.__array_interface__["data"][0] for pose in data.oMf]
-    stride = starts[1] - starts[0]
+    origins = [pose.translation.__array_interface__["data"][0] for pose in poses]
+    stride = 8 * _POSE_SIZE
     even = all(at == starts[0] + i * stride for i, at in enumerate(starts))
     packed = all(at - start == 9 * 8 for at, start in zip(origins, starts, strict=True))
-    if not (even and packed and stride == 8 * _POSE_SIZE and rotations[0].flags.f_contiguous):
+    if not (even and packed and rotations[0].flags.f_contiguous):
         raise HapticMechError("Pinocchio's placements are not one array of rotation, translation")
     shape = (len(starts), _POSE_SIZE)
     return np.lib.stride_tricks.as_strided(rotations[0].T, shape, (stride, 8))
+
+
+def _in_memory(pose: pin.SE3) -> Array:
+    """Return (12,) a pose as Pinocchio keeps it."""
+    return np.concatenate((pose.rotation.T.ravel(), pose.translation))
 
 
 def _rates_of(model: pin.Model, joint: int) -> tuple[int, int]:

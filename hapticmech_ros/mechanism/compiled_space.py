@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
-from hapticmech_ros.mechanism.kernels import correct, keep_closed
+from hapticmech_ros.mechanism.kernels import correct, keep_closed, views_of
+from hapticmech_ros.mechanism.mechanism import Closing
 from hapticmech_ros.mechanism.model import Array
 
 
@@ -13,63 +14,95 @@ class CompiledSpace(ConstraintSpace):
     """A :class:`ConstraintSpace` in one array; its parts are views made when asked for.
 
     Attributes:
-        packed: see :mod:`~hapticmech_ros.mechanism.kernels`.
+        packed: see :class:`~hapticmech_ros.mechanism.kernels.Packed`.
         nv: number of rates.
         m: number of closure rows.
     """
 
-    __slots__ = ("_rank", "m", "nv", "packed")
+    __slots__ = ("m", "nv", "packed")
     packed: Array
     nv: int
     m: int
-    _rank: int
 
-    def __init__(self, packed: Array, nv: int, m: int, rank: int) -> None:
-        fill = object.__setattr__  # the parent is frozen
-        fill(self, "packed", packed)
-        fill(self, "nv", nv)
-        fill(self, "m", m)
-        fill(self, "_rank", rank)
+    def __init__(self, packed: Array, nv: int, m: int) -> None:
+        _fill(self, packed, nv, m)
 
     @property
     def rank(self) -> int:
         """Number r of independent closure rows."""
-        return self._rank
+        return int(self.packed[-1])
 
     @property
     def factor(self) -> Array:
         """(nv, nv) lower Cholesky factor L of D."""
-        return self.packed[: self.nv * self.nv].reshape(self.nv, self.nv)
+        return views_of(self.packed, self.nv, self.m).factor
 
     @property
     def basis(self) -> Array:
         """(nv, r) U, orthonormal basis of range(L⁻¹Wᵀ)."""
-        start = self._spectral_start()
-        return self.packed[start : start + self.rank * self.nv].reshape(self.rank, self.nv).T
+        return views_of(self.packed, self.nv, self.m).basis[: self.rank].T
 
     @property
     def sigma(self) -> Array:
         """(r,) singular values kept, of rows scaled by their unit."""
-        start = self._spectral_start() + min(self.m, self.nv) * self.nv
-        return self.packed[start : start + self.rank]
+        return views_of(self.packed, self.nv, self.m).sigma[: self.rank]
 
     @property
     def rows(self) -> Array:
         """(m, r) V / row length."""
-        start = self._spectral_start() + min(self.m, self.nv) * (self.nv + 1)
-        return self.packed[start : start + self.rank * self.m].reshape(self.rank, self.m).T
+        return views_of(self.packed, self.nv, self.m).rows[: self.rank].T
 
     def correction(self, rows: Array) -> Array:
         """Return D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ rows: of all changes with W change = rows the smallest."""
         change = np.empty(self.nv)
-        correct(self.packed, self.nv, self.m, self._rank, np.ascontiguousarray(rows), change)
+        correct(self.packed, self.nv, self.m, self.rank, np.ascontiguousarray(rows), change)
         return change
 
     def closed_rates(self, rates: Array) -> Array:
         """Return the rates nearest to ``rates`` in the mass metric that keep the loops closed."""
         kept = np.array(rates, dtype=float)
-        keep_closed(self.packed, self.nv, self.m, self._rank, kept)
+        keep_closed(self.packed, self.nv, self.m, self.rank, kept)
         return kept
 
-    def _spectral_start(self) -> int:
-        return self.nv * self.nv + self.m * (self.nv + 1)
+
+class CompiledClosing(Closing):
+    """φ, W, and what kernels made of them and of D, in one array."""
+
+    __slots__ = ("m", "nv", "packed")
+    packed: Array
+    nv: int
+    m: int
+
+    def __init__(self, packed: Array, nv: int, m: int) -> None:
+        _fill(self, packed, nv, m)
+
+    @property
+    def space(self) -> CompiledSpace:
+        """The factorisation of D and W."""
+        return CompiledSpace(self.packed, self.nv, self.m)
+
+    @property
+    def residual(self) -> Array:
+        """(m,) φ."""
+        start = self.nv**2
+        return self.packed[start : start + self.m]
+
+    @property
+    def jacobian(self) -> Array:
+        """(m, nv) W."""
+        nv, m = self.nv, self.m
+        start = nv * nv + m
+        return self.packed[start : start + m * nv].reshape(m, nv)
+
+    @property
+    def error(self) -> float:
+        """Largest |φ|, m or rad; 0 without closures."""
+        return float(self.packed[-2])
+
+
+def _fill(made: CompiledSpace | CompiledClosing, packed: Array, nv: int, m: int) -> None:
+    """Set the attributes of an object whose parent is frozen."""
+    write = object.__setattr__
+    write(made, "packed", packed)
+    write(made, "nv", nv)
+    write(made, "m", m)

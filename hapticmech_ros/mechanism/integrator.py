@@ -52,7 +52,7 @@ def rk4(model: pin.Model, motion: Motion, q: Array, v: Array, period: float) -> 
         rates = motion(pin.integrate(model, q, theta), turn)
         accel = rates.acceleration
         if not flat:
-            turn = _local_rate(model, q, theta, turn)
+            turn = local_rate(model, q, theta, turn)
         total_turn += weight * turn
         total_accel += weight * accel
         work += weight * rates.power_in
@@ -100,6 +100,30 @@ INTEGRATORS: dict[str, Integrator] = {
 }
 
 
-def _local_rate(model: pin.Model, q: Array, theta: Array, speed: Array) -> Array:
+class Scheme(NamedTuple):
+    """One of the rules above as numbers, for kernels.
+
+    Attributes:
+        weights: of the stages in the sums of θ̇, v̇ and powers.
+        fractions: of the step, at which the second and later stages are.
+        late: positions move with the rates at the step's end, not with the sum of θ̇.
+        corrected: θ̇ of later stages is J_r(θ)⁻¹ v rather than v.
+    """
+
+    weights: tuple[float, ...]
+    fractions: tuple[float, ...]
+    late: bool = False
+    corrected: bool = False
+
+
+SCHEMES: dict[str, Scheme] = {
+    "rk4": Scheme((1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.5, 0.5, 1.0), corrected=True),
+    "rk2": Scheme((0.0, 1.0), (0.5,)),
+    "semi_implicit_euler": Scheme((1.0,), (), late=True),
+}
+
+
+def local_rate(model: pin.Model, q: Array, theta: Array, speed: Array) -> Array:
+    """Return θ̇ (nv,) = J_r(θ)⁻¹ speed at q ⊕ θ."""
     right_jacobian = pin.dIntegrate(model, q, theta, pin.ArgumentPosition.ARG1)
     return np.asarray(np.linalg.solve(np.atleast_2d(right_jacobian), speed))

@@ -1,11 +1,13 @@
-"""Kernels of Eq. 1: factorisation of D and W, accelerations, projections.
+"""Kernels of Eq. 1 at a configuration: factorisation of D and W, accelerations, projections.
 
-What :class:`~hapticmech_ros.mechanism.constraint_space.ConstraintSpace` holds is packed into one
-array: L (nv, nv), φ (m,), W (m, nv), Uᵀ (k, nv), σ (k,), rowsᵀ (k, m), max |φ|. There is room for
-k = min(m, nv) directions, of which the first r (rank) are filled.
+Every kernel takes the mechanism's constants as ``numbers`` and ``values`` (see
+:mod:`~hapticmech_ros.mechanism.tables`), and what is known of a configuration as one array
+``packed`` (see :class:`Packed`).
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,17 +21,54 @@ from hapticmech_ros.mechanism.constraint_space import (
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.small_matrices import (
     cholesky,
-    dot,
+    copy_matrix,
+    dot_rows,
+    dot_with_row,
     orthogonalise,
     remove,
     solve_lower,
     solve_lower_transposed,
 )
+from hapticmech_ros.mechanism.tables import Tables, unfold
+
+# What a kernel returns that could not do its work; below SINGULAR: D is not positive definite at
+# degree of freedom SINGULAR - code.
+NO_SVD, NOT_FINITE, SINGULAR = -1, -2, -3
 
 
-@inner
-def unpack(packed: Array, nv: int, m: int) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Return views of L, φ, W, Uᵀ, σ, rowsᵀ in a packed space."""
+class Packed(NamedTuple):
+    """A configuration's terms; k = min(m, nv), and of k directions the first ``rank`` are filled.
+
+    Attributes:
+        factor: (nv, nv) lower Cholesky factor L of D.
+        residual: (m,) φ.
+        jacobian: (m, nv) W.
+        basis: (k, nv) Uᵀ.
+        sigma: (k,) σ.
+        rows: (k, m) (V / row length)ᵀ.
+        joint_jacobian: (nv, 6) columns of all joints, world axes, at the world's origin.
+        poses: (frames, 12) each frame's axes in the world, then its origin.
+        tail: (2,) largest |φ|, and the rank.
+    """
+
+    factor: Array
+    residual: Array
+    jacobian: Array
+    basis: Array
+    sigma: Array
+    rows: Array
+    joint_jacobian: Array
+    poses: Array
+    tail: Array
+
+
+def packed_size(nv: int, m: int, frames: int) -> int:
+    """Return the length of a packed array."""
+    return nv * nv + m * (nv + 1) + min(m, nv) * (nv + m + 1) + 6 * nv + 12 * frames + 2
+
+
+def views_of(packed: Array, nv: int, m: int) -> Packed:
+    """Return the parts of a packed array, as views."""
     k = min(m, nv)
     at = nv * nv
     factor = packed[:at].reshape(nv, nv)
@@ -41,96 +80,166 @@ def unpack(packed: Array, nv: int, m: int) -> tuple[Array, Array, Array, Array, 
     at += k * nv
     sigma = packed[at : at + k]
     at += k
-    return factor, residual, jacobian, basis, sigma, packed[at : at + k * m].reshape(k, m)
+    rows = packed[at : at + k * m].reshape(k, m)
+    at += k * m
+    joint_jacobian = packed[at : at + 6 * nv].reshape(nv, 6)
+    at += 6 * nv
+    last = packed.size - 2
+    poses = packed[at:last].reshape((last - at) // 12, 12)
+    return Packed(
+        factor, residual, jacobian, basis, sigma, rows, joint_jacobian, poses, packed[last:]
+    )
 
 
-@kernel(
-    "int64(float64[:,::1], float64[:,::1], float64[:,::1], float64[:,::1], int64[:,::1],"
-    " float64[::1], float64[::1])"
-)
-def factor_closures(
-    inertia: Array,
-    joint_jacobian: Array,
-    poses: Array,
-    support: Array,
-    closures: Array,
-    lengths: Array,
-    packed: Array,
+unpack = inner(views_of)
+
+
+@inner
+def factor(
+    tables: Tables, inertia: Array, joint_jacobian: Array, joint_poses: Array, space: Packed
 ) -> int:
-    """Fill ``packed`` at a configuration.
-
-    Args:
-        inertia: (nv, nv) D, lower triangle.
-        joint_jacobian: (nv, 6) world axes, at the world's origin.
-        poses: (frames, 12).
-        support: (frames, nv) 1 where a rate moves a frame, else 0.
-        closures: per active closure its kind, its frames a and b, and its first row.
-        lengths: (m,) unit of each row.
-        packed: to fill.
-
-    Returns:
-        The rank r; -1 where the SVD fails; -2 - i where D is not positive definite at rate i.
-    """
-    nv, m = inertia.shape[0], lengths.size
-    factor, residual, jacobian, basis, sigma, rows = unpack(packed, nv, m)
-    bad = cholesky(inertia, factor)
+    """Fill ``space`` at a configuration; see :func:`factor_closures`."""
+    nv, m = tables.nv, tables.m
+    bad = cholesky(inertia, space.factor)
     if bad >= 0:
-        return -2 - bad
-    packed[-1] = 0.0
+        return SINGULAR - bad
+    copy_matrix(joint_jacobian, space.joint_jacobian)
+    _place_frames(tables, joint_poses, space.poses)
+    space.tail[0], space.tail[1] = 0.0, 0.0
     if m == 0:
         return 0
-    for index in range(closures.shape[0]):
-        kind, a, b, first = closures[index]
-        residual_of(kind, poses[a], poses[b], residual[first:])
-        on_a, on_b = support[a], support[b]
-        jacobian_of(kind, poses[a], poses[b], on_a, on_b, joint_jacobian, jacobian[first:])
+    for index in range(tables.closures.shape[0]):
+        kind, a = tables.closures[index, 0], tables.closures[index, 1]
+        b, first = tables.closures[index, 2], tables.closures[index, 3]
+        residual_of(kind, space.poses, a, b, first, space.residual)
+        support = tables.support
+        jacobian_of(kind, space.poses, a, b, support, joint_jacobian, first, space.jacobian)
     scaled, turn = np.empty((m, nv)), np.empty((m, m))
-    drift = 0.0
+    worst, drift = 0.0, 0.0
     for i in range(m):
-        packed[-1] = max(packed[-1], abs(residual[i]))
-        drift = max(drift, abs(residual[i] / lengths[i]))
+        length = tables.lengths[i]
+        worst = max(worst, abs(space.residual[i]))
+        drift = max(drift, abs(space.residual[i] / length))
         for c in range(nv):
-            scaled[i, c] = jacobian[i, c] / lengths[i]
-        solve_lower(factor, scaled[i])
+            scaled[i, c] = space.jacobian[i, c] / length
+        solve_lower(space.factor, scaled[i])
     if not orthogonalise(scaled, turn):
-        return -1
+        return NO_SVD
+    rank = _keep(scaled, turn, tables.lengths, drift, space)
+    space.tail[0], space.tail[1] = worst, rank
+    return rank
+
+
+@inner
+def _place_frames(tables: Tables, joint_poses: Array, poses: Array) -> None:
+    """Fill the frames' poses in the world from those of their joints."""
+    for frame in range(tables.carriers.size):
+        joint = tables.carriers[frame]
+        for column in range(0, 12, 3):
+            x = tables.placements[frame, column]
+            y = tables.placements[frame, column + 1]
+            z = tables.placements[frame, column + 2]
+            for i in range(3):
+                turned = joint_poses[joint, i] * x
+                turned += joint_poses[joint, 3 + i] * y
+                turned += joint_poses[joint, 6 + i] * z
+                poses[frame, column + i] = turned
+        for i in range(3):
+            poses[frame, 9 + i] += joint_poses[joint, 9 + i]
+
+
+@inner
+def _keep(scaled: Array, turn: Array, lengths: Array, drift: float, space: Packed) -> int:
+    """Keep the directions that carry force, and return their number."""
     tolerance = max(SOLVER_RANK_TOLERANCE, min(DRIFT_FACTOR * drift, DRIFT_CAP))
-    longest = np.sqrt(dot(scaled[0], scaled[0]))
+    longest = np.sqrt(dot_rows(scaled, 0, 0))
     rank = 0
-    for i in range(min(m, nv)):
-        length = np.sqrt(dot(scaled[i], scaled[i]))
+    for i in range(space.sigma.size):
+        length = np.sqrt(dot_rows(scaled, i, i))
         if not length > tolerance * longest:
             break
-        sigma[i] = length
-        for c in range(nv):
-            basis[i, c] = scaled[i, c] / length
-        for j in range(m):
-            rows[i, j] = turn[i, j] / lengths[j]
+        space.sigma[i] = length
+        for c in range(scaled.shape[1]):
+            space.basis[i, c] = scaled[i, c] / length
+        for j in range(lengths.size):
+            space.rows[i, j] = turn[i, j] / lengths[j]
         rank += 1
     return rank
 
 
 @inner
 def accelerate(
-    packed: Array, rank: int, bias_force: Array, passive: Array, bias: Array, result: Array
+    space: Packed, rank: int, bias_force: Array, passive: Array, bias: Array, result: Array
 ) -> None:
     """Replace joint forces in ``result`` (nv + m,) by v̇, followed by λ."""
     nv, m = bias_force.size, bias.size
-    factor, _, _, basis, sigma, rows = unpack(packed, nv, m)
     rates, multipliers = result[:nv], result[nv:]
     multipliers[:] = 0.0
     for c in range(nv):
         rates[c] = rates[c] + passive[c] - bias_force[c]
-    solve_lower(factor, rates)
+    solve_lower(space.factor, rates)
     surplus = np.empty(rank)
     for i in range(rank):
-        surplus[i] = dot(basis[i], rates) + dot(rows[i], bias) / sigma[i]
+        surplus[i] = dot_with_row(space.basis, i, rates)
+        surplus[i] += dot_with_row(space.rows, i, bias) / space.sigma[i]
     for i in range(rank):
         for c in range(nv):
-            rates[c] -= surplus[i] * basis[i, c]
+            rates[c] -= surplus[i] * space.basis[i, c]
         for j in range(m):
-            multipliers[j] += rows[i, j] * (surplus[i] / sigma[i])
-    solve_lower_transposed(factor, rates)
+            multipliers[j] += space.rows[i, j] * (surplus[i] / space.sigma[i])
+    solve_lower_transposed(space.factor, rates)
+
+
+@inner
+def correction_of(space: Packed, rank: int, residual: Array, change: Array) -> None:
+    """Fill ``change`` (nv,) with D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ residual."""
+    change[:] = 0.0
+    for i in range(rank):
+        along = dot_with_row(space.rows, i, residual) / space.sigma[i]
+        for c in range(change.size):
+            change[c] += along * space.basis[i, c]
+    solve_lower_transposed(space.factor, change)
+
+
+@inner
+def close_rates(space: Packed, rank: int, rates: Array) -> None:
+    """Replace rates v by v - D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ W v."""
+    for i in range(rates.size):
+        total = 0.0
+        for k in range(i, rates.size):
+            total += space.factor[k, i] * rates[k]
+        rates[i] = total
+    remove(space.basis, rank, rates)
+    solve_lower_transposed(space.factor, rates)
+
+
+@kernel(
+    "int64(int64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], float64[::1])"
+)
+def factor_closures(
+    numbers: Array,
+    values: Array,
+    inertia: Array,
+    joint_jacobian: Array,
+    joint_poses: Array,
+    packed: Array,
+) -> int:
+    """Fill ``packed`` at a configuration.
+
+    Args:
+        numbers: constants of the mechanism, whole ones.
+        values: the others; see ``tables.unfold``.
+        inertia: (nv, nv) D, lower triangle.
+        joint_jacobian: (nv, 6) world axes, at the world's origin.
+        joint_poses: (joints, 12) each joint's axes in the world, then its origin.
+        packed: to fill.
+
+    Returns:
+        The rank r; or NO_SVD, or SINGULAR and below.
+    """
+    tables = unfold(numbers, values)
+    space = unpack(packed, tables.nv, tables.m)
+    return factor(tables, inertia, joint_jacobian, joint_poses, space)
 
 
 @kernel("void(float64[::1], int64, float64[::1], float64[::1], float64[::1], float64[::1])")
@@ -138,29 +247,17 @@ def solve_motion(
     packed: Array, rank: int, bias_force: Array, passive: Array, bias: Array, result: Array
 ) -> None:
     """Solve Eq. 1: see :func:`accelerate`."""
-    accelerate(packed, rank, bias_force, passive, bias, result)
+    space = unpack(packed, bias_force.size, bias.size)
+    accelerate(space, rank, bias_force, passive, bias, result)
 
 
 @kernel("void(float64[::1], int64, int64, int64, float64[::1], float64[::1])")
 def correct(packed: Array, nv: int, m: int, rank: int, residual: Array, change: Array) -> None:
-    """Fill ``change`` (nv,) with D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ residual."""
-    factor, _, _, basis, sigma, rows = unpack(packed, nv, m)
-    change[:] = 0.0
-    for i in range(rank):
-        along = dot(rows[i], residual) / sigma[i]
-        for c in range(nv):
-            change[c] += along * basis[i, c]
-    solve_lower_transposed(factor, change)
+    """Fill ``change``: see :func:`correction_of`."""
+    correction_of(unpack(packed, nv, m), rank, residual, change)
 
 
 @kernel("void(float64[::1], int64, int64, int64, float64[::1])")
 def keep_closed(packed: Array, nv: int, m: int, rank: int, rates: Array) -> None:
-    """Replace rates v by v - D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ W v."""
-    factor, _, _, basis, _, _ = unpack(packed, nv, m)
-    for i in range(nv):
-        total = 0.0
-        for k in range(i, nv):
-            total += factor[k, i] * rates[k]
-        rates[i] = total
-    remove(basis[:rank], rates)
-    solve_lower_transposed(factor, rates)
+    """Replace rates: see :func:`close_rates`."""
+    close_rates(unpack(packed, nv, m), rank, rates)

@@ -5,6 +5,7 @@ D(q) v̇ + h(q, v) = τ + Σ Jᵀ F - Wᵀ λ,      W v̇ + Ẇ v = 0
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -24,7 +25,8 @@ Active = tuple[bool, ...]
 _NOTHING = np.zeros(0)
 
 
-class Closing(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Closing:
     """Active closures at a configuration: φ (m,), W (m, nv), and the factorisation of D and W."""
 
     residual: Array

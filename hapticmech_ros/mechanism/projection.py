@@ -53,7 +53,16 @@ def project(mechanism: Mechanism, q: Array, v: Array, active: Active) -> Project
         before = worst
         q = mechanism.integrate(q, -space.correction(residual))
     else:
-        if not worst <= PROJECTION_FAILURE * mechanism.length:
-            names = mechanism.names_of(active)
-            raise ClosureError("a closed loop came apart", worst, names)
+        refuse_open(mechanism, worst, active)
     return Projected(q, space.closed_rates(v), worst, closing)
+
+
+def refuse_open(mechanism: Mechanism, worst: float, active: Active) -> None:
+    """Check the largest residual (m or rad) that is left after all iterations.
+
+    Raises:
+        ClosureError: it is above 1e-6 of the mechanism's length.
+    """
+    if not worst <= PROJECTION_FAILURE * mechanism.length:
+        names = mechanism.names_of(active)
+        raise ClosureError("a closed loop came apart", worst, names)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -11,11 +10,11 @@ import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
-from hapticmech_ros.mechanism.build import build
-from hapticmech_ros.mechanism.integrator import INTEGRATORS, Rates
+from hapticmech_ros.mechanism.build import build, build_stepper
 from hapticmech_ros.mechanism.mechanism import Active, Closing, Evaluation
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.stepping import Start
 from hapticmech_ros.scene.document import Scene
 
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.
@@ -64,7 +63,7 @@ class Simulator:
         self.scene = scene
         self.mechanism = build(scene, compiled)
         self.period = scene.simulation.period
-        self._integrate = INTEGRATORS[scene.simulation.integrator]
+        self._stepper = build_stepper(self.mechanism)
         self._evaluated: tuple[MechanismState, Evaluation] | None = None
         self._projected: tuple[MechanismState, Closing] | None = None
         self._can_latch = [
@@ -85,8 +84,7 @@ class Simulator:
     def evaluate(self, state: MechanismState) -> Evaluation:
         """Return every term of Eq. 1 at ``state``; asked twice for the same, it remembers."""
         if self._evaluated is None or self._evaluated[0] is not state:
-            known = self._projected
-            closing = known[1] if known is not None and known[0] is state else None
+            closing = self._closing(state)
             terms = self.mechanism.evaluate(state.q, state.v, state.active, closing)
             self._evaluated = state, terms
         return self._evaluated[1]
@@ -105,32 +103,16 @@ class Simulator:
             ClosureError: a closed loop came apart.
             InvalidInputError: the state is no longer finite, or an unknown link.
         """
-        active = state.active
-
-        def motion(q: Array, v: Array) -> Rates:
-            if not math.isfinite(v @ v):
-                raise InvalidInputError("mechanism rates", v.tolist(), "must stay finite")
-            at_start = q is state.q and v is state.v
-            terms = self.evaluate(state) if at_start else self.mechanism.evaluate(q, v, active)
-            force = np.zeros(v.size)
-            for point, wrench in zip(terms.points, wrenches, strict=True):
-                force += wrench @ point.jacobian
-            for link, wrench in on_links.items():
-                force += wrench @ self.mechanism.link_jacobian(q, link)
-            acceleration, _ = terms.acceleration(force)
-            return Rates(acceleration, float(force @ v), -float(terms.passive_force @ v))
-
-        advance = self._integrate(self.mechanism.model, motion, state.q, state.v, self.period)
-        if not math.isfinite(advance.q @ advance.q + advance.v @ advance.v):
-            raise InvalidInputError("mechanism state", advance.q.tolist(), "must stay finite")
-        q, v, error, closing = project(self.mechanism, advance.q, advance.v, active)
+        known = self._evaluated
+        terms = known[1] if known is not None and known[0] is state else None
+        start = Start(state.q, state.v, state.active, terms, self._closing(state))
+        q, v, error, closing, work_in, lost = self._stepper.advance(start, wrenches, on_links)
+        before = state.account
         account = EnergyAccount(
-            state.account.work_in + advance.work_in,
-            state.account.damping_loss + advance.energy_lost,
-            state.account.latch_loss,
+            before.work_in + work_in, before.damping_loss + lost, before.latch_loss
         )
         stepped = MechanismState(
-            state.time + self.period, _frozen(q), _frozen(v), active, error, account
+            state.time + self.period, _frozen(q), _frozen(v), state.active, error, account
         )
         self._projected = stepped, closing
         return self._latch(stepped)
@@ -149,8 +131,15 @@ class Simulator:
             active[index] = bool(on)
         return self._activated(state, tuple(active))
 
+    def _closing(self, state: MechanismState) -> Closing | None:
+        """Return the closures' terms at ``state``, if the last step ended there."""
+        known = self._projected
+        return known[1] if known is not None and known[0] is state else None
+
     def _latch(self, state: MechanismState) -> MechanismState:
         """Close open loops that are within reach, where their frames come nearest to each other."""
+        if not self._can_latch:
+            return state
         active = list(state.active)
         for index in self._can_latch:
             loop = self.mechanism.closures[index]

@@ -6,7 +6,7 @@ An actor is a thin shell around core objects of one scene. Its host (a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Generic, TypeVar
 
 from geometry_msgs.msg import WrenchStamped
@@ -24,7 +24,7 @@ from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLISHER
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.scene import Scene, load_scene
-from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.wrench import WORLD, decode_wrench
 
@@ -109,8 +109,18 @@ class Actor(Generic[P]):
         made: Subscription = self.node.create_subscription(message_type, name, guarded, qos)
         return self.node.keep(made)
 
-    def input_array(self, name: str, qos: QoSProfile, accept: Callable[[Array, int], None]) -> None:
-        """Subscribe to a Float64MultiArray's data, read from the bytes on the wire."""
+    def input_array(
+        self,
+        name: str,
+        qos: QoSProfile,
+        accept: Callable[[Array, int], None],
+        fields: Mapping[str, int],
+    ) -> None:
+        """Subscribe to a Float64MultiArray's data, read from the bytes on the wire.
+
+        Messages are expected to have ``fields``; those that have not are handed on as well.
+        """
+        decode = FlatArray(fields).decode
 
         def read(message: bytes, now_ns: int) -> None:
             accept(decode(message), now_ns)

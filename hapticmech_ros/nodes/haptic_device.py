@@ -12,8 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from hapticmech_ros.control import DeviceMeasurement
-from hapticmech_ros.device import DeviceState, ImpedanceDevice, hand_law, no_hand
+from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import NANOSECONDS, ClockedActor
@@ -30,7 +29,8 @@ from hapticmech_ros.nodes.parameters import DeviceParameters
 from hapticmech_ros.nodes.pushes import Pushes
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DeviceSample, pack_device
+from hapticmech_ros.wire.device_wire import DeviceWriter
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,
     DEVICE_FORCE,
@@ -43,13 +43,12 @@ from hapticmech_ros.wire.topics import (
     START_HAND,
 )
 
-_NO_WRENCH = np.zeros(6)
 # The six coordinates as joints: metres, and the rotation vector's components in radians.
 COORDINATES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 class HapticDevice(ClockedActor[DeviceParameters]):
-    """Drives an :class:`ImpedanceDevice` at the control rate.
+    """Drives an :class:`~hapticmech_ros.device.ImpedanceDevice` at the control rate.
 
     The hand takes hold when commands arrive and lets go when they stop; without commands the
     actuators are at zero. In lockstep the hand holds from the start, and the command that acts over
@@ -62,19 +61,14 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def __init__(self, node: Host, parameters: DeviceParameters) -> None:
         self._pushes: Pushes | None = None
         super().__init__(node, parameters)
-        scene = self.scene
         self._hand_waits = parameters.hand_waits
-        self._device = ImpedanceDevice(
-            scene.device, scene.simulation.period, scene.task_space == "planar"
-        )
-        self._hand = hand_law(scene.hand) if parameters.hand == "scene" else no_hand
-        self._push = np.zeros(6)
+        self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
+        self._push: Array = NO_WRENCH
         self._awaited: Stamped[Array] = Stamped()
         self._command: Latest[Array] = Latest()
         self._commands: Stamped[Array] = Stamped()
-        self._applied = np.zeros(6)
         self._state: DeviceState = self._device.at_rest(self._start_pose())
-        self._held: pin.SE3 | None = None
+        self._held: DeviceState | None = None
         self._ticks_held = 0
         self.times_held = 0
         self.latency = DurationHistogram()
@@ -82,7 +76,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._setpoint, self._joints = WrenchStamped(), JointState(name=list(COORDINATES))
         self._joints.header.frame_id = WORLD
         self._ticks = 0
-        self._wire = FlatArray(DEVICE_FIELDS)
+        self._wire, self._written = FlatArray(DEVICE_FIELDS), DeviceWriter()
         self._publish_wire = self.output(DEVICE_STATE, Float64MultiArray)
         self._publish_force = self.output(DEVICE_FORCE, WrenchStamped)
         self._publish_twist = self.output(DEVICE_TWIST, TwistStamped)
@@ -116,17 +110,17 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Begin where the device is, held by nobody; in lockstep, held from the start."""
         if self._pushes is not None:
             self._pushes.forget()
-        self._applied = self._push = _NO_WRENCH
+        self._push = NO_WRENCH
         self._command = Latest()
-        self._held = self._state.pose if self.lockstep else None
+        self._state = self._device.at_rest(self._state.pose, held=self.lockstep)
+        self._held = self._state if self.lockstep else None
         self.times_held = int(self.lockstep)
 
     def deactivate(self) -> None:
         """Put the actuators at zero and let go."""
         self._command = Latest()
         self._held = None
-        state = self._state
-        self._state = self._device.at_rest(state.pose)
+        self._state = self._device.at_rest(self._state.pose)
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the command to act on, and the hand's wrench if awaited, are there."""
@@ -139,33 +133,29 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         if self._ticks or not self.lockstep:
             period_ns = round(self.period_s * NANOSECONDS)
             for behind in reversed(range(self.backlog.steps(periods))):
-                command = self._standing_command(deadline_ns - behind * period_ns)
-                self._applied = self._device.limited(command)
-                self._move()
+                self._move(self._standing_command(deadline_ns - behind * period_ns))
         self._push = self._pushing(deadline_ns)
-        state = self._state
-        measured = DeviceMeasurement(state.measured_pose, state.measured_twist, self._hand_wrench())
-        sample = DeviceSample(deadline_ns, measured, self._applied)
-        self._publish_wire.publish(self._wire.encode(pack_device(sample)))
+        self._written.see(self._state, self._push, deadline_ns)
+        self._publish_wire.publish(self._wire.encode(self._written.values))
         if self._ticks % self.view_every == 0:
-            self._publish_view(measured, deadline_ns)
+            self._publish_view(deadline_ns)
         self._ticks += 1
 
-    def _move(self) -> None:
-        held = self._state.pose if self._held is None else self._held
-        elapsed = self._ticks_held * self.period_s
-        self._state = self._device.step(self._state, self._applied, self._hand_now, elapsed, held)
-        self._ticks_held += self._held is not None
+    def _move(self, command: Array) -> None:
+        held, ticks = self._held, self._ticks_held
+        self._state = self._device.step(self._state, command, held, ticks, self._push)
+        self._ticks_held += held is not None
 
-    def _publish_view(self, measured: DeviceMeasurement, deadline_ns: int) -> None:
-        write_wrench(self._force, measured.hand_wrench, deadline_ns)
-        write_twist(self._twist, measured.twist, deadline_ns)
-        write_pose(self._pose, measured.pose, deadline_ns)
+    def _publish_view(self, deadline_ns: int) -> None:
+        state = self._state
+        pose, twist, applied = state.measured_pose, state.measured_twist, state.applied
+        write_wrench(self._force, self._written.hand_wrench, deadline_ns)
+        write_twist(self._twist, twist, deadline_ns)
+        write_pose(self._pose, pose, deadline_ns)
         self._publish_force.publish(self._force)
         self._publish_twist.publish(self._twist)
-        write_wrench(self._setpoint, self._applied, deadline_ns)
+        write_wrench(self._setpoint, applied, deadline_ns)
         self._publish_setpoint.publish(self._setpoint)
-        pose, twist, applied = measured.pose, measured.twist, self._applied
         turned = pin.log3(pose.rotation)
         # Rates of the rotation vector, and torques that do the same work with them.
         spin = pose.rotation @ pin.Jexp3(turned)
@@ -197,16 +187,16 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Return servo_cf, or zero when it is stale; the hand takes hold and lets go with it."""
         if self.lockstep:
             if self._ticks < 2:
-                return np.zeros(6)
+                return NO_WRENCH
             return self._commands.take(self._answered_ns(now_ns))
         command = self._command.value
         if command is None or not self._command.fresh(now_ns, self.timeout_ns):
             if self._held is not None:
                 self.node.get_logger().warning("servo_cf is lost: actuators at zero")
             self._held = None
-            return np.zeros(6)
+            return NO_WRENCH
         if self._held is None and not self._hand_waits:
-            self._held = self._state.pose
+            self._held = self._state
             self._ticks_held = 0
             self.times_held += 1
         return command
@@ -219,20 +209,10 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Return what others add to the hand's wrench from now on."""
         if self._pushes is None:
             return self._awaited.take(now_ns)
-        return self._pushes.at(now_ns, self._rotation_of).get("hand", _NO_WRENCH)
+        return self._pushes.at(now_ns, self._rotation_of).get("hand", NO_WRENCH)
 
     def _rotation_of(self, frame: str) -> Array:
         return np.eye(3) if frame == "device_world" else np.asarray(self._state.pose.rotation)
-
-    def _hand_now(self, elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
-        if self._held is None:
-            return self._push
-        return self._push + self._hand(elapsed, pose, twist, held)
-
-    def _hand_wrench(self) -> Array:
-        state = self._state
-        held = state.pose if self._held is None else self._held
-        return self._hand_now(self._ticks_held * self.period_s, state.pose, state.twist, held)
 
     def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
         self.latency.add(now_ns - stamp_ns)

@@ -74,6 +74,12 @@ class ExpiringWrench:
         """Return whether a command came within the timeout."""
         return self._latest.fresh(now_ns, self.timeout_ns)
 
+    def stands(self, now_ns: int) -> bool:
+        """Return whether anything of a command is left at ``now_ns``."""
+        if self._latest.value is None:
+            return False
+        return self.timeout_ns == 0 or self._latest.fresh(now_ns, self.timeout_ns + self.ramp_ns)
+
     def at(self, now_ns: int) -> Array:
         """Return the wrench (6,) that stands at ``now_ns``."""
         wrench = self._latest.value

@@ -13,7 +13,6 @@ from typing import Any, TypeVar
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType, JumpHandle, JumpThreshold, TimeJump
 from rclpy.duration import Duration
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
@@ -24,6 +23,7 @@ from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.nodes.parameters import NodeParameters, ParameterError
 from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
+from hapticmech_ros.nodes.transitions import refuse_impossible_transitions
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 
 E = TypeVar("E")
@@ -67,7 +67,7 @@ class ManagedNode(LifecycleNode):
             DiagnosticArray, DIAGNOSTICS.name, STREAM_PUBLISHER
         )
         self._start_diagnostics()
-        self._refuse_impossible_transitions()
+        refuse_impossible_transitions(self)
 
     @property
     def parameters(self) -> NodeParameters:
@@ -231,21 +231,6 @@ class ManagedNode(LifecycleNode):
         ):
             if destroy(entity):
                 return
-
-    def _refuse_impossible_transitions(self) -> None:
-        """Answer a transition that the state does not allow; rclpy would end the process."""
-        service = self._service_change_state
-        change_state = service.callback
-
-        def guarded(request: Any, response: Any) -> Any:
-            try:
-                return change_state(request, response)
-            except rclpy_implementation.RCLError as error:
-                self.get_logger().warning(f"transition {request.transition.id} refused: {error}")
-                response.success = False
-                return response
-
-        service.callback = guarded
 
     def _look_for_clock(self) -> None:
         """Look whether time is what /clock says; asked for once, since now_ns() is asked often."""

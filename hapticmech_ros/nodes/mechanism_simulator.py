@@ -49,7 +49,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._state: MechanismState = self._simulator.initial_state()
         names = self._simulator.mechanism.point_names
         self._commands = np.zeros((len(names), 6))
-        self._external = np.zeros((len(names), 6))
+        self._calm = np.zeros((len(names), 6))
+        self._calm.flags.writeable = False
+        self._external = self._calm
         held = parameters.held_points.split(",") if parameters.held_points else [self.point]
         self._held = [self._simulator.mechanism.point_index(name.strip()) for name in held]
         self._on_links: dict[str, Array] = {}
@@ -88,7 +90,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if self._pushes is not None:
             self._pushes.forget()
         self._commands = np.zeros_like(self._commands)
-        self._external = np.zeros_like(self._external)
+        self._external = self._calm
         self._on_links = {}
 
     def deactivate(self) -> None:
@@ -121,7 +123,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def _publish(self, deadline_ns: int) -> None:
         state, external = self._state, self._external
-        heard = tuple(self.lockstep or p.command.heard(deadline_ns) for p in self._ports)
+        lockstep = self.lockstep
+        heard = tuple([lockstep or p.command.heard(deadline_ns) for p in self._ports])
         wire = WireState(deadline_ns, state.active, state.q, state.v, external, heard)
         self._publish_wire.publish(self._wire.encode(self._layout.pack(wire)))
         if state.active != self._announced:
@@ -156,7 +159,10 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def _commanded(self, deadline_ns: int) -> Array:
         """Return the wrench (points, 6) by the controllers that acts until a deadline."""
         if not self.lockstep:
-            return np.array([port.command.at(deadline_ns) for port in self._ports])
+            commands = self._commands
+            for index, port in enumerate(self._ports):
+                commands[index] = port.command.at(deadline_ns)
+            return commands
         wrenches = np.zeros_like(self._external)
         if self._ticks >= 2:
             answered = self._answered_ns(deadline_ns)
@@ -169,6 +175,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if self._pushes is None:
             return np.array([port.awaited.take(now_ns) for port in self._ports])
         pushed = self._pushes.at(now_ns, self._rotation_of)
+        if not pushed:
+            self._on_links = pushed
+            return self._calm
         mechanism = self._simulator.mechanism
         external = np.zeros_like(self._external)
         for index, name in enumerate(mechanism.point_names):

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray, UInt8
 
-from hapticmech_ros.control import PointMeasurement
 from hapticmech_ros.mechanism import build
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import NANOSECONDS, Actor
+from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import check_age, matrix_message, write_array
 from hapticmech_ros.nodes.parameters import AnalyserParameters
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.counter import CountState, first_count, next_count
-from hapticmech_ros.session import rendering_model
+from hapticmech_ros.operational.spectrum import rank_of
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import RENDERING_FIELDS, Rendering, pack_rendering
+from hapticmech_ros.wire.layouts import RENDERING_FIELDS
+from hapticmech_ros.wire.rendering_wire import RenderingWriter
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_WRENCHES,
@@ -45,11 +45,11 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._analyser = Analyser(self._mechanism, self.point)
         self._layout = StateLayout(self._mechanism)
         self._count: CountState | None = None
-        self._rank = 0
         self._last_ns = 0
         self._first_ns = 0
         self.analyses = 0
-        self._rendering = FlatArray(RENDERING_FIELDS)
+        self._rendering = RenderingWriter(self._analyser)
+        self._encoder = FlatArray(RENDERING_FIELDS)
         self._square = matrix_message("row", "column", 6, 6)
         self._publish_rendering = self.output(RENDERING, Float64MultiArray)
         self._publish_inertia = self.output(INVERSE_INERTIA, Float64MultiArray)
@@ -57,7 +57,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._publish_wrenches = self.output(CONSTRAINT_WRENCHES, Float64MultiArray)
         self._publish_spectrum = self.output(SPECTRUM, Float64MultiArray)
         self._publish_count = self.output(COUNT, UInt8)
-        self.input_array(STATE.name, self.control_input, self._on_state)
+        self.input_array(STATE.name, self.control_input, self._on_state, self._layout.fields)
 
     def activate(self) -> None:
         """Start the count anew."""
@@ -74,7 +74,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             "analyses": str(self.analyses),
             "achieved_rate_hz": f"{rate:.1f}",
             "count": count,
-            "inverse_inertia_rank": str(self._rank),
+            "inverse_inertia_rank": str(rank_of(self._rendering.s)),
         }
         return fresh, sentence, figures
 
@@ -82,28 +82,18 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         state = self._layout.unpack(values)
         check_age(state.stamp_ns, now_ns, self.age_limit_ns)
         self.ages.add(now_ns - state.stamp_ns)
-        terms = self._mechanism.evaluate(state.q, state.v, state.active)
-        found = self._analyser.analyse(terms)
-        self._rank = found.rank
-        count = self._counted(found, state.stamp_ns)
-        index = self._analyser.index
-        point = terms.points[index]
-        measured = PointMeasurement(point.pose, point.twist, state.contacts[index])
-        rendering = Rendering(
-            state.stamp_ns,
-            count,
-            found.spectrum.s,
-            rendering_model(found),
-            measured,
-            state.commanded[index],
-        )
-        self._publish_rendering.publish(self._rendering.encode(pack_rendering(rendering)))
+        rendering = self._rendering
+        rendering.see(state)
+        count = self._counted(rendering.s, state.stamp_ns)
+        rendering.count(count)
+        self._publish_rendering.publish(self._encoder.encode(rendering.values))
         if self.analyses % self.view_every == 0:
-            self._publish_view(found, count)
+            terms = self._mechanism.evaluate(state.q, state.v, state.active)
+            self._publish_view(self._analyser.analyse(terms), count)
         self.analyses += 1
 
-    def _counted(self, found: OperationalAnalysis, time_ns: int) -> int:
-        s, perception = found.spectrum.s, self.scene.perception
+    def _counted(self, s: Array, time_ns: int) -> int:
+        perception = self.scene.perception
         if self._count is None or not 0 <= time_ns - self._last_ns < RESTART_PAUSE_NS:
             self._count = first_count(s, perception)
             self._first_ns = time_ns
@@ -131,7 +121,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._publish_count.publish(UInt8(data=count))
 
     @staticmethod
-    def _publish_matrix(publisher: Publisher, row: str, column: str, matrix: np.ndarray) -> None:
+    def _publish_matrix(publisher: Outlet, row: str, column: str, matrix: np.ndarray) -> None:
         message = matrix_message(row, column, *matrix.shape)
         write_array(message, matrix)
         publisher.publish(message)

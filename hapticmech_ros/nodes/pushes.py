@@ -98,9 +98,9 @@ class Pushes:
         """Return the sum of wrenches (6,) on each body that is pushed, axes of ``world``."""
         total: dict[str, Array] = {}
         for source in self.sources.values():
-            wrench = source.wrench.at(now_ns)
-            if not wrench.any():
+            if not source.wrench.stands(now_ns):
                 continue
+            wrench = source.wrench.at(now_ns)
             if source.frame != WORLD:
                 turn = rotation_of(source.frame)
                 wrench = np.concatenate((turn @ wrench[:3], turn @ wrench[3:]))

@@ -7,14 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 
-from hapticmech_ros.control import (
-    ControlArchitecture,
-    ControlOutput,
-    DeviceMeasurement,
-    Engagement,
-    PointMeasurement,
-)
-from hapticmech_ros.control.prediction import carried_on
+from hapticmech_ros.control import DeviceMeasurement, Engagement, control_for
+from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import NANOSECONDS, Actor
 from hapticmech_ros.nodes.host import Host
@@ -29,7 +23,8 @@ from hapticmech_ros.nodes.messages import (
 )
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
-from hapticmech_ros.wire.layouts import Rendering, unpack_device, unpack_rendering
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
+from hapticmech_ros.wire.readings import RenderingReading, read_device, read_rendering
 from hapticmech_ros.wire.topics import (
     CHANNEL_PART,
     CONSTRAINT_PART,
@@ -51,7 +46,7 @@ _NO_WRENCH = np.zeros(6)
 
 
 class TeleoperationController(Actor[ControllerParameters]):
-    """Runs a :class:`ControlArchitecture` on every sample of the device.
+    """Runs a scene's :class:`ControlArchitecture` on every sample of the device.
 
     While an input is missing or stale, or the mechanism does not hear it, it is disengaged: the
     device and the mechanism get zero once, then nothing; then it engages anew, without a jump. In
@@ -63,7 +58,7 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     def __init__(self, node: Host, parameters: ControllerParameters) -> None:
         super().__init__(node, parameters)
-        self._control = ControlArchitecture(self.scene)
+        self._control = control_for(self.scene)
         self._engagement: Engagement | None = None
         self._answers = 0
         self.engagements = 0
@@ -71,7 +66,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._state_ns = NEVER
         self._twist: Latest[Array] = Latest()
         self._hand: Latest[Array] = Latest()
-        self._rendering: Latest[Rendering] = Latest()
+        self._rendering: Latest[RenderingReading] = Latest()
         self._message = WrenchStamped()
         self._publish_device = self.output(DEVICE_COMMAND, WrenchStamped)
         self._publish_point = self.output(POINT_COMMAND, WrenchStamped)
@@ -79,14 +74,18 @@ class TeleoperationController(Actor[ControllerParameters]):
             self.output(topic, WrenchStamped)
             for topic in (IMPEDANCE_PART, CONSTRAINT_PART, CHANNEL_PART)
         ]
-        self._devices: Stamped[DeviceMeasurement] = Stamped()
-        self._renderings: Stamped[Rendering] = Stamped()
+        self._devices: Stamped[Array] = Stamped()
+        self._renderings: Stamped[RenderingReading] = Stamped()
         self._epoch_ns = 0
         qos = CONTROL_SUBSCRIBER
-        self.input_array(DEVICE_STATE.name, self.control_input, self._on_device_state)
+        self.input_array(
+            DEVICE_STATE.name, self.control_input, self._on_device_state, DEVICE_FIELDS
+        )
         self.input(DEVICE_FORCE.name, WrenchStamped, qos, self._on_force)
         self.input(DEVICE_TWIST.name, TwistStamped, qos, self._on_twist)
-        self.input_array(RENDERING.of(self.point), self.control_input, self._on_rendering)
+        self.input_array(
+            RENDERING.of(self.point), self.control_input, self._on_rendering, RENDERING_FIELDS
+        )
         self.input(DEVICE_POSE.name, PoseStamped, qos, self._on_device_pose)
 
     def adopt(self, parameters: ControllerParameters) -> None:
@@ -124,7 +123,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         return engaged, sentence, figures
 
     def _on_device_state(self, values: Array, now_ns: int) -> None:
-        stamp, device, _ = unpack_device(values)
+        stamp, device = read_device(values)
         check_age(stamp, now_ns, self.age_limit_ns)
         self._state_ns = now_ns
         if self.lockstep:
@@ -156,9 +155,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         if lost or twist is None or hand is None:
             self._disengage(lost)
             return
-        self._answer(DeviceMeasurement(pose, twist, hand), stamp, now_ns)
+        self._answer(flat_device(DeviceMeasurement(pose, twist, hand)), stamp, now_ns)
 
-    def _answer(self, device: DeviceMeasurement, stamp: int, now_ns: int) -> None:
+    def _answer(self, device: Array, stamp: int, now_ns: int) -> None:
         self.ages.add(now_ns - stamp)
         gap = now_ns - self._last_ns
         self._last_ns = now_ns
@@ -176,34 +175,26 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._answer_to(device, rendering, stamp, now_ns)
 
     def _answer_to(
-        self, device: DeviceMeasurement, rendering: Rendering, stamp: int, now_ns: int
+        self, device: Array, rendering: RenderingReading, stamp: int, now_ns: int
     ) -> None:
         ahead = (stamp - rendering.stamp_ns) / NANOSECONDS
         ahead = min(max(ahead, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
-        seen = rendering.point
-        point = PointMeasurement(
-            carried_on(seen.pose, seen.twist, ahead), seen.twist, seen.contact_wrench
-        )
+        rendered = rendering.rendered
         time_s = (now_ns - self._epoch_ns) / NANOSECONDS
-        if self._engagement is None:
-            self._engagement = self._control.engage(time_s, device.pose, point.pose)
+        engagement = self._engagement
+        if engagement is None:
+            engagement = self._control.engage_flat(time_s, device, rendered, ahead)
+            self._engagement = engagement
             self.engagements += 1
             self.node.get_logger().info("engaged")
-        output = self._control.compute(
-            time_s,
-            self._engagement,
-            device,
-            point,
-            rendering.model,
-        )
-        self._send(output, stamp)
+        self._send(self._control.answer(time_s, engagement, device, rendered, ahead), stamp)
 
-    def _send(self, output: ControlOutput, stamp_ns: int) -> None:
-        self._publish_device.publish(encode_wrench(output.device, stamp_ns))
-        self._publish_point.publish(encode_wrench(output.mechanism, stamp_ns))
+    def _send(self, wrenches: Array, stamp_ns: int) -> None:
+        """Publish rows 0 and 1 of an answer (6, 6); at view rate also its parts, rows 2 to 4."""
+        self._publish_device.publish(encode_wrench(wrenches[0], stamp_ns))
+        self._publish_point.publish(encode_wrench(wrenches[1], stamp_ns))
         if self._answers % self.view_every == 0:
-            parts = (output.impedance, output.joint_constraint, output.four_channel)
-            for publisher, wrench in zip(self._publish_parts, parts, strict=True):
+            for publisher, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
                 write_wrench(self._message, wrench, stamp_ns)
                 publisher.publish(self._message)
         self._answers += 1
@@ -227,7 +218,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._twist.put(read_twist(message), stamp)
 
     def _on_rendering(self, values: Array, now_ns: int) -> None:
-        found = unpack_rendering(values)
+        found = read_rendering(values)
         check_age(found.stamp_ns, now_ns, self.age_limit_ns)
         self._rendering.put(found, found.stamp_ns)
         self.ages.add(now_ns - found.stamp_ns)

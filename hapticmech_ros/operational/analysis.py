@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
 from hapticmech_ros.mechanism.mechanism import Active, Evaluation, Mechanism
 from hapticmech_ros.mechanism.model import Array
@@ -92,17 +93,48 @@ class Analyser:
             rows=self.rows,
         )
 
+    def see(self, q: Array, v: Array, active: Active, seen: Array) -> None:
+        """Fill an array with what a controller needs of the point at a state.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) rates.
+            active: which closures are closed.
+            seen: (133,) to fill: s (6,), X, P_c and Π (6, 6 each), a_0 (6,), zero in rows that the
+                task space does not have; the point's position (3,), m, quaternion (4,), x, y, z, w,
+                and twist (6,), m/s and rad/s.
+
+        Raises:
+            HapticMechError: D is not positive definite, or an SVD did not converge.
+        """
+        if self._compiled is not None:
+            self._compiled.see(q, v, active, seen)
+            return
+        terms = self.mechanism.evaluate(q, v, active)
+        found = self.analyse(terms)
+        point = terms.points[self.index]
+        s = np.zeros(6)
+        s[: found.spectrum.s.size] = found.spectrum.s
+        squares = (found.inverse_inertia, found.constraint_projector, found.balanced_share)
+        quaternion = pin.Quaternion(point.pose.rotation).coeffs()
+        place = (found.free_acceleration, point.pose.translation, quaternion, point.twist)
+        seen[:] = np.concatenate((s, *(square.ravel() for square in squares), *place))
+
     def _load(self) -> CompiledAnalysis:
         # Here, so that only a compiled mechanism waits for Numba.
         from hapticmech_ros.operational.compiled import CompiledAnalysis
 
-        return CompiledAnalysis(self.index, self.rows, self.metric, self.mechanism.scene.perception)
+        perception = self.mechanism.scene.perception
+        return CompiledAnalysis(self.mechanism, self.index, self.rows, self.metric, perception)
 
     def _by_kernel(self, kernel: CompiledAnalysis, terms: Evaluation) -> OperationalAnalysis:
-        squares, (s, weights), (wrenches, duals), acceleration = kernel(terms)
-        x, projector, share = squares
-        found = Spectrum(s, wrenches, duals)
-        return OperationalAnalysis(x, found, weights, projector, share, acceleration, self.rows)
+        analysis, details = kernel(terms)
+        t = self.rows.size
+        wrenches, duals = details[t:].reshape(2, t, t)
+        x, projector, share = analysis[6:114].reshape(3, 6, 6)
+        found = Spectrum(analysis[:t], wrenches, duals)
+        acceleration = analysis[114:]
+        return OperationalAnalysis(x, found, details[:t], projector, share, acceleration, self.rows)
 
 
 def analyse(

@@ -1,38 +1,49 @@
-"""The analysis of an operational point by a kernel, for terms of a compiled mechanism."""
+"""The analysis of an operational point by a kernel, for a compiled mechanism."""
 
 from __future__ import annotations
 
 from typing import cast
 
 import numpy as np
+import pinocchio as pin
 
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism.compiled import CompiledEvaluation
+from hapticmech_ros.mechanism.compiled import CompiledEvaluation, CompiledMechanism, failure
 from hapticmech_ros.mechanism.compiled_space import CompiledSpace
-from hapticmech_ros.mechanism.mechanism import Evaluation
+from hapticmech_ros.mechanism.mechanism import Active, Evaluation, Mechanism
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.operational.kernels import analyse_point
+from hapticmech_ros.operational.kernels import ANALYSIS_SIZE, analyse_point
 from hapticmech_ros.operational.metric import TaskMetric
+from hapticmech_ros.operational.point_kernels import NO_SPECTRUM, see_point
 from hapticmech_ros.scene.document import Perception
 
 
 class CompiledAnalysis:
     """What is constant in the analysis of one operational point."""
 
-    def __init__(self, index: int, rows: Array, metric: TaskMetric, perception: Perception) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        index: int,
+        rows: Array,
+        metric: TaskMetric,
+        perception: Perception,
+    ) -> None:
+        self._mechanism = cast(CompiledMechanism, mechanism)
         self._index = index
         self._rows = rows
-        self._factors = np.array([metric.factor, metric.dual_factor])
-        self._point_to_link = np.ascontiguousarray(metric.point_to_link)
-        self._constants = metric.mass, float(perception.s_on), float(perception.s_off)
+        limits = metric.mass, float(perception.s_on), float(perception.s_off)
+        parts = (metric.point_to_link, metric.factor, metric.dual_factor)
+        self._constants = np.concatenate([limits, *(part.ravel() for part in parts)])
+        self._details = np.empty(rows.size * (1 + 2 * rows.size))
 
     @staticmethod
     def understands(terms: Evaluation) -> bool:
         """Return whether the terms are in arrays that kernels take."""
         return isinstance(terms, CompiledEvaluation)
 
-    def __call__(self, terms: Evaluation) -> tuple[Array, Array, Array, Array]:
-        """Return X, P_c and Π (3, 6, 6); s and weights (2, t); n_i and I_ℓ⁻¹ n_i (2, t, t); a_0.
+    def __call__(self, terms: Evaluation) -> tuple[Array, Array]:
+        """Return analysis and details, as ``analyse_point`` fills them.
 
         Raises:
             HapticMechError: the SVD of S did not converge.
@@ -40,10 +51,7 @@ class CompiledAnalysis:
         bias_force, passive, _, _, bias, _, points = terms
         space = cast(CompiledSpace, terms.space)
         pose, jacobian, _, drift = points[self._index]
-        size = self._rows.size
-        squares = np.zeros((3, 6, 6))
-        values, directions = np.empty((2, size)), np.empty((2, size, size))
-        acceleration = np.empty(6)
+        analysis, details = np.empty(ANALYSIS_SIZE), np.empty(self._details.size)
         converged = analyse_point(
             space.packed,
             space.rank,
@@ -53,15 +61,36 @@ class CompiledAnalysis:
             jacobian,
             drift,
             pose.rotation,
-            self._factors,
-            self._point_to_link,
-            *self._constants,
+            self._constants,
             self._rows,
-            squares,
-            values,
-            directions,
-            acceleration,
+            analysis,
+            details,
         )
         if not converged:
-            raise HapticMechError("SVD of S did not converge")
-        return squares, values, directions, acceleration
+            raise _no_spectrum()
+        return analysis, details
+
+    def see(self, q: Array, v: Array, active: Active, seen: Array) -> None:
+        """Fill ``seen`` (133,); see :meth:`Analyser.see`."""
+        mechanism = self._mechanism
+        chosen = mechanism.chosen(active)
+        mechanism.place(q)
+        pin.nonLinearEffects(mechanism.model, mechanism.data, q, v)
+        code = see_point(
+            *chosen.constants,
+            *mechanism.placed,
+            chosen.scratch,
+            mechanism.bias_force,
+            v,
+            self._index,
+            self._constants,
+            self._rows,
+            self._details,
+            seen,
+        )
+        if code:
+            raise _no_spectrum() if code == NO_SPECTRUM else failure(code)
+
+
+def _no_spectrum() -> HapticMechError:
+    return HapticMechError("SVD of S did not converge")

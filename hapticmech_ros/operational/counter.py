@@ -34,11 +34,14 @@ def next_count(state: CountState, s: Array, time: float, perception: Perception)
     """
     rigid: list[bool] = []
     since: list[float | None] = []
-    for was_rigid, start, value in zip(state.rigid, state.disagrees_since, s, strict=True):
-        disagrees = value >= perception.s_off if was_rigid else value <= perception.s_on
+    on, off = perception.s_on, perception.s_off
+    # Half a nanosecond absorbs the rounding of times that are sums of periods.
+    dwell = perception.dwell - 5e-10
+    directions = zip(state.rigid, state.disagrees_since, s.tolist(), strict=True)
+    for was_rigid, start, value in directions:
+        disagrees = value >= off if was_rigid else value <= on
         begun = (time if start is None else start) if disagrees else None
-        # Half a nanosecond absorbs the rounding of times that are sums of periods.
-        if begun is not None and time - begun >= perception.dwell - 5e-10:
+        if begun is not None and time - begun >= dwell:
             rigid.append(not was_rigid)
             since.append(None)
         else:

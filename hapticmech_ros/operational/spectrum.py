@@ -41,12 +41,17 @@ class Spectrum:
     @property
     def rank(self) -> int:
         """Numerical rank of X, decided on s."""
-        return int(np.count_nonzero(self.s > RANK_TOLERANCE))
+        return rank_of(self.s)
 
     @property
     def constraint_wrenches(self) -> Array:
         """Return N_c (t, k): a basis of ker X."""
         return self.wrenches[:, self.rank :]
+
+
+def rank_of(s: Array) -> int:
+    """Return the numerical rank of X, given s (t,)."""
+    return int(np.count_nonzero(s > RANK_TOLERANCE))
 
 
 def spectrum(root_matrix: Array, metric_factor: Array, dual_factor: Array) -> Spectrum:

@@ -35,6 +35,7 @@ class FlatArray:
         body += struct.pack("<IIII", self.size, self.size, 0, self.size)
         body += b"\0" * (-len(body) % 8)
         self._prefix = _LITTLE_ENDIAN + body
+        self._length = len(self._prefix) + 8 * self.size
 
     def encode(self, values: Array) -> bytes:
         """Return the serialized message.
@@ -45,6 +46,16 @@ class FlatArray:
         if values.shape != (self.size,):
             raise InvalidInputError("array", values.shape, f"must have shape ({self.size},)")
         return self._prefix + np.ascontiguousarray(values, dtype="<f8").tobytes()
+
+    def decode(self, message: bytes) -> Array:
+        """Return the data of a serialized message, of this layout or of any other, read-only.
+
+        Raises:
+            InvalidInputError: as :func:`decode`.
+        """
+        if len(message) == self._length and message.startswith(self._prefix):
+            return np.frombuffer(message, "<f8", self.size, len(self._prefix))
+        return decode(message)
 
 
 def decode(message: bytes) -> Array:

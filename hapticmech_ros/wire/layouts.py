@@ -13,6 +13,14 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement, RenderingModel
+from hapticmech_ros.control.flat import (
+    device_of,
+    flat_device,
+    flat_rendered,
+    model_of,
+    place_of,
+    point_of,
+)
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
 
@@ -43,6 +51,9 @@ DEVICE_FIELDS: dict[str, int] = {
     "hand_wrench": 6,
     "applied": 6,
 }
+# What control/flat.py describes, inside these messages.
+DEVICE_MEASURED = slice(2, 21)
+RENDERED = slice(10, 143)
 ENERGY_FIELDS: dict[str, int] = {
     "stamp": 2,
     "kinetic": 1,
@@ -110,17 +121,8 @@ class DeviceSample(NamedTuple):
 
 def pack_device(sample: DeviceSample) -> Array:
     """Return the data (27,) of a ``device/state`` message."""
-    measured = sample.measured
-    return np.concatenate(
-        (
-            divmod(sample.stamp_ns, NANOSECONDS),
-            measured.pose.translation,
-            pin.Quaternion(measured.pose.rotation).coeffs(),
-            measured.twist,
-            measured.hand_wrench,
-            sample.applied,
-        )
-    )
+    stamp = divmod(sample.stamp_ns, NANOSECONDS)
+    return np.concatenate((stamp, flat_device(sample.measured), sample.applied))
 
 
 def unpack_device(data: object) -> DeviceSample:
@@ -130,33 +132,18 @@ def unpack_device(data: object) -> DeviceSample:
         InvalidInputError: wrong length, not finite, or a quaternion off unit length.
     """
     values = checked_values("device state", data, sum(DEVICE_FIELDS.values()))
-    pose = pose_of(values[2:5], values[5:9])
+    check_unit(values[5:9])
     stamp_ns = int(values[0]) * NANOSECONDS + int(values[1])
-    measured = DeviceMeasurement(pose, values[9:15], values[15:21])
-    return DeviceSample(stamp_ns, measured, values[21:27])
+    return DeviceSample(stamp_ns, device_of(values[DEVICE_MEASURED]), values[21:27])
 
 
 def pack_rendering(rendering: Rendering) -> Array:
     """Return the message's data (144,)."""
     s = np.zeros(6)
     s[: rendering.s.size] = rendering.s
-    model, point = rendering.model, rendering.point
     head = (*divmod(rendering.stamp_ns, NANOSECONDS), rendering.count, rendering.s.size)
-    return np.concatenate(
-        (
-            head,
-            s,
-            model.inverse_inertia.ravel(),
-            model.constraint_projector.ravel(),
-            model.balanced_share.ravel(),
-            model.free_acceleration,
-            point.pose.translation,
-            pin.Quaternion(point.pose.rotation).coeffs(),
-            point.twist,
-            point.contact_wrench,
-            (rendering.commanded,),
-        )
-    )
+    rendered = flat_rendered(rendering.model, rendering.point)
+    return np.concatenate((head, s, rendered, (rendering.commanded,)))
 
 
 def unpack_rendering(data: object) -> Rendering:
@@ -166,14 +153,14 @@ def unpack_rendering(data: object) -> Rendering:
         InvalidInputError: wrong length, not finite, or a quaternion off unit length.
     """
     values = checked_values("rendering", data, sum(RENDERING_FIELDS.values()))
-    pose = pose_of(values[124:127], values[127:131])
-    matrices = values[10:118].reshape(3, 6, 6)
+    check_unit(values[127:131])
+    rendered = values[RENDERED]
     return Rendering(
         int(values[0]) * NANOSECONDS + int(values[1]),
         int(values[2]),
         values[4 : 4 + int(values[3])],
-        RenderingModel(matrices[0], matrices[1], matrices[2], values[118:124]),
-        PointMeasurement(pose, values[131:137], values[137:143]),
+        model_of(rendered),
+        point_of(rendered),
         bool(values[143]),
     )
 
@@ -209,11 +196,20 @@ def pose_of(position: Array, quaternion: Array) -> pin.SE3:
     Raises:
         InvalidInputError: a quaternion off unit length by more than 1e-3.
     """
+    check_unit(quaternion)
+    return place_of(np.concatenate((position, quaternion)))
+
+
+def check_unit(quaternion: Array) -> None:
+    """Refuse a quaternion that is no rotation.
+
+    Raises:
+        InvalidInputError: off unit length by more than 1e-3.
+    """
     length = float(np.sqrt(quaternion @ quaternion))
     if abs(length - 1.0) > QUATERNION_TOLERANCE:
         rule = f"quaternion must have unit length within {QUATERNION_TOLERANCE:g}"
         raise InvalidInputError("length of quaternion", length, rule)
-    return pin.SE3(pin.Quaternion(quaternion / length).matrix(), position)
 
 
 def checked_values(what: str, data: object, size: int) -> Array:

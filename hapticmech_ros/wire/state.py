@@ -6,7 +6,8 @@ point, taken at one time, so that they belong together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -18,9 +19,10 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import NANOSECONDS, checked_values
 
+_FLAGS = frozenset((0.0, 1.0))
 
-@dataclass(frozen=True, slots=True)
-class WireState:
+
+class WireState(NamedTuple):
     """A decoded ``state`` message.
 
     Attributes:
@@ -50,6 +52,8 @@ class StateLayout:
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
         self._neutral = pin.neutral(mechanism.model)
+        # Then the neutral configuration is zero, and coordinates are q itself.
+        self._flat = mechanism.nq == mechanism.nv
         self._closures = len(mechanism.closures)
         self._points = len(mechanism.point_names)
         names = coordinate_names(mechanism)
@@ -65,15 +69,17 @@ class StateLayout:
 
     def pack(self, state: WireState) -> Array:
         """Return the message's data."""
-        return np.concatenate(
+        # One array of numbers, rather than one of arrays: there are few of them.
+        return np.array(
             (
-                divmod(state.stamp_ns, NANOSECONDS),
-                state.active,
-                self.coordinates(state.q),
-                state.v,
-                state.contacts.ravel(),
-                state.commanded,
-            )
+                *divmod(state.stamp_ns, NANOSECONDS),
+                *state.active,
+                *self.coordinates(state.q).tolist(),
+                *state.v.tolist(),
+                *state.contacts.ravel().tolist(),
+                *state.commanded,
+            ),
+            dtype=float,
         )
 
     def unpack(self, data: object) -> WireState:
@@ -82,22 +88,29 @@ class StateLayout:
         Raises:
             InvalidInputError: wrong length, not finite, or a flag that is neither 0 nor 1.
         """
-        values = checked_values("state", data, self._size)
+        values = np.array(data, dtype=float)
+        # Squares overflow long before numbers do: then each is looked at.
+        if values.shape != (self._size,) or not math.isfinite(values @ values):
+            values = checked_values("state", values, self._size)
         nv, first = self._mechanism.nv, 2 + self._closures
-        flags = np.concatenate((values[2:first], values[-self._points :]))
-        if not ((flags == 0.0) | (flags == 1.0)).all():
-            raise InvalidInputError("flags", flags.tolist(), "must be 0 or 1")
-        coordinates = values[first : first + nv]
-        q = pin.integrate(self._mechanism.model, self._neutral, coordinates)
+        numbers = values.tolist()
+        flags = (*numbers[2:first], *numbers[-self._points :])
+        if not _FLAGS.issuperset(flags):
+            raise InvalidInputError("flags", list(flags), "must be 0 or 1")
+        q = values[first : first + nv]
+        if not self._flat:
+            q = np.asarray(pin.integrate(self._mechanism.model, self._neutral, q))
         return WireState(
-            int(values[0]) * NANOSECONDS + int(values[1]),
-            tuple(bool(flag) for flag in flags[: self._closures]),
-            np.asarray(q),
+            int(numbers[0]) * NANOSECONDS + int(numbers[1]),
+            tuple(map(bool, flags[: self._closures])),
+            q,
             values[first + nv : first + 2 * nv],
             values[first + 2 * nv : -self._points].reshape(self._points, 6),
-            tuple(bool(flag) for flag in flags[self._closures :]),
+            tuple(map(bool, flags[self._closures :])),
         )
 
     def coordinates(self, q: Array) -> Array:
         """Return (nv,) positions of all degrees of freedom as seen from the neutral ones."""
+        if self._flat:
+            return q
         return np.asarray(pin.difference(self._mechanism.model, self._neutral, q))

@@ -5,6 +5,7 @@ As in :mod:`~hapticmech_ros.wire.cdr`: the message's Python objects would cost m
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import NamedTuple
 
@@ -54,10 +55,10 @@ def decode_wrench(message: bytes) -> WireWrench:
             raise InvalidInputError("encapsulation", encapsulation, "must be little-endian CDR")
         frame = bytes(message[16 : 15 + length]).decode("utf-8", "replace")
         # Numbers are aligned to 8 bytes, counted behind the encapsulation.
-        values = np.array(_SIX.unpack_from(message, 4 + -(-(12 + length) // 8) * 8))
+        six = _SIX.unpack_from(message, 4 + -(-(12 + length) // 8) * 8)
     except struct.error as error:
         rule = "must be a whole WrenchStamped"
         raise InvalidInputError("message", f"{len(message)} bytes: {error}", rule) from None
-    if not np.isfinite(values).all():
-        raise InvalidInputError("wrench", values.tolist(), "must be finite")
-    return WireWrench(seconds * NANOSECONDS + nanoseconds, frame, values)
+    if not all(map(math.isfinite, six)):
+        raise InvalidInputError("wrench", list(six), "must be finite")
+    return WireWrench(seconds * NANOSECONDS + nanoseconds, frame, np.array(six))

@@ -111,14 +111,19 @@ def test_a_held_device_settles_at_the_last_waypoint():
         waypoints=(Waypoint(time=0.5, xyz=(0.02, -0.01, 0.03), rotation=(0.3, -0.2, 0.5)),),
         start_delay=0.1,
     )
-    law = hand_law(hand)
-    body = ImpedanceDevice(Device(mass=0.3, inertia=3e-4), 1e-3, planar=False)
-    state = body.at_rest(HELD)
+    body = ImpedanceDevice(Device(mass=0.3, inertia=3e-4), 1e-3, False, hand_law(hand))
+    state = start = body.at_rest(HELD, held=True)
     for tick in range(2500):
-        state = body.step(state, np.zeros(6), law, tick * 1e-3, HELD)
+        state = body.step(state, np.zeros(6), start, tick)
     # Both decay with 10/(2 · 0.3) = 17 1/s; 1.9 s after the move that is e^-32 of some mm.
     goal = HELD.translation + np.array([0.02, -0.01, 0.03])
     assert np.abs(state.pose.translation - goal).max() < 1e-12
     turned = pin.exp3(np.array([0.3, -0.2, 0.5])) @ HELD.rotation
     assert np.abs(state.pose.rotation - turned).max() < 1e-12
     assert np.abs(state.twist).max() < 1e-12
+
+
+def test_a_hand_starts_at_its_first_waypoint_when_its_time_is_rounded_down():
+    at_once = spring(5.0, (Waypoint(time=0.0, xyz=(0.01, 0.0, 0.0)),), start_delay=0.3)
+    wrench = hand_law(at_once)(0.3 - 1e-16, HELD, STILL, HELD)
+    assert np.abs(wrench[:3] - [0.01, 0.0, 0.0]).max() < 1e-15

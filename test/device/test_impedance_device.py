@@ -1,10 +1,12 @@
 """The simulated device against what a rigid body does; its actuators and its encoders."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.device import ImpedanceDevice
+from hapticmech_ros.device import ImpedanceDevice, no_hand
 from hapticmech_ros.scene.document import Device
 
 PERIOD = 1e-3
@@ -17,20 +19,13 @@ def pushing(wrench):
     return lambda elapsed, pose, twist, held: np.asarray(wrench, dtype=float)
 
 
-IDLE = pushing(np.zeros(6))
-
-
-def run(device, ticks, hand=IDLE, command=NO_COMMAND, period=PERIOD, planar=False, twist=None):
+def run(device, ticks, hand=no_hand, command=NO_COMMAND, twist=None):
     """Return the states at 0, 1, ..., ``ticks`` periods."""
-    body = ImpedanceDevice(device, period, planar)
-    state = body.at_rest(START)
-    if twist is not None:
-        state = type(state)(
-            state.pose, np.array(twist, dtype=float), state.measured_pose, state.twist
-        )
-    states = [state]
+    body = ImpedanceDevice(device, PERIOD, False, hand)
+    start = body.at_rest(START, held=True)
+    states = [start if twist is None else replace(start, twist=np.array(twist, dtype=float))]
     for tick in range(ticks):
-        states.append(body.step(states[-1], command, hand, tick * period, START))
+        states.append(body.step(states[-1], command, start, tick))
     return states
 
 
@@ -108,14 +103,18 @@ def test_a_command_is_held_over_the_period_while_the_hand_acts_all_through_it(su
     end = run(device, 2, watching, command)[-1]
     # The impulse is command times period, however the period is divided.
     assert abs(end.twist[0] - 2.0 * PERIOD / 0.5) < 1e-15
+    # Measured at the ends of periods, and acting all through them.
+    measured = np.array(seen[:: substeps + 1])
+    del seen[:: substeps + 1]
+    assert np.abs(measured - np.arange(3) * PERIOD).max() < 1e-15
     assert np.abs(np.array(seen) - np.arange(2 * substeps) * PERIOD / substeps).max() < 1e-15
 
 
 def test_a_step_leaves_the_state_it_started_from_alone():
     body = ImpedanceDevice(Device(), PERIOD, planar=False)
     state = body.at_rest(START)
-    first = body.step(state, np.ones(6), IDLE, 0.0, START)
-    again = body.step(state, np.ones(6), IDLE, 0.0, START)
+    first = body.step(state, np.ones(6), None, 0)
+    again = body.step(state, np.ones(6), None, 0)
     assert np.array_equal(first.twist, again.twist)
     assert np.array_equal(first.pose.homogeneous, again.pose.homogeneous)
     assert np.array_equal(state.twist, np.zeros(6))
@@ -172,11 +171,43 @@ def test_a_planar_device_never_leaves_the_plane():
     upright = pin.SE3(pin.exp3(np.array([0, 0, 0.4])), np.array([0.1, 0.2, 0.0]))
     body = ImpedanceDevice(Device(), PERIOD, planar=True)
     state = body.at_rest(upright)
-    for tick in range(100):
-        state = body.step(state, np.full(6, 0.1), pushing(np.ones(6)), tick * PERIOD, upright)
+    for _ in range(100):
+        state = body.step(state, np.full(6, 0.1), None, 0, np.ones(6))
         assert np.array_equal(state.twist[2:5], np.zeros(3))
         assert state.pose.translation[2] == 0.0
         # The axis out of the plane is kept to the bit: no product ever mixes it.
         assert np.array_equal(state.pose.rotation[:, 2], [0.0, 0.0, 1.0])
     assert state.twist[0] > 0.0
     assert state.twist[5] > 0.0
+
+
+def test_others_push_besides_the_hand_and_are_no_part_of_its_wrench():
+    own, others = np.array([0.3, 0, 0, 0, 0.01, 0]), np.array([-0.1, 0.2, 0, 0.01, 0, 0])
+    body = ImpedanceDevice(Device(), PERIOD, False, pushing(own))
+    start = body.at_rest(START, held=True)
+    state = body.step(start, NO_COMMAND, start, 0, others)
+    expected = run(Device(), 1, pushing(own + others))[-1]
+    assert np.abs(state.twist - expected.twist).max() < 1e-15
+    assert np.array_equal(state.hand_wrench, own)
+    alone = body.step(start, NO_COMMAND, None, 0, others)
+    assert np.abs(alone.twist - run(Device(), 1, pushing(others))[-1].twist).max() < 1e-15
+    assert np.array_equal(alone.hand_wrench, np.zeros(6))
+
+
+def test_a_state_tells_what_the_actuators_gave():
+    device = Device(force_limit=2.0)
+    end = run(device, 1, command=np.array([30.0, 0, -40.0, 0.1, 0, 0]))[-1]
+    assert np.abs(end.applied - [1.2, 0, -1.6, 0.1, 0, 0]).max() < 1e-15
+    assert np.array_equal(run(device, 0)[-1].applied, np.zeros(6))
+
+
+def test_what_is_published_is_what_was_measured():
+    device = Device(position_resolution=1e-4, angle_resolution=2e-3)
+    command = np.array([0.1, 0, 0, 0, 0, 1e-3])
+    state = run(device, 50, pushing([0.2, -0.1, 0.3, 1e-4, 0, 2e-4]), command)[-1]
+    place, rest = state.published[:7], state.published[7:]
+    assert np.abs(pin.XYZQUATToSE3(place).homogeneous - state.measured_pose.homogeneous).max() < (
+        1e-15
+    )
+    parts = (state.measured_twist, state.hand_wrench, state.applied)
+    assert np.array_equal(rest, np.concatenate(parts))

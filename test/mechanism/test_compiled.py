@@ -7,7 +7,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import ClosureError, HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Simulator, build
-from hapticmech_ros.mechanism.compiled import CompiledMechanism, placement_view
+from hapticmech_ros.mechanism.compiled import CompiledMechanism
 from hapticmech_ros.mechanism.constraint_space import SingularInertiaError
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.mechanism.small_matrices import orthogonalise
@@ -160,21 +160,21 @@ def test_views_are_of_what_pinocchio_computes(pair):
     model, data = mechanism.model, mechanism.data
     for change in (0.1, -0.2):
         q = mechanism.integrate(pair.q, np.full(mechanism.nv, change))
-        pin.crba(model, data, q)
-        pin.computeJointJacobians(model, data, q)
-        pin.updateFramePlacements(model, data)
+        mechanism.place(q)
         pin.nonLinearEffects(model, data, q, pair.v)
         fresh = model.createData()
         inertia = np.triu(np.reshape(pin.crba(model, fresh, q), (mechanism.nv, mechanism.nv)))
         pin.framesForwardKinematics(model, fresh, q)
-        assert (np.tril(mechanism._inertia) == inertia.T).all()
+        # In axes of the joints, where the mechanism has it in the world's.
+        assert apart(np.tril(mechanism.placed[0]), inertia.T) < ROUNDING
         jacobian = pin.computeJointJacobians(model, fresh, q)
-        assert (mechanism._joint_jacobian == jacobian.reshape(6, mechanism.nv).T).all()
-        assert (mechanism._bias_force == pin.nonLinearEffects(model, fresh, q, pair.v)).all()
-        for row, pose in zip(placement_view(data), fresh.oMf, strict=True):
+        assert (mechanism.placed[1] == jacobian.reshape(6, mechanism.nv).T).all()
+        assert (mechanism.bias_force == pin.nonLinearEffects(model, fresh, q, pair.v)).all()
+        for row, pose in zip(mechanism.placed[2], fresh.oMi, strict=True):
             assert (pose.rotation == row[:9].reshape(3, 3).T).all()
             assert (row[9:] == pose.translation).all()
-    assert np.shares_memory(mechanism._poses, data.oMf[0].rotation)
+    assert np.shares_memory(mechanism.placed[2], data.oMi[0].rotation)
+    assert np.shares_memory(mechanism.bias_force, data.nle)
 
 
 # Both start from the same bits and round differently, 1e-16 of a step's change. On five_bar, which
@@ -244,7 +244,10 @@ def test_wrong_names_are_refused_as_before():
 
 def test_closures_that_are_not_finite_are_an_error():
     mechanism = compiled(five_bar())
-    mechanism._single[0].lengths[0] = np.nan
+    # The unit of the first row follows the damping.
+    _, values = mechanism._single[0].constants
+    assert values[mechanism.nv] == mechanism.length
+    values[mechanism.nv] = np.nan
     with pytest.raises(HapticMechError, match="SVD"):
         mechanism.distance_of(0, np.zeros(4), np.zeros(4))
 

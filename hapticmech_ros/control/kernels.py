@@ -1,0 +1,111 @@
+"""The controllers of Fig. 3 as one kernel, from flat measurements to wrenches.
+
+What a scene and an engagement fix is in one array, ``settings`` (42,):
+
+    :6    1 in the scene's task space, else 0
+    :12   diagonal of Λ_d
+    :24   stiffnesses 6 and dampings 6 of C_m
+    :29   β, stiffness, damping, force limit and torque limit of the joint constraint
+    :34   C2, C3, duration of the ramp, force limit and torque limit of the device
+    :42   time 1, displacement 3 and turn, as a quaternion of length 1, of the engagement
+
+Measurements are laid out as :mod:`~hapticmech_ros.control.flat` says.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.control.flat import DEVICE_SIZE, RENDERED_SIZE
+from hapticmech_ros.control.pose_kernels import tied_error
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.small_matrices import dot
+from hapticmech_ros.saturation_kernels import limit
+
+ENGAGED = 34
+SETTINGS_SIZE = 42
+
+
+@inner
+def scale_within(wrench: Array, force_limit: float, torque_limit: float) -> None:
+    """Shorten a wrench (6,) as a whole, as saturation.py does."""
+    force = np.sqrt(dot(wrench[:3], wrench[:3]))
+    torque = np.sqrt(dot(wrench[3:], wrench[3:]))
+    excess = max(force / force_limit, torque / torque_limit)
+    if excess > 1.0:
+        for i in range(6):
+            wrench[i] /= excess
+
+
+@inner
+def let_through(time: float, start: float, duration: float) -> float:
+    """Return the share of the wrench at ``time`` (s): see :meth:`Engagement.ramp`."""
+    if duration <= 0.0:
+        return 1.0
+    return min(max((time - start) / duration, 0.0), 1.0)
+
+
+@inner
+def parts(settings: Array, device: Array, rendered: Array, out: Array) -> None:
+    """Fill rows 1 to 4 of ``out`` (6, 6), without ramp and limits, given e in row 5."""
+    task, inertia = settings[:6], settings[6:12]
+    stiffness, damping = settings[12:18], settings[18:24]
+    beta, spring, damper, force_limit, torque_limit = settings[24:29]
+    contact_gain, hand_gain = settings[29], settings[30]
+    x, p_c = rendered[:36].reshape(6, 6), rendered[36:72].reshape(6, 6)
+    share, free = rendered[72:108].reshape(6, 6), rendered[108:114]
+    twist, contact = rendered[121:127], rendered[127:133]
+    push, pull, coupling = np.empty((3, 6))
+    error = out[5]
+    for i in range(6):
+        error[i] *= task[i]
+        rate = task[i] * (device[7 + i] - twist[i])
+        push[i] = task[i] * device[13 + i] + task[i] * contact[i]
+        pull[i] = spring * error[i] + damper * rate
+        coupling[i] = stiffness[i] * error[i] + damping[i] * rate
+    for i in range(6):
+        motion = inertia[i] * (dot(x[i], push) + free[i])
+        out[1, i] = hand_gain * (task[i] * device[13 + i]) + coupling[i]
+        out[2, i] = task[i] * (motion - push[i] + (1.0 - beta) * dot(share[i], push))
+        out[3, i] = -dot(p_c[i], pull)
+        in_range = coupling[i] - dot(share[i], coupling)
+        out[4, i] = contact_gain * (task[i] * contact[i]) - in_range
+    scale_within(out[3], force_limit, torque_limit)
+
+
+@kernel(
+    "boolean(float64[::1], Array(float64, 1, 'C', readonly=True),"
+    " Array(float64, 1, 'C', readonly=True), float64, float64, float64[:,::1])"
+)
+def control_wrenches(
+    settings: Array, device: Array, rendered: Array, time: float, ahead: float, out: Array
+) -> bool:
+    """Fill ``out`` (6, 6) with a control period's wrenches: rows as in :class:`ControlOutput`.
+
+    Args:
+        settings: (42,) what the scene and the engagement fix.
+        device: (19,) the device's measurement.
+        rendered: (133,) the analysis and the operational point's measurement.
+        time: s.
+        ahead: s, for which the point's pose is carried on.
+        out: to fill.
+
+    Returns:
+        Whether the measurements have these sizes; nothing is computed otherwise.
+    """
+    if device.size != DEVICE_SIZE or rendered.size != RENDERED_SIZE:
+        return False
+    place, twist = rendered[114:121], rendered[121:127]
+    tied_error(settings[ENGAGED + 1 :], device[:7], place, twist, ahead, out[5])
+    parts(settings, device, rendered, out)
+    duration, force_limit, torque_limit = settings[31:34]
+    ramp = let_through(time, settings[ENGAGED], duration)
+    for i in range(6):
+        out[0, i] = ramp * (out[2, i] + out[3, i] + out[4, i])
+        for row in range(1, 5):
+            out[row, i] *= ramp
+    for row in range(2):
+        limit(out[row, :3], force_limit)
+        limit(out[row, 3:], torque_limit)
+    return True

@@ -1,0 +1,97 @@
+"""Kernel of what a controller needs of an operational point: analysis, pose and twist at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.compilation import kernel
+from hapticmech_ros.mechanism.kernels import factor, unpack
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.motion_kernels import closure_bias, move_joints, move_point
+from hapticmech_ros.mechanism.tables import unfold
+from hapticmech_ros.operational.kernels import ANALYSIS_SIZE, analyse_motion, metric_of
+from hapticmech_ros.rotation_kernels import quaternion_of
+
+# Of the analysis alone; a negative code of the closures is one of ``factor_closures``.
+NO_SPECTRUM = 1
+
+
+@kernel(
+    "int64(int64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1],"
+    " float64[::1], float64[::1], float64[::1], int64, float64[::1], int64[::1], float64[::1],"
+    " float64[::1])"
+)
+def see_point(
+    numbers: Array,
+    values: Array,
+    inertia: Array,
+    joint_jacobian: Array,
+    joint_poses: Array,
+    packed: Array,
+    bias_force: Array,
+    v: Array,
+    index: int,
+    constants: Array,
+    rows: Array,
+    details: Array,
+    seen: Array,
+) -> int:
+    """Evaluate Eq. 1 at a state and analyse an operational point there.
+
+    Args:
+        numbers: constants of the mechanism, whole ones.
+        values: the others; see ``tables.unfold``.
+        inertia: (nv, nv) D, lower triangle.
+        joint_jacobian: (nv, 6) world axes, at the world's origin.
+        joint_poses: (joints, 12).
+        packed: to fill.
+        bias_force: (nv,) h.
+        v: (nv,) rates.
+        index: number of the operational point.
+        constants: of the analysis; see ``analyse_point`` for this and the next two.
+        rows: (t,) rows of a six-vector that the task space has.
+        details: (t + 2 t²,) to fill.
+        seen: (133,) to fill with the analysis (120,), and the point's position (3,), quaternion
+            (4,) and twist (6,).
+
+    Returns:
+        0; NO_SPECTRUM where the SVD of S does not converge; or a negative code.
+    """
+    tables = unfold(numbers, values)
+    nv, m = tables.nv, tables.m
+    space = unpack(packed, nv, m)
+    rank = factor(tables, inertia, joint_jacobian, joint_poses, space)
+    if rank < 0:
+        return rank
+    motions = np.empty((tables.joints.shape[0], 12))
+    bias, passive = np.empty(m), np.empty(nv)
+    move_joints(tables, space, v, motions)
+    closure_bias(tables, space, motions, bias)
+    for c in range(nv):
+        passive[c] = -tables.damping[c] * v[c]
+    jacobian, motion = np.empty((6, nv)), np.empty(12)
+    move_point(tables, space, motions, index, jacobian, motion)
+    pose = space.poses[tables.points[index]]
+    rotation = pose[:9].reshape(3, 3).T
+    metric = metric_of(constants, rows.size)
+    converged = analyse_motion(
+        space,
+        rank,
+        bias_force,
+        passive,
+        bias,
+        jacobian,
+        motion[6:],
+        rotation,
+        metric,
+        rows,
+        seen[:ANALYSIS_SIZE],
+        details,
+    )
+    if not converged:
+        return NO_SPECTRUM
+    place = seen[ANALYSIS_SIZE:]
+    place[:3] = pose[9:]
+    quaternion_of(rotation, place[3:7])
+    place[7:] = motion[:6]
+    return 0

@@ -1,0 +1,278 @@
+"""The compiled control against the readable one: same wrenches from the same measurements."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros.control import (
+    ControlArchitecture,
+    DeviceMeasurement,
+    PointMeasurement,
+    RenderingModel,
+    control_for,
+)
+from hapticmech_ros.control.compiled import CompiledControl
+from hapticmech_ros.control.engagement import engage, pose_error
+from hapticmech_ros.control.flat import (
+    device_of,
+    flat_device,
+    flat_rendered,
+    model_of,
+    point_of,
+)
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene import document_of, load_scene, scene_from_document
+
+# Sums of some twenty products of the size of the largest, each rounded to 1e-16, in another order.
+ROUNDING = 1e-12
+SCENES = {"planar": "five_bar", "spatial": "spatial_arm"}
+FAR = 1e12
+FREE = {"force_limit": FAR, "torque_limit": FAR}
+# Not between 3.05 and π - 0.01, where Pinocchio's logarithm loses up to 1e-11.
+TURNS = (0.0, 1e-9, 1e-3, 0.1, 1.0, 3.0, np.pi - 1e-3, np.pi - 1e-7)
+
+
+def both(kind, joint=FREE, device=FREE, **gains):
+    """Return the readable and the compiled control of a scene with other gains and limits."""
+    document = document_of(load_scene(SCENES[kind]))
+    for key, changed in {"joint_constraint": joint, **gains}.items():
+        if isinstance(changed, dict):
+            document["controller"][key] = {**document["controller"].get(key, {}), **changed}
+        else:
+            document["controller"][key] = changed
+    document["device"] = {**document["device"], **device}
+    scene = scene_from_document(document)
+    return control_for(scene, compiled=False), control_for(scene)
+
+
+def unit(rng):
+    axis = rng.normal(size=3)
+    return axis / np.linalg.norm(axis)
+
+
+def random_pose(rng):
+    return pin.SE3(pin.exp3(rng.uniform(0.0, np.pi) * unit(rng)), rng.normal(size=3))
+
+
+class Case:
+    """Measurements, drawn at random, ``turn`` rad and ``way`` m from where they are tied."""
+
+    def __init__(self, rng, turn=0.3, way=0.1, ahead=0.0, size=1.0):
+        device, point = random_pose(rng), random_pose(rng)
+        self.tie = engage(1.0, device, point)
+        step = pin.exp3(turn * unit(rng))
+        moved = pin.SE3(step @ device.rotation, device.translation + way * unit(rng))
+        twists, wrenches = size * rng.normal(size=(2, 6)), size * rng.normal(size=(2, 6))
+        self.device = DeviceMeasurement(moved, twists[0], wrenches[0])
+        self.point = PointMeasurement(point, twists[1], wrenches[1])
+        self.model = RenderingModel(*rng.normal(size=(3, 6, 6)), rng.normal(size=6))
+        self.ahead = ahead
+        self.time = 1.0 + rng.uniform(0.2, 2.0)
+
+    def flat(self):
+        return flat_device(self.device), flat_rendered(self.model, self.point), self.ahead
+
+    def compute(self, control):
+        given = self.device, self.point, self.model
+        return control.compute(self.time, self.tie, *given).rows()
+
+    def answer(self, control):
+        return control.answer(self.time, self.tie, *self.flat())
+
+
+def apart(found, expected):
+    """Return the largest difference, relative to the largest number of the answer's rows."""
+    assert found.shape == expected.shape == (6, 6)
+    assert np.isfinite(expected).all()
+    return np.abs(found - expected).max() / np.abs(expected).max()
+
+
+def same(readable, compiled, case):
+    """Assert that both give the same, of objects and of numbers; return it."""
+    expected = case.answer(readable)
+    assert apart(case.answer(compiled), expected) < ROUNDING
+    # Springs may make little of the pose error: it has to be the same in its own size too.
+    error = expected[5]
+    miss = np.abs(case.answer(compiled)[5] - error).max()
+    assert miss < ROUNDING * max(np.abs(error).max(), 1.0)
+    assert apart(case.compute(compiled), case.compute(readable)) < ROUNDING
+    return expected
+
+
+@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize("beta", [0.0, 0.5, 1.0])
+def test_wrenches_are_the_same(kind, beta):
+    readable, compiled = both(kind, joint={**FREE, "feedforward": beta})
+    rng = np.random.default_rng(5)
+    for number in range(600):
+        turn, ahead = rng.uniform(0.0, 3.0), (0.0, -0.005, 0.005)[number % 3]
+        same(readable, compiled, Case(rng, turn, rng.uniform(0.0, 0.5), ahead))
+
+
+@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("way", [0.0, 1e-9, 0.1])
+def test_wrenches_are_the_same_at_every_error(kind, turn, way):
+    readable, compiled = both(kind)
+    rng = np.random.default_rng(6)
+    for _ in range(20):
+        same(readable, compiled, Case(rng, turn, way))
+    # Nothing else but the error: its own rounding of some 1e-16 m and rad, times 2000 N/m, times
+    # six entries of P_c of up to 3.
+    still = Case(rng, turn, way, size=0.0)
+    still.model = RenderingModel(*rng.normal(size=(3, 6, 6)), np.zeros(6))
+    found, expected = still.answer(compiled), still.answer(readable)
+    assert np.abs(found - expected).max() < ROUNDING * max(np.abs(expected).max(), 10.0)
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_gains_of_every_kind_take_their_places(kind):
+    """All gains different, so that none can stand in for another."""
+    joint = {"stiffness": 31.0, "damping": 3.7, "feedforward": 0.3, **FREE}
+    springs = {"stiffness": 17.0, "angular_stiffness": 2.3}
+    dampers = {"damping": 1.9, "angular_damping": 0.7}
+    device = {"mass": 0.6, "inertia": 0.013, **FREE}
+    readable, compiled = both(
+        kind,
+        joint,
+        device,
+        position_channel={**springs, **dampers},
+        force_channel={"contact": 0.8, "hand": 0.45},
+        engagement_ramp=2.9,
+    )
+    rng = np.random.default_rng(7)
+    for _ in range(200):
+        same(readable, compiled, Case(rng, 0.5, 0.2))
+
+
+@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize("where", ["joint", "device"])
+@pytest.mark.parametrize("which", ["force_limit", "torque_limit"])
+def test_every_limit_cuts_the_same(kind, where, which):
+    free = both(kind)
+    readable, compiled = both(kind, **{where: {**FREE, which: 0.2}})
+    rng = np.random.default_rng(8)
+    cut = {"joint": (3,), "device": (0, 1)}[where]
+    part = slice(3) if which == "force_limit" else slice(3, 6)
+    met = 0
+    for _ in range(100):
+        case = Case(rng)
+        expected, whole = same(readable, compiled, case), case.answer(free[0])
+        for row in cut:
+            met += np.linalg.norm(whole[row, part]) > 0.2
+            assert np.linalg.norm(expected[row, part]) < 0.2 * (1.0 + 1e-15)
+    assert met > 80 * len(cut)
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_a_wrench_of_nothing_meets_limits(kind):
+    readable, compiled = both(kind, joint={}, device={})
+    case = Case(np.random.default_rng(9), 0.0, 0.0, size=0.0)
+    case.model = RenderingModel(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6))
+    assert np.abs(case.answer(compiled) - case.answer(readable)).max() < ROUNDING
+
+
+@pytest.mark.parametrize("duration", [0.0, 0.5])
+@pytest.mark.parametrize("since", [-1.0, 0.0, 0.1, 0.5, 7.0])
+def test_the_ramp_is_the_same(duration, since):
+    readable, compiled = both("spatial", engagement_ramp=duration)
+    case = Case(np.random.default_rng(10))
+    case.time = case.tie.time + since
+    expected, found = case.answer(readable), case.answer(compiled)
+    let_through = case.tie.ramp(case.time, duration)
+    assert (found[:5] == 0.0).all() == (let_through == 0.0)
+    assert apart(found, expected) < ROUNDING
+
+
+def test_a_contact_alone_is_felt():
+    readable, compiled = both("spatial", force_channel={"contact": 0.25})
+    case = Case(np.random.default_rng(11))
+    without = case.answer(compiled)
+    case.point = PointMeasurement(case.point.pose, case.point.twist, case.point.contact_wrench + 1)
+    felt = same(readable, compiled, case)
+    assert np.abs(felt[4] - without[4] - 0.25).max() < ROUNDING * np.abs(felt).max()
+
+
+def test_a_new_engagement_is_noticed_and_an_old_one_remembered():
+    readable, compiled = both("spatial")
+    rng = np.random.default_rng(12)
+    cases = [Case(rng) for _ in range(2)]
+    for case in (*cases, *cases):
+        same(readable, compiled, case)
+    again = engage(cases[0].tie.time, cases[0].device.pose, cases[0].point.pose)
+    cases[0].tie = again
+    assert np.abs(same(readable, compiled, cases[0])[5]).max() < ROUNDING
+
+
+@pytest.mark.parametrize("ahead", [0.0, 0.004])
+def test_flat_measurements_engage_without_error(ahead):
+    for control in both("spatial"):
+        case = Case(np.random.default_rng(13), ahead=ahead)
+        case.tie = control.engage_flat(case.time, *case.flat())
+        assert case.tie.time == case.time
+        assert np.abs(case.answer(control)[5]).max() < ROUNDING
+        later = (*case.flat()[:2], ahead + 0.01)
+        moved = control.answer(case.time, case.tie, *later)[5, :3]
+        assert np.abs(moved + 0.01 * case.point.twist[:3]).max() < 0.1 * np.abs(moved).max()
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_a_device_at_rest_on_a_mechanism_at_rest_stays_at_rest(kind):
+    """To the bit: what rounding would make of it, springs of thousands would turn into motion."""
+    _, compiled = both(kind)
+    rng = np.random.default_rng(16)
+    for _ in range(200):
+        case = Case(rng, size=0.0)
+        pose = case.point.pose
+        case.tie = engage(1.0, pose, pose)
+        case.device = DeviceMeasurement(pose, np.zeros(6), np.zeros(6))
+        for rows in (case.answer(compiled), case.compute(compiled)):
+            assert (rows[[1, 3, 4, 5]] == 0.0).all()
+
+
+def test_flat_measurements_stand_for_objects():
+    case = Case(np.random.default_rng(14))
+    device, rendered, _ = case.flat()
+    back, point, model = device_of(device), point_of(rendered), model_of(rendered)
+    for one, other in ((back.pose, case.device.pose), (point.pose, case.point.pose)):
+        # The quaternion between them: a few roundings.
+        assert np.abs(pose_error(one, other)).max() < 1e-15 * 10
+    assert (back.twist == case.device.twist).all()
+    assert (back.hand_wrench == case.device.hand_wrench).all()
+    assert (point.twist == case.point.twist).all()
+    assert (point.contact_wrench == case.point.contact_wrench).all()
+    assert (model.inverse_inertia == case.model.inverse_inertia).all()
+    assert (model.constraint_projector == case.model.constraint_projector).all()
+    assert (model.balanced_share == case.model.balanced_share).all()
+    assert (model.free_acceleration == case.model.free_acceleration).all()
+
+
+def test_answers_are_copies_and_measurements_stay():
+    _, compiled = both("spatial")
+    rng = np.random.default_rng(15)
+    case, other = Case(rng), Case(rng)
+    device, rendered, ahead = case.flat()
+    for numbers in (device, rendered):
+        numbers.flags.writeable = False
+    found = compiled.answer(case.time, case.tie, device, rendered, ahead)
+    output = compiled.compute(case.time, case.tie, case.device, case.point, case.model)
+    before = found.tobytes(), output.rows().tobytes()
+    other.answer(compiled)
+    other.compute(compiled)
+    assert (found.tobytes(), output.rows().tobytes()) == before
+
+
+@pytest.mark.parametrize(("device", "rendered"), [(18, 133), (20, 133), (19, 132), (0, 0)])
+def test_measurements_of_another_size_are_refused(device, rendered):
+    _, compiled = both("planar")
+    tie = engage(0.0, pin.SE3.Identity(), pin.SE3.Identity())
+    with pytest.raises(InvalidInputError, match="133"):
+        compiled.answer(0.0, tie, np.zeros(device), np.zeros(rendered), 0.0)
+
+
+def test_the_compiled_control_is_what_runs():
+    scene = load_scene("five_bar")
+    assert isinstance(control_for(scene), CompiledControl)
+    assert control_for(scene).compiled
+    assert type(control_for(scene, compiled=False)) is ControlArchitecture
+    assert not control_for(scene, compiled=False).compiled

@@ -1,0 +1,212 @@
+"""The compiled device against the readable one: same motion, same measurements, same wrenches."""
+
+from dataclasses import fields
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.device import NO_WRENCH, ImpedanceDevice, device_for, hand_law, no_hand
+from hapticmech_ros.device.compiled import CompiledDevice
+from hapticmech_ros.device.compiled_state import CompiledState
+from hapticmech_ros.scene.document import ConstantWrenchHand, Device, SpringDamperHand, Waypoint
+
+PERIOD = 1e-3
+# Sums of some ten products, each rounded to 1e-16, in another order. Stepping from the same state
+# leaves no more than that; spring and damper enlarge it by k h / m, less than 1.
+ROUNDING = 1e-12
+# From here to π, rad, Pinocchio's logarithm is exact; up to here it loses 1e-15 / sin².
+NEAR_PI = 2e-3
+PUSHING = ConstantWrenchHand(
+    kind="constant_wrench", force=(1.0, -2.0, 0.5), torque=(0.01, 0.0, -0.02), start_delay=0.25
+)
+SPRING = SpringDamperHand(
+    kind="spring_damper",
+    waypoints=(
+        Waypoint(time=0.1, xyz=(0.01, 0.0, 0.0), rotation=(0.4, 0.0, 0.0)),
+        Waypoint(time=0.5, xyz=(0.03, -0.02, 0.01), rotation=(0.4, 0.9, -0.3)),
+        Waypoint(time=0.65, xyz=(0.0, 0.05, 0.0), rotation=(0.0, 0.0, 1.0)),
+    ),
+    start_delay=0.1,
+)
+AT_ONCE = SpringDamperHand(
+    kind="spring_damper",
+    waypoints=(Waypoint(time=0.0, xyz=(0.0, 0.01, 0.0), rotation=(0.1, 0.0, 0.0)),),
+    start_delay=0.0,
+)
+HANDS = {"nobody": None, "pushing": PUSHING, "spring": SPRING, "at_once": AT_ONCE}
+DAMPED = {"damping": 0.4, "angular_damping": 1e-3}
+DEVICES = {
+    "ideal": Device(**DAMPED),
+    "quantised": Device(position_resolution=1e-5, angle_resolution=1e-3, substeps=3),
+    "positions": Device(position_resolution=2e-4, velocity_filter=30.0, **DAMPED),
+    "angles": Device(angle_resolution=0.1, substeps=1),
+    "weak": Device(force_limit=0.5, torque_limit=0.01, **DAMPED),
+}
+
+
+def pair(device, hand, planar=False):
+    law = no_hand if hand is None else hand_law(hand)
+    return (
+        ImpedanceDevice(device, PERIOD, planar, law),
+        CompiledDevice(device, PERIOD, planar, hand),
+    )
+
+
+def compare(found, expected, bound=ROUNDING):
+    for field in fields(expected):
+        one, other = getattr(found, field.name), getattr(expected, field.name)
+        if isinstance(other, pin.SE3):
+            one, other = one.homogeneous, other.homogeneous
+        assert one.shape == other.shape
+        assert np.abs(one - other).max() < bound * max(np.abs(other).max(), 1.0), field.name
+    apart = np.abs(found.published - expected.published).max()
+    assert apart < bound * max(np.abs(expected.published).max(), 1.0)
+
+
+def random_pose(rng, planar, angle):
+    axis = np.array([0.0, 0.0, 1.0]) if planar else rng.normal(size=3)
+    position = rng.normal(size=3) * ((1.0, 1.0, 0.0) if planar else 1.0)
+    return pin.SE3(pin.exp3(angle * axis / np.linalg.norm(axis)), position)
+
+
+@pytest.mark.parametrize("planar", [False, True])
+@pytest.mark.parametrize("hand", HANDS)
+@pytest.mark.parametrize("device", DEVICES)
+def test_a_period_is_the_same_from_random_states(device, hand, planar):
+    readable, compiled = pair(DEVICES[device], HANDS[hand], planar)
+    rng = np.random.default_rng(7)
+    task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
+    limits = DEVICES[device].force_limit, DEVICES[device].torque_limit
+    limited = held_by_nobody = 0
+    for _ in range(250):
+        angle = rng.choice([0.0, 1e-6, 0.5, 2.0, np.pi - NEAR_PI, np.pi - 1e-4])
+        start = readable.at_rest(random_pose(rng, planar, angle))
+        # Any twist: the first period brings it up.
+        away = rng.normal(size=6) * task * np.repeat((300.0, 0.3), 3)
+        state = readable.step(start, NO_WRENCH, None, 0, away)
+        stretch = rng.choice([0.0, 1e-7, 0.3, 1.5])
+        hold = random_pose(rng, planar, stretch)
+        held = readable.at_rest(
+            pin.SE3(hold.rotation @ start.pose.rotation, start.pose.translation + 0.01)
+        )
+        held = None if rng.random() < 0.2 else held
+        command = rng.normal(size=6) * np.repeat(limits, 3)
+        push = rng.normal(size=6) if rng.random() < 0.5 else NO_WRENCH
+        ticks = int(rng.integers(900))
+        expected = readable.step(state, command, held, ticks, push)
+        found = compiled.step(CompiledState.of(state), command, held, ticks, push)
+        compare(found, expected)
+        limited += not np.array_equal(expected.applied, command)
+        held_by_nobody += held is None
+    assert 100 < limited < 250
+    assert 20 < held_by_nobody < 100
+
+
+@pytest.mark.parametrize("hand", ["pushing", "spring", "at_once"])
+@pytest.mark.parametrize("device", ["ideal", "positions", "weak"])
+def test_a_second_is_the_same(device, hand):
+    readable, compiled = pair(DEVICES[device], HANDS[hand])
+    pose = random_pose(np.random.default_rng(1), False, 0.4)
+    states = [body.at_rest(pose, held=True) for body in (readable, compiled)]
+    starts = list(states)
+    compare(states[1], states[0])
+    for tick in range(1000):
+        command = np.repeat((0.3, 3e-3), 3) * np.sin(0.02 * tick + np.arange(6))
+        states = [
+            body.step(state, command, start, tick)
+            for body, state, start in zip((readable, compiled), states, starts, strict=True)
+        ]
+        # Roundings of 1000 periods add up; what moves freely carries them on for up to 1 s.
+        compare(states[1], states[0], 1e-10)
+    assert np.abs(states[0].pose.translation - pose.translation).max() > 1e-3
+
+
+@pytest.mark.parametrize("short", [2e-3, 1e-4, 1e-8])
+def test_a_hand_turned_by_nearly_half_a_turn_pulls_the_same(short):
+    hand = SpringDamperHand(kind="spring_damper", waypoints=(Waypoint(time=0.0),), start_delay=0.0)
+    # Too heavy to be turned by more than 1e-6 rad in a period.
+    readable, compiled = pair(Device(inertia=3.0), hand)
+    rng = np.random.default_rng(9)
+    for _ in range(100):
+        start = readable.at_rest(random_pose(rng, False, 1.0))
+        turn = random_pose(rng, False, np.pi - short).rotation
+        held = readable.at_rest(pin.SE3(turn @ start.pose.rotation, start.pose.translation))
+        expected = readable.step(start, NO_WRENCH, held, 0)
+        compare(compiled.step(start, NO_WRENCH, held, 0), expected)
+        assert abs(np.linalg.norm(expected.hand_wrench[3:]) - np.pi) < 2.1e-3
+
+
+def test_the_hand_has_the_state_in_which_it_took_hold():
+    readable, compiled = pair(DEVICES["ideal"], AT_ONCE)
+    rng = np.random.default_rng(4)
+    state = readable.at_rest(random_pose(rng, False, 1.0))
+    one, other = (readable.at_rest(random_pose(rng, False, 1.0)) for _ in range(2))
+    for held in (one, other, None, one, CompiledState.of(other), other):
+        found = compiled.step(state, NO_WRENCH, held, 5)
+        compare(found, readable.step(state, NO_WRENCH, held, 5))
+
+
+def test_states_of_the_readable_device_are_taken_and_kept():
+    readable, compiled = pair(DEVICES["quantised"], SPRING)
+    state = readable.at_rest(random_pose(np.random.default_rng(6), False, 1.0))
+    state = readable.step(state, np.ones(6), state, 400, np.ones(6))
+    compare(CompiledState.of(state), state, 1e-16)
+    compare(compiled.step(state, np.ones(6), None, 0), readable.step(state, np.ones(6), None, 0))
+
+
+def test_a_step_leaves_earlier_states_alone():
+    _, compiled = pair(DEVICES["quantised"], SPRING)
+    start = compiled.at_rest(random_pose(np.random.default_rng(3), False, 1.0), held=True)
+    first = compiled.step(start, np.ones(6), start, 0)
+    before = start.flat.tobytes(), first.flat.tobytes()
+    compiled.step(first, np.zeros(6), start, 1)
+    assert (start.flat.tobytes(), first.flat.tobytes()) == before
+    assert np.array_equal(compiled.step(start, np.ones(6), start, 0).flat, first.flat)
+
+
+def test_same_bits_on_every_run():
+    ends = []
+    for _ in range(2):
+        _, compiled = pair(DEVICES["quantised"], SPRING)
+        state = start = compiled.at_rest(pin.SE3.Identity(), held=True)
+        for tick in range(300):
+            state = compiled.step(state, np.sin(tick + np.arange(6.0)), start, tick)
+        ends.append(state.flat.tobytes())
+    assert ends[0] == ends[1]
+
+
+def test_arrays_that_cannot_be_written_are_taken():
+    _, compiled = pair(DEVICES["ideal"], None)
+    start = compiled.at_rest(pin.SE3.Identity())
+    command = np.ones(6)
+    expected = compiled.step(start, command, None, 0, command).flat
+    command.flags.writeable = False
+    assert np.array_equal(compiled.step(start, command, None, 0, command).flat, expected)
+    apart = np.ones(12)[::2]
+    assert np.array_equal(compiled.step(start, apart, None, 0, apart).flat, expected)
+
+
+def test_a_planar_device_stays_in_the_plane_to_the_bit():
+    _, compiled = pair(DEVICES["ideal"], PUSHING, planar=True)
+    state = start = compiled.at_rest(pin.SE3(pin.exp3(np.array([0, 0, 0.4])), np.zeros(3)), True)
+    for tick in range(400):
+        state = compiled.step(state, np.full(6, 0.1), start, tick, np.ones(6))
+        assert np.array_equal(state.twist[2:5], np.zeros(3))
+        assert np.array_equal(state.pose.rotation[:, 2], [0.0, 0.0, 1.0])
+    assert state.twist[0] > 0.0
+
+
+def test_the_compiled_device_is_what_runs():
+    scene = load_scene("spatial_arm")
+    assert device_for(scene).compiled
+    readable = device_for(scene, compiled=False)
+    assert type(readable) is ImpedanceDevice
+    pose = random_pose(np.random.default_rng(8), False, 1.0)
+    for with_hand in (True, False):
+        bodies = [device_for(scene, with_hand, compiled) for compiled in (False, True)]
+        starts = [body.at_rest(pose, held=True) for body in bodies]
+        ends = [body.step(s, NO_WRENCH, s, 700) for body, s in zip(bodies, starts, strict=True)]
+        compare(ends[1], ends[0])
+        assert ends[0].hand_wrench.any() == with_hand

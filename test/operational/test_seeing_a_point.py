@@ -1,0 +1,107 @@
+"""What a controller needs of a point, in one go, against the analysis and the terms of Eq. 1."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.constraint_space import SingularInertiaError
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from oracles.generator import closed_chain, random_mechanism
+from oracles.implementations import apart, condition, pair_of, sample_pair
+from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, chain
+
+# Sums of some ten products in another order, and what D's condition (up to 1e3) takes.
+ROUNDING = 1e-12
+SIZE = 133
+
+
+def pairs():
+    for name in shipped_scenes():
+        yield from (pair_of(load_scene(name), seed, 0.2 * seed) for seed in range(4))
+    for seed in range(8):
+        yield sample_pair(random_mechanism(seed, seed % 2 == 0, duplicated=seed % 3 == 0), 0.3)
+        yield sample_pair(closed_chain(seed, ("spherical", "revolute", "weld")[seed % 3]))
+
+
+def seen(analyser, pair, active):
+    filled = np.full(SIZE, np.nan)
+    analyser.see(pair.q, pair.v, active, filled)
+    return filled
+
+
+@pytest.mark.parametrize("pair", list(pairs()))
+def test_both_see_the_same(pair):
+    for active in pair.sets:
+        terms = pair.readable.evaluate(pair.q, pair.v, active)
+        magnified = ROUNDING * condition(terms.space)
+        free = pair.readable.evaluate(pair.q, pair.v, (False,) * len(active))
+        for name in pair.readable.point_names:
+            readable, compiled = Analyser(pair.readable, name), Analyser(pair.compiled, name)
+            one, other = seen(readable, pair, active), seen(compiled, pair, active)
+            alone = readable.analyse(free)
+            inertia, fall = (
+                np.abs(x).max() for x in (alone.inverse_inertia, alone.free_acceleration)
+            )
+            assert apart(other[:6], one[:6], 1.0) < magnified
+            assert apart(other[6:42], one[6:42], inertia) < magnified
+            # Slope of w, and products of wrenches of different units.
+            assert apart(other[42:78], one[42:78]) < 100.0 * magnified
+            assert apart(other[78:114], one[78:114], 1.0) < 100.0 * magnified
+            assert apart(other[114:120], one[114:120], fall) < magnified
+            assert apart(other[120:127], one[120:127], 1.0) < ROUNDING
+            assert apart(other[127:], one[127:], np.abs(pair.v).max()) < ROUNDING
+
+
+@pytest.mark.parametrize("pair", list(pairs())[::3])
+def test_in_one_go_or_not_is_the_same_to_the_bit(pair):
+    for active in pair.sets:
+        terms = pair.compiled.evaluate(pair.q, pair.v, active)
+        analyser = Analyser(pair.compiled)
+        found, point = analyser.analyse(terms), terms.points[analyser.index]
+        filled = seen(analyser, pair, active)
+        assert (filled[: found.rows.size] == found.spectrum.s).all()
+        assert (filled[found.rows.size : 6] == 0.0).all()
+        squares = filled[6:114].reshape(3, 6, 6)
+        assert (squares[0] == found.inverse_inertia).all()
+        assert (squares[1] == found.constraint_projector).all()
+        assert (squares[2] == found.balanced_share).all()
+        assert (filled[114:120] == found.free_acceleration).all()
+        assert (filled[120:123] == point.pose.translation).all()
+        assert (filled[127:] == point.twist).all()
+
+
+def test_quaternions_of_all_orientations_are_eigens():
+    pair = sample_pair(random_mechanism(1, False))
+    analyser = Analyser(pair.compiled)
+    rng = np.random.default_rng(0)
+    signs = set()
+    for _ in range(200):
+        pair.q[:] = pair.compiled.integrate(pair.q, rng.normal(size=pair.v.size))
+        pose = pair.readable.frame_pose(pair.q, pair.readable.point_names[0])
+        expected = pin.Quaternion(pose.rotation).coeffs()
+        found = seen(analyser, pair, pair.readable.initially_active)[123:127]
+        # Near a change of the largest component, it may be the other sign: the same rotation.
+        assert min(np.abs(found - expected).max(), np.abs(found + expected).max()) < ROUNDING
+        signs.add((int(np.argmax(np.abs(expected))), bool(expected[3] > 0.0)))
+    assert len(signs) > 4
+
+
+def test_what_cannot_be_seen_is_an_error():
+    document = chain(LENGTHS, MASSES, INERTIAS)
+    nothing = {"mass": 0.0, "inertia": {"ixx": 0.0, "iyy": 0.0, "izz": 0.0}}
+    document["links"][-1]["inertial"] = nothing
+    document["operational_points"] = document["operational_points"][:2]
+    pair = pair_of(scene_from_document(document))
+    for mechanism in (pair.readable, pair.compiled):
+        with pytest.raises(SingularInertiaError, match="degree of freedom 3"):
+            seen(Analyser(mechanism), pair, ())
+
+
+def test_a_state_that_is_not_finite_is_an_error():
+    pair = pair_of(load_scene("five_bar"))
+    pair.q[1] = np.nan
+    with pytest.raises(HapticMechError):
+        seen(Analyser(pair.compiled), pair, (True,))

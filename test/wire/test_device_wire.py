@@ -1,0 +1,33 @@
+"""Messages written in place are those packed from objects."""
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.control import DeviceMeasurement
+from hapticmech_ros.device import NO_WRENCH, device_for
+from hapticmech_ros.wire.device_wire import DeviceWriter
+from hapticmech_ros.wire.layouts import DeviceSample, pack_device
+
+STAMP = 1_700_000_000_123_456_789
+
+
+def test_what_is_written_is_what_is_packed_with_pushes_added():
+    rng = np.random.default_rng(0)
+    writer = DeviceWriter()
+    for compiled in (False, True):
+        body = device_for(load_scene("spatial_arm"), compiled=compiled)
+        pose = pin.SE3(pin.exp3(np.array([0.3, -2.0, 0.5])), np.array([0.1, 0.2, 0.3]))
+        state = start = body.at_rest(pose, held=True)
+        for ticks in range(600, 605):
+            state = body.step(state, rng.normal(size=6), start, ticks)
+            before, stamp = state.hand_wrench.copy(), STAMP + ticks
+            push = rng.normal(size=6) if ticks % 2 else NO_WRENCH
+            writer.see(state, push, stamp)
+            hand = push + state.hand_wrench
+            measured = DeviceMeasurement(state.measured_pose, state.measured_twist, hand)
+            expected = pack_device(DeviceSample(stamp, measured, state.applied))
+            assert np.array_equal(writer.values, expected)
+            assert np.array_equal(writer.hand_wrench, hand)
+            # The state keeps the hand's own wrench.
+            assert np.array_equal(state.hand_wrench, before)

@@ -1,0 +1,157 @@
+"""Messages of the control rate, read without taking them apart: same numbers, same refusals."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros.control import DeviceMeasurement, PointMeasurement, RenderingModel
+from hapticmech_ros.control.flat import flat_device, flat_rendered
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.wire.cdr import FlatArray, decode
+from hapticmech_ros.wire.layouts import (
+    DEVICE_FIELDS,
+    RENDERING_FIELDS,
+    DeviceSample,
+    Rendering,
+    pack_device,
+    pack_rendering,
+    unpack_device,
+    unpack_rendering,
+)
+from hapticmech_ros.wire.readings import read_device, read_rendering
+
+STAMP = 1_700_000_000_123_456_789
+# Reader, readable reader, name in errors, first index of the quaternion.
+KINDS = {
+    "device": (read_device, unpack_device, "device state", 5),
+    "rendering": (read_rendering, unpack_rendering, "rendering", 127),
+}
+
+
+def pose(rng):
+    return pin.SE3(np.asarray(pin.exp3(rng.normal(size=3))), rng.normal(size=3))
+
+
+def sample(kind, seed=0, stamp=STAMP):
+    """Return a message's data, and the part of it that the control reads."""
+    rng = np.random.default_rng(seed)
+    if kind == "device":
+        measured = DeviceMeasurement(pose(rng), *rng.normal(size=(2, 6)))
+        return pack_device(DeviceSample(stamp, measured, rng.normal(size=6))), flat_device(measured)
+    model = RenderingModel(*rng.normal(size=(3, 6, 6)), rng.normal(size=6))
+    point = PointMeasurement(pose(rng), *rng.normal(size=(2, 6)))
+    rendering = Rendering(stamp, 2, rng.normal(size=5), model, point, bool(seed % 2))
+    return pack_rendering(rendering), flat_rendered(model, point)
+
+
+def refusal(read, data):
+    """Return what, rule and text of the error that reading raises."""
+    with pytest.raises(InvalidInputError) as caught:
+        read(data)
+    return caught.value.what, caught.value.rule, str(caught.value)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_part_for_the_control_is_read_to_the_bit(kind):
+    read, unpack, _, _ = KINDS[kind]
+    fields = {"device": DEVICE_FIELDS, "rendering": RENDERING_FIELDS}[kind]
+    for seed in range(20):
+        data, expected = sample(kind, seed)
+        wire = decode(FlatArray(fields).encode(data))
+        found = read(wire)
+        assert found.stamp_ns == unpack(wire).stamp_ns == STAMP
+        assert found[1].tobytes() == expected.tobytes()
+        # Kernels take numbers where a processor expects them.
+        assert found[1].flags.aligned
+        if kind == "rendering":
+            assert found.commanded is unpack(wire).commanded is bool(seed % 2)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_message_may_be_overwritten_afterwards(kind):
+    data, expected = sample(kind)
+    found = KINDS[kind][0](data)
+    data[:] = 0.0
+    assert (found[1] == expected).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_objects_hold_the_same_numbers(kind):
+    data, expected = sample(kind)
+    found = KINDS[kind][1](data)
+    if kind == "device":
+        again = flat_device(found.measured)
+    else:
+        again = flat_rendered(found.model, found.point)
+    # A quaternion becomes a matrix and a quaternion again.
+    assert np.abs(again - expected).max() < 1e-15
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_every_number_has_to_be_finite(kind, bad):
+    read, unpack, name, _ = KINDS[kind]
+    for index in range(sample(kind)[0].size):
+        data, _ = sample(kind)
+        data[index] = bad
+        found = refusal(read, data)
+        assert found == refusal(unpack, data)
+        assert found[0] == f"{name} message[{index}]"
+        assert found[1] == "must be finite"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("change", [-1, 1, -30, 30])
+def test_the_length_has_to_be_right(kind, change):
+    read, unpack, name, _ = KINDS[kind]
+    data, _ = sample(kind)
+    size = data.size
+    wrong = data[:change] if change < 0 else np.concatenate((data, np.ones(change)))
+    wrong = wrong if size + change > 0 else data[:0]
+    found = refusal(read, wrong)
+    assert found == refusal(unpack, wrong)
+    assert found[:2] == (f"{name} message", f"must hold {size} numbers")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_quaternion_has_to_be_of_unit_length(kind):
+    read, unpack, _, at = KINDS[kind]
+    for length in (0.0, 0.5, 1.0 - 1.01e-3, 1.0 + 1.01e-3, 2.0, 1e100):
+        data, _ = sample(kind)
+        data[at : at + 4] *= length
+        found = refusal(read, data)
+        assert found == refusal(unpack, data)
+        assert found[0] == "length of quaternion"
+    for length in (1.0 - 0.99e-3, 1.0 - 0.6e-3, 1.0 - 0.4e-3, 1.0 + 0.4e-3, 1.0 + 0.99e-3):
+        data, _ = sample(kind)
+        data[at : at + 4] *= length
+        # Handed on as it came: whoever uses it divides by its length.
+        assert (read(data)[1] == data[slice(2, 21) if kind == "device" else slice(10, 143)]).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("seconds", "nanoseconds"),
+    [
+        (0.0, 0.0),
+        (-1.0, 5.0),
+        (1e30, 0.0),
+        (3.0, 1e9),
+        (3.0, -7.0),
+        (3.0, 1e30),
+        (4e9, 1.0),
+        (1.5, 0.5),
+    ],
+)
+def test_odd_stamps_are_read_as_before(kind, seconds, nanoseconds):
+    read, unpack, _, _ = KINDS[kind]
+    data, _ = sample(kind)
+    data[:2] = seconds, nanoseconds
+    assert read(data).stamp_ns == unpack(data).stamp_ns
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_large_numbers_are_no_fault(kind):
+    data, _ = sample(kind)
+    data[15:20] = 1e300
+    assert KINDS[kind][0](data).stamp_ns == STAMP

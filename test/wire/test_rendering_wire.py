@@ -1,0 +1,55 @@
+"""Renderings written in place are those that are packed from the objects."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.control import PointMeasurement
+from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.scene import shipped_scenes
+from hapticmech_ros.session import rendering_model
+from hapticmech_ros.wire.layouts import Rendering, pack_rendering
+from hapticmech_ros.wire.rendering_wire import RenderingWriter
+from hapticmech_ros.wire.state import WireState
+
+
+def states(mechanism):
+    """Return states of a mechanism, one after another, all different."""
+    q, _ = consistent_initial_state(mechanism)
+    points = len(mechanism.point_names)
+    rng = np.random.default_rng(0)
+    for tick in range(3):
+        yield WireState(
+            1_500_000_000 + tick,
+            mechanism.initially_active,
+            q,
+            rng.normal(size=mechanism.nv),
+            rng.normal(size=(points, 6)),
+            (tick % 2 == 0,) * points,
+        )
+        q = mechanism.integrate(q, 1e-3 * rng.normal(size=mechanism.nv))
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_both_ways_write_the_same(name):
+    mechanism = build(load_scene(name))
+    analyser = Analyser(mechanism)
+    writer = RenderingWriter(analyser)
+    for count, state in enumerate(states(mechanism)):
+        writer.see(state)
+        writer.count(count)
+        terms = mechanism.evaluate(state.q, state.v, state.active)
+        found, point = analyser.analyse(terms), terms.points[analyser.index]
+        measured = PointMeasurement(point.pose, point.twist, state.contacts[analyser.index])
+        heard = state.commanded[analyser.index]
+        s = found.spectrum.s
+        expected = pack_rendering(
+            Rendering(state.stamp_ns, count, s, rendering_model(found), measured, heard)
+        )
+        assert (writer.s == s).all()
+        # The quaternion by a kernel and by Eigen, which rounds it once less or more.
+        assert np.abs(writer.values[127:131] - expected[127:131]).max() < 1e-15
+        writer.values[127:131] = expected[127:131]
+        assert writer.values.tobytes() == expected.tobytes()

@@ -1,0 +1,104 @@
+"""States on the wire: what is packed is unpacked again, and what breaks a rule is refused."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism import build
+from hapticmech_ros.wire.state import StateLayout, WireState
+from oracles.generator import random_mechanism
+from oracles.implementations import sample_pair
+
+STAMP = 12_345_678_901_234_567
+
+
+def layouts():
+    """Return layouts where q is a vector and where it is not, and a configuration of each."""
+    mechanism = build(load_scene("five_bar"))
+    yield StateLayout(mechanism), mechanism, np.array([1.9, -0.0, -1.8, 0.6])
+    for seed in range(4):
+        pair = sample_pair(random_mechanism(seed))
+        yield StateLayout(pair.compiled), pair.compiled, pair.q
+
+
+def state_of(mechanism, q):
+    points = len(mechanism.point_names)
+    v = np.linspace(-1.0, 1.0, mechanism.nv)
+    contacts = np.arange(6.0 * points).reshape(points, 6)
+    active = tuple(index % 2 == 0 for index in range(len(mechanism.closures)))
+    return WireState(STAMP, active, q, v, contacts, tuple(i % 2 == 1 for i in range(points)))
+
+
+@pytest.mark.parametrize(("layout", "mechanism", "q"), list(layouts()))
+def test_what_is_packed_is_unpacked(layout, mechanism, q):
+    state = state_of(mechanism, q)
+    data = layout.pack(state)
+    assert data.shape == (sum(layout.fields.values()),)
+    found = layout.unpack(data)
+    assert found.stamp_ns == state.stamp_ns
+    assert found.active == state.active
+    assert found.commanded == state.commanded
+    assert all(type(flag) is bool for flag in (*found.active, *found.commanded))
+    assert found.v.tobytes() == state.v.tobytes()
+    assert found.contacts.tobytes() == state.contacts.tobytes()
+    # On the manifold there and back again, of q of length 1 at most; quaternions up to their sign.
+    if mechanism.nq == mechanism.nv:
+        assert found.q.tobytes() == q.tobytes()
+    else:
+        assert np.abs(layout.coordinates(found.q) - layout.coordinates(q)).max() < 1e-12
+
+
+def test_parts_are_where_the_label_says():
+    layout, mechanism, q = next(layouts())
+    state = state_of(mechanism, q)
+    parts = np.split(layout.pack(state), np.cumsum(list(layout.fields.values()))[:-1])
+    expected = (
+        divmod(STAMP, 1_000_000_000),
+        state.active,
+        q,
+        state.v,
+        state.contacts.ravel(),
+        state.commanded,
+    )
+    for found, part in zip(parts, expected, strict=True):
+        assert (found == np.array(part, dtype=float)).all()
+
+
+def test_what_is_unpacked_is_a_copy():
+    layout, mechanism, q = next(layouts())
+    data = layout.pack(state_of(mechanism, q))
+    found = layout.unpack(data)
+    data[:] = 0.0
+    assert found.q.tobytes() == q.tobytes()
+
+
+def test_large_numbers_are_numbers():
+    layout, mechanism, q = next(layouts())
+    state = state_of(mechanism, q)._replace(v=np.full(4, 1e200))
+    with np.errstate(over="ignore"):
+        assert (layout.unpack(layout.pack(state)).v == 1e200).all()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_is_refused(bad):
+    layout, mechanism, q = next(layouts())
+    for index in range(sum(layout.fields.values())):
+        data = layout.pack(state_of(mechanism, q))
+        data[index] = bad
+        with pytest.raises(InvalidInputError, match=rf"state message\[{index}\]"):
+            layout.unpack(data)
+
+
+def test_wrong_lengths_and_flags_are_refused():
+    layout, mechanism, q = next(layouts())
+    data = layout.pack(state_of(mechanism, q))
+    for wrong in (data[:-1], np.append(data, 0.0), np.zeros(0), data.reshape(1, -1)):
+        with pytest.raises(InvalidInputError, match="must hold"):
+            layout.unpack(wrong)
+    for index in (2, -1):
+        for flag in (0.5, 2.0, -1.0):
+            bad = data.copy()
+            bad[index] = flag
+            with pytest.raises(InvalidInputError, match="flags"):
+                layout.unpack(bad)
