@@ -14,11 +14,11 @@ from rosbags.typesys import Stores, get_typestore
 
 from hapticmech_ros.bag.reader import BagReader, BagTopic
 from hapticmech_ros.errors import BagError
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topics import TOPICS
 
 # A topic counts as periodic if so many of its periods are that near to the median.
 PERIODIC_SHARE, PERIODIC_WITHIN = 0.9, 0.25
-_SECOND_NS = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,11 +148,11 @@ def _topic(name: str, topic: BagTopic, found: _Series) -> TopicCheck:
         name,
         topic.type,
         len(found.received),
-        _SECOND_NS / period if period else 0.0,
+        NANOSECONDS / period if period else 0.0,
         stamped,
         int((steps < 0).sum()),
         int((steps == 0).sum()) if stamped else 0,
-        float(forward.max(initial=0)) / _SECOND_NS,
+        float(forward.max(initial=0)) / NANOSECONDS,
         gaps,
         lost,
         found.undecodable,

@@ -14,8 +14,7 @@ from hapticmech_ros.bag.metadata import is_unfinished, read_metadata
 from hapticmech_ros.bag.reader import BagReader, BagTopic
 from hapticmech_ros.bag.storage import SUFFIXES
 from hapticmech_ros.errors import BagError
-
-_SECOND_NS = 1e9
+from hapticmech_ros.times import NANOSECONDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +97,7 @@ def inspect_bag(path: str | os.PathLike[str]) -> BagInfo:
             raise BagError(f"bag {folder}: metadata that cannot be read: {error}") from error
     with BagReader(folder) as bag:
         first, last = bag.span_ns
-        duration = (last - first) / _SECOND_NS
+        duration = (last - first) / NANOSECONDS
         return BagInfo(
             folder,
             str(information.get("storage_identifier") or SUFFIXES[folder.suffix]),
@@ -115,7 +114,7 @@ def inspect_bag(path: str | os.PathLike[str]) -> BagInfo:
 
 
 def _from_metadata(folder: Path, information: dict[str, Any]) -> BagInfo:
-    duration = information["duration"]["nanoseconds"] / _SECOND_NS
+    duration = information["duration"]["nanoseconds"] / NANOSECONDS
     count = int(information["message_count"])
     topics = []
     for entry in information["topics_with_message_count"]:
@@ -168,7 +167,7 @@ def _files(folder: Path, information: dict[str, Any]) -> tuple[FileInfo, ...]:
                 file.name,
                 file.stat().st_size if file.exists() else 0,
                 entry.get("message_count"),
-                entry["duration"]["nanoseconds"] / _SECOND_NS if "duration" in entry else None,
+                entry["duration"]["nanoseconds"] / NANOSECONDS if "duration" in entry else None,
             )
         )
     return tuple(found)

@@ -9,11 +9,12 @@ from rosbags.interfaces import QosDurability
 
 from hapticmech_ros.bag.reader import BagReader, BagTopic
 from hapticmech_ros.errors import BagError
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 
 Message = tuple[str, int, bytes]
 # A recorder hears latched messages only when discovery is through: until then they count as there
 # from the beginning.
-DISCOVERY_NS = 1_000_000_000
+DISCOVERY_NS = NANOSECONDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +57,10 @@ def cut_of(
     if unknown:
         raise BagError(f"bag {bag.path}: no topic {', '.join(unknown)}")
     first, last = bag.span_ns
-    start = first + round(start_offset_s * 1e9)
+    start = first + nanoseconds(start_offset_s)
     if start > last or not last:
         raise BagError(f"bag {bag.path}: nothing to play behind {start_offset_s:g} s")
-    stop = last + 1 if duration_s is None else min(last + 1, start + round(duration_s * 1e9))
+    stop = last + 1 if duration_s is None else min(last + 1, start + nanoseconds(duration_s))
     return Cut(tuple(topics), start, stop)
 
 

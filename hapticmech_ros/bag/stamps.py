@@ -9,7 +9,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-NANOSECONDS = 1_000_000_000
+from hapticmech_ros.times import NANOSECONDS
+
 ARRAY = "std_msgs/msg/Float64MultiArray"
 # Type of a first field that begins with a stamp.
 _FIRST = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")

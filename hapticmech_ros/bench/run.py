@@ -34,6 +34,7 @@ from hapticmech_ros.bench.words import (
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.graph import Graph
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topic import CONTROLLER, DEVICE, MECHANISM
 
 ENGAGES_WITHIN_S = 30.0
@@ -41,7 +42,6 @@ ENGAGES_WITHIN_S = 30.0
 SETTLES_S = 2.0
 # Nodes speak once a second; one that is overloaded may be late.
 SPEAKS_WITHIN_S = 6.0
-NANOSECONDS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)

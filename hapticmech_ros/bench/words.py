@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from hapticmech_ros.bench.percentiles import Percentiles, percentiles_said
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
-NANOSECONDS = 1_000_000_000
 # What a node's own figures measure: each message's arrival less its stamp.
 SAID_HOPS: dict[str, tuple[str, str]] = {
     "device → controller → device": (DEVICE, "loop_latency"),

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
+from hapticmech_ros.cli.bench_accuracy import accuracy
 from hapticmech_ros.cli.console import OutOption, SceneArgument, console, errors
 
 if TYPE_CHECKING:
     from hapticmech_ros.bench.plan import Layout, Plan
 
 app = typer.Typer(help="Benchmarks.", no_args_is_help=True)
+app.command()(accuracy)
 
 
 @app.callback()

@@ -21,7 +21,8 @@ from hapticmech_ros.control.measurements import (
 from hapticmech_ros.control.prediction import carried_on
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation import limited
-from hapticmech_ros.scene.document import Device, Scene
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.rendering import Device
 
 
 class ControlArchitecture:

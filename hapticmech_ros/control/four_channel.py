@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene.document import ForceChannelGains, PositionChannelGains
+from hapticmech_ros.scene.rendering import ForceChannelGains, PositionChannelGains
 
 
 @dataclass(frozen=True, slots=True)

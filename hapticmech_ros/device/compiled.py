@@ -14,7 +14,7 @@ from hapticmech_ros.device.hand_kernels import CONSTANT, NOBODY, SPRING, WAYPOIN
 from hapticmech_ros.device.impedance_device import NO_WRENCH, ImpedanceDevice
 from hapticmech_ros.device.state import DeviceState
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene.document import ConstantWrenchHand, Device, Hand
+from hapticmech_ros.scene.rendering import ConstantWrenchHand, Device, Hand
 
 
 class CompiledDevice(ImpedanceDevice):

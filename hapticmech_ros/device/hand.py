@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene.document import ConstantWrenchHand, Hand, SpringDamperHand
+from hapticmech_ros.scene.rendering import ConstantWrenchHand, Hand, SpringDamperHand
 
 # (elapsed s, pose, twist, pose when the hand took hold) -> wrench on the device, world axes.
 HandLaw = Callable[[float, pin.SE3, Array, pin.SE3], Array]

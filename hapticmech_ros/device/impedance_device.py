@@ -17,7 +17,7 @@ from hapticmech_ros.device.hand import HandLaw, no_hand
 from hapticmech_ros.device.state import DeviceState
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation import limited
-from hapticmech_ros.scene.document import Device
+from hapticmech_ros.scene.rendering import Device
 
 NO_WRENCH = np.zeros(6)
 NO_WRENCH.flags.writeable = False

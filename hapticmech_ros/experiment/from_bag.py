@@ -18,6 +18,7 @@ from hapticmech_ros.experiment.record import ExperimentRecord, first_push
 from hapticmech_ros.experiment.stamped import samples_of
 from hapticmech_ros.mechanism.model import Array, build_tree
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
@@ -67,8 +68,8 @@ def record_from_bag(
             f"bag {path}: the hand never pushed (its wrench in {DEVICE_STATE.name} is 0)"
         )
     start_ns = int(series[DEVICE_STATE][0][pushed])
-    earliest = start_ns - round((scene.hand.start_delay + scene.simulation.period / 2) * 1e9)
-    latest = None if duration is None else start_ns + round(duration * 1e9)
+    earliest = start_ns - nanoseconds(scene.hand.start_delay + scene.simulation.period / 2)
+    latest = None if duration is None else start_ns + nanoseconds(duration)
     window = (earliest, latest)
     try:
         return ExperimentRecord(

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene.document import Closure, Link, LinkFrame, Scene
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import Closure, Link, LinkFrame
 
 _SAME_PLACE = 1e-9
 
@@ -36,7 +37,7 @@ def taut_circle(scene: Scene, point: str = "") -> TautCircle | None:
             continue
         tip, ground = ends
         chain = _chain(parents, tip.link, held.link)
-        if not chain or any(link.joint.type != "revolute" for link in chain):
+        if not chain or any(link.joint.type != "revolute" or link.joint.locked for link in chain):
             continue
         first = np.array(chain[0].joint.origin.xyz) - np.array(held.origin.xyz)
         if np.linalg.norm(first) > _SAME_PLACE:
@@ -49,7 +50,7 @@ def taut_circle(scene: Scene, point: str = "") -> TautCircle | None:
 
 def _ground_pin(closure: Closure) -> tuple[LinkFrame, LinkFrame] | None:
     """Return moving end and ground end of a pin to the world; None for other closures."""
-    if closure.kind == "weld":
+    if closure.kind in ("weld", "rod"):
         return None
     for tip, ground in ((closure.a, closure.b), (closure.b, closure.a)):
         if ground.link == "world" and tip.link != "world":

@@ -9,7 +9,8 @@ import pinocchio as pin
 
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.wire.layouts import NANOSECONDS, unpack_device, unpack_energy, unpack_rendering
+from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.layouts import unpack_device, unpack_energy, unpack_rendering
 
 ARRAY_TYPE = "std_msgs/msg/Float64MultiArray"
 

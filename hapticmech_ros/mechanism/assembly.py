@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism.mechanism import Active, Mechanism
+from hapticmech_ros.mechanism.evaluation import Active
+from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array, authored_state
 
 ASSEMBLY_TOLERANCE = 1e-12

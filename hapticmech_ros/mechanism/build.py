@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import cast
 
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.stepping import Stepper
+from hapticmech_ros.mechanism.stepping import Plan, Stepper
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import Simulation
 
 
 def build(scene: Scene, compiled: bool = True) -> Mechanism:
@@ -27,12 +28,17 @@ def build(scene: Scene, compiled: bool = True) -> Mechanism:
 
 def build_stepper(mechanism: Mechanism) -> Stepper:
     """Return what steps a mechanism as its scene says, compiled if the mechanism is."""
-    simulation = mechanism.scene.simulation
+    plan = plan_of(mechanism.scene.simulation)
     if not mechanism.compiled:
-        return Stepper(mechanism, simulation.integrator, simulation.period)
+        return Stepper(mechanism, plan)
     from hapticmech_ros.mechanism.compiled import CompiledMechanism
     from hapticmech_ros.mechanism.compiled_stepping import CompiledStepper
 
-    return CompiledStepper(
-        cast(CompiledMechanism, mechanism), simulation.integrator, simulation.period
-    )
+    return CompiledStepper(cast(CompiledMechanism, mechanism), plan)
+
+
+def plan_of(simulation: Simulation) -> Plan:
+    """Return how a scene's simulation steps through a period."""
+    pulled = simulation.stabilisation == "baumgarte"
+    rate = simulation.baumgarte_rate if pulled else 0.0
+    return Plan(simulation.integrator, simulation.period, simulation.substeps, rate)

@@ -2,10 +2,12 @@
 
 A pose is a row of ``poses``, 12 numbers: a frame's three axes in the world, then its origin. Joint
 Jacobians are rows of 6 per degree of freedom: velocity of what is at the world's origin, then
-angular rate.
+angular rate. A rod's length is that of the first axis of its frame a.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -13,8 +15,14 @@ from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.small_matrices import cross, dot
 
-SPHERICAL, REVOLUTE, WELD, PLANAR_PIN = 0, 1, 2, 3
-KINDS = {"spherical": SPHERICAL, "revolute": REVOLUTE, "weld": WELD, "planar_pin": PLANAR_PIN}
+SPHERICAL, REVOLUTE, WELD, PLANAR_PIN, ROD = range(5)
+KINDS = {
+    "spherical": SPHERICAL,
+    "revolute": REVOLUTE,
+    "weld": WELD,
+    "planar_pin": PLANAR_PIN,
+    "rod": ROD,
+}
 
 
 @inner
@@ -22,11 +30,44 @@ def residual_of(
     kind: int, poses: Array, frame_a: int, frame_b: int, first: int, residual: Array
 ) -> None:
     """Fill φ of two frames into ``residual`` (m,), from row ``first`` on."""
+    if kind == ROD:
+        length, square = _rod_length(poses, frame_a), 0.0
+        for i in range(9, 12):
+            square += (poses[frame_a, i] - poses[frame_b, i]) ** 2
+        residual[first] = (square - length * length) / (2.0 * length)
+        return
     points = 2 if kind == PLANAR_PIN else 3
     for i in range(points):
         residual[first + i] = poses[frame_a, 9 + i] - poses[frame_b, 9 + i]
     if kind in (REVOLUTE, WELD):
         _residual_of_axes(kind, poses[frame_a], poses[frame_b], residual[first + 3 :])
+
+
+@inner
+def _rod_length(poses: Array, frame_a: int) -> float:
+    return math.sqrt(dot(poses[frame_a, 0:3], poses[frame_a, 0:3]))
+
+
+@inner
+def gap_rates(
+    poses: Array,
+    frame_a: int,
+    frame_b: int,
+    support: Array,
+    joint_jacobian: Array,
+    length: float,
+    rates: Array,
+) -> None:
+    """Fill ``rates`` (nv,) with dᵀ(J_a - J_b) / length, d = p_a - p_b, J of the frames' origins."""
+    a, b = poses[frame_a, 9:12], poses[frame_b, 9:12]
+    x, y, z = (a[0] - b[0]) / length, (a[1] - b[1]) / length, (a[2] - b[2]) / length
+    for col in range(support.shape[1]):
+        on_a, on_b = support[frame_a, col], support[frame_b, col]
+        px, py, pz = on_a * a[0] - on_b * b[0], on_a * a[1] - on_b * b[1], on_a * a[2] - on_b * b[2]
+        on, turn = on_a - on_b, joint_jacobian[col, 3:6]
+        rate = x * (on * joint_jacobian[col, 0] + (turn[1] * pz - turn[2] * py))
+        rate += y * (on * joint_jacobian[col, 1] + (turn[2] * px - turn[0] * pz))
+        rates[col] = rate + z * (on * joint_jacobian[col, 2] + (turn[0] * py - turn[1] * px))
 
 
 @inner
@@ -57,6 +98,10 @@ def jacobian_of(
 
     ``support`` (frames, nv) is 1 where a rate moves a frame, else 0.
     """
+    if kind == ROD:
+        length, row = _rod_length(poses, frame_a), jacobian[first]
+        gap_rates(poses, frame_a, frame_b, support, joint_jacobian, length, row)
+        return
     for col in range(support.shape[1]):
         on_a, on_b = support[frame_a, col], support[frame_b, col]
         x = on_a * poses[frame_a, 9] - on_b * poses[frame_b, 9]
@@ -110,6 +155,14 @@ def bias_of(
     A motion (12,) is a frame's velocity and angular rate, then its acceleration and angular
     acceleration at v̇ = 0, world axes.
     """
+    if kind == ROD:
+        total = 0.0
+        for i in range(3):
+            rate = motion_a[i] - motion_b[i]
+            gap = poses[frame_a, 9 + i] - poses[frame_b, 9 + i]
+            total += rate * rate + gap * (motion_a[6 + i] - motion_b[6 + i])
+        bias[first] = total / _rod_length(poses, frame_a)
+        return
     points = 2 if kind == PLANAR_PIN else 3
     for i in range(points):
         bias[first + i] = motion_a[6 + i] - motion_b[6 + i]

@@ -2,7 +2,9 @@
 
 Each residual is built from two blocks that are exact on the whole configuration manifold:
 
-* point: ``p_a - p_b`` in world axes, 3 rows (x and y only for ``planar_pin``), metres;
+* point: ``p_a - p_b`` in world axes, 3 rows (x and y only for ``planar_pin``), metres; of a
+  ``rod`` of length L one row, ``(|p_a - p_b|² - L²) / (2 L)``, the error of the length to first
+  order, smooth everywhere;
 * axes: products of unit axes of the two frames, dimensionless, radians to first order.
   ``revolute`` has ``[x_b . z_a, y_b . z_a]``; ``weld`` has ``1/2 sum_k b_k x a_k``, which is
   sin(angle) times the rotation axis.
@@ -18,22 +20,35 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.mechanism.model import Array, TreeModel
-from hapticmech_ros.scene.document import Closure, ClosureKind
+from hapticmech_ros.scene.mechanism import Closure, ClosureKind
 
 WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-ROWS: dict[ClosureKind, int] = {"spherical": 3, "weld": 6, "revolute": 5, "planar_pin": 2}
-_POINT_ROWS: dict[ClosureKind, int] = {"spherical": 3, "weld": 3, "revolute": 3, "planar_pin": 2}
+ROWS: dict[ClosureKind, int] = {
+    "spherical": 3,
+    "weld": 6,
+    "revolute": 5,
+    "planar_pin": 2,
+    "rod": 1,
+}
+_POINT_ROWS: dict[ClosureKind, int] = {
+    "spherical": 3,
+    "weld": 3,
+    "revolute": 3,
+    "planar_pin": 2,
+    "rod": 1,
+}
 
 
 @dataclass(frozen=True)
 class LoopClosure:
-    """One closure bound to its two frames in the Pinocchio model."""
+    """One closure bound to its two frames in the Pinocchio model; ``rod_length`` (m) of a rod."""
 
     name: str
     kind: ClosureKind
     frame_a: int
     frame_b: int
     latch_distance: float | None
+    rod_length: float = 0.0
 
     @property
     def rows(self) -> int:
@@ -48,6 +63,9 @@ class LoopClosure:
     def residual(self, data: pin.Data) -> Array:
         """Return (m,) φ from placements already in ``data.oMf``: m, then rad to first order."""
         a, b = data.oMf[self.frame_a], data.oMf[self.frame_b]
+        if self.kind == "rod":
+            gap, length = a.translation - b.translation, self.rod_length
+            return np.array([(gap @ gap - length * length) / (2.0 * length)])
         points: Array = (a.translation - b.translation)[: _POINT_ROWS[self.kind]]
         if self.kind == "weld":
             return np.concatenate((points, _misalignment(a.rotation, b.rotation)))
@@ -70,6 +88,10 @@ class LoopClosure:
         shape = (6, model.nv)
         jacobian_a = pin.getFrameJacobian(model, data, self.frame_a, WORLD_AXES).reshape(shape)
         jacobian_b = pin.getFrameJacobian(model, data, self.frame_b, WORLD_AXES).reshape(shape)
+        if self.kind == "rod":
+            gap = data.oMf[self.frame_a].translation - data.oMf[self.frame_b].translation
+            row: Array = (gap / self.rod_length) @ (jacobian_a[:3] - jacobian_b[:3])
+            return row[None]
         points: Array = (jacobian_a[:3] - jacobian_b[:3])[: _POINT_ROWS[self.kind]]
         if self.rows == len(points):
             return points
@@ -85,6 +107,8 @@ class LoopClosure:
         motion = pin.getFrameClassicalAcceleration
         accel_a = motion(model, data, self.frame_a, WORLD_AXES)
         accel_b = motion(model, data, self.frame_b, WORLD_AXES)
+        if self.kind == "rod":
+            return self._rod_bias(model, data, accel_a.linear - accel_b.linear)
         points: Array = (accel_a.linear - accel_b.linear)[: _POINT_ROWS[self.kind]]
         if self.rows == len(points):
             return points
@@ -105,12 +129,21 @@ class LoopClosure:
             ).sum(axis=0)
         return np.concatenate((points, turning))
 
+    def _rod_bias(self, model: pin.Model, data: pin.Data, acceleration: Array) -> Array:
+        """Return (1,) Ẇv = (|ḋ|² + d·d̈) / L with d = p_a - p_b and d̈ at v̇ = 0."""
+        a, b = self.frame_a, self.frame_b
+        gap = data.oMf[a].translation - data.oMf[b].translation
+        rate_a = pin.getFrameVelocity(model, data, a, WORLD_AXES).linear
+        rate = rate_a - pin.getFrameVelocity(model, data, b, WORLD_AXES).linear
+        return np.array([(rate @ rate + gap @ acceleration) / self.rod_length])
+
 
 def bind_closure(closure: Closure, tree: TreeModel) -> LoopClosure:
     """Add the closure's frames to the model and return it bound to them."""
     frame_a = tree.add_frame(f"{closure.name}/a", closure.a.link, closure.a.origin)
     frame_b = tree.add_frame(f"{closure.name}/b", closure.b.link, closure.b.origin)
-    return LoopClosure(closure.name, closure.kind, frame_a, frame_b, closure.latch_distance)
+    latch, length = closure.latch_distance, closure.length or 0.0
+    return LoopClosure(closure.name, closure.kind, frame_a, frame_b, latch, length)
 
 
 def _misalignment(a: Array, b: Array) -> Array:

@@ -14,7 +14,9 @@ import pinocchio as pin
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closure_kernels import KINDS
 from hapticmech_ros.mechanism.compiled_space import CompiledClosing, CompiledSpace
-from hapticmech_ros.mechanism.constraint_space import singular_inertia
+from hapticmech_ros.mechanism.constraint_space import singular_inertia, singular_joint
+from hapticmech_ros.mechanism.elements import Elements
+from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation, PointKinematics
 from hapticmech_ros.mechanism.kernels import (
     NO_SVD,
     SINGULAR,
@@ -22,17 +24,12 @@ from hapticmech_ros.mechanism.kernels import (
     packed_size,
     solve_motion,
 )
-from hapticmech_ros.mechanism.mechanism import (
-    Active,
-    Closing,
-    Evaluation,
-    Mechanism,
-    PointKinematics,
-)
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import Array, TreeModel
 from hapticmech_ros.mechanism.motion_kernels import move_frames
 from hapticmech_ros.mechanism.tables import Tables, fold
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import Joint
 
 # A pose in memory: the columns of its rotation, then its translation.
 _POSE_SIZE = 12
@@ -47,11 +44,11 @@ class CompiledEvaluation(Evaluation):
 
     def acceleration(self, joint_force: Array) -> tuple[Array, Array]:
         """Solve Eq. 1 for joint forces; see :meth:`Evaluation.acceleration`."""
-        bias_force, passive, _, _, bias, _, _ = self
-        space = cast(CompiledSpace, self.space)
+        bias_force, passive, _, effort, bias, closing, _ = self
+        space = cast(CompiledSpace, closing.space)
         nv = bias_force.size
         result = np.empty(nv + bias.size)
-        result[:nv] = joint_force
+        np.add(joint_force, effort, out=result[:nv])
         solve_motion(space.packed, space.rank, bias_force, passive, bias, result)
         return result[:nv], result[nv:]
 
@@ -98,7 +95,7 @@ class CompiledMechanism(Mechanism):
         poses = pin.StdVec_SE3([pin.SE3.Identity()] * len(self.point_names))
         self._point_poses = tuple(poses)
         self._point_places = placement_view(poses)
-        self._rates = np.empty(nv)
+        self._position, self._rates = np.empty(self.nq), np.empty(nv)
         carriers = np.array([int(frame.parentJoint) for frame in model.frames])
         self._without_closures = Tables(
             self.nq,
@@ -113,7 +110,8 @@ class CompiledMechanism(Mechanism):
             damping=np.array(self.tree.damping, dtype=float),
             lengths=np.zeros(0),
             support=np.array([self._moved_by(joint) for joint in carriers.tolist()]),
-            placements=np.array([_in_memory(frame.placement) for frame in model.frames]),
+            placements=self._placements(),
+            **_element_tables(self.elements),
         )
         self._sets: dict[Active, Chosen] = {}
         self._single = [self._table([index]) for index in range(len(self.closures))]
@@ -125,14 +123,15 @@ class CompiledMechanism(Mechanism):
         if closing is None:
             closing = self.closing_terms(q, active)
         pin.nonLinearEffects(self.model, self.data, q, v)
+        self._position[:] = q
         self._rates[:] = v
         nv, chosen = self.nv, self.chosen(active)
-        space = cast(CompiledSpace, closing.space)
-        first = 2 * nv + chosen.m
+        first = 3 * nv + chosen.m
         each = 6 * nv + 12
         terms = np.empty(first + each * len(self._point_frames))
-        packed, poses = space.packed, self._point_places
-        move_frames(*chosen.constants, packed, self.bias_force, self._rates, terms, poses)
+        packed = cast(CompiledClosing, closing).packed
+        state, poses = (self._position, self._rates), self._point_places
+        move_frames(*chosen.constants, packed, self.bias_force, *state, terms, poses)
         points = []
         for at, pose in zip(range(first, terms.size, each), self._point_poses, strict=True):
             moving = at + 6 * nv
@@ -142,10 +141,10 @@ class CompiledMechanism(Mechanism):
         return CompiledEvaluation(
             terms[:nv],
             terms[nv : 2 * nv],
-            closing.residual,
-            closing.jacobian,
-            terms[2 * nv : first],
-            space,
+            terms[2 * nv : 3 * nv],
+            self.elements.effort,
+            terms[3 * nv : first],
+            closing,
             tuple(points),
         )
 
@@ -180,7 +179,7 @@ class CompiledMechanism(Mechanism):
         packed = np.empty(chosen.size)
         code = factor_closures(*chosen.constants, *self.placed, packed)
         if code < 0:
-            raise failure(code)
+            raise failure(code, self.tree)
         # Closures are asked for their branch next.
         pin.updateFramePlacements(self.model, self.data)
         return CompiledClosing(packed, self.nv, chosen.m)
@@ -195,6 +194,14 @@ class CompiledMechanism(Mechanism):
         fixed = self._without_closures
         return Chosen(fixed._replace(m=first, closures=table, lengths=np.concatenate(lengths)))
 
+    def _placements(self) -> Array:
+        """Return (frames, 12) frames in their joints; first axes of rods' frames a stretched."""
+        placements = np.array([_in_memory(frame.placement) for frame in self.model.frames])
+        for loop in self.closures:
+            if loop.kind == "rod":
+                placements[loop.frame_a, :3] *= loop.rod_length
+        return placements
+
     def _moved_by(self, joint: int) -> Array:
         """Return (nv,) 1 for the rates of a joint and of those before it, 0 for others."""
         moves = np.zeros(self.nv)
@@ -205,11 +212,12 @@ class CompiledMechanism(Mechanism):
         return moves
 
 
-def failure(code: int) -> HapticMechError:
-    """Return the error of a kernel's negative code."""
+def failure(code: int, tree: TreeModel | None = None) -> HapticMechError:
+    """Return the error of a kernel's negative code; ``tree`` gives degrees of freedom names."""
     if code == NO_SVD:
         return HapticMechError("SVD of the loop closures did not converge")
-    return singular_inertia(SINGULAR - code)
+    rate = SINGULAR - code
+    return singular_inertia(rate) if tree is None else singular_joint(tree, rate)
 
 
 def placement_view(poses: pin.StdVec_SE3) -> Array:
@@ -228,6 +236,28 @@ def placement_view(poses: pin.StdVec_SE3) -> Array:
         raise HapticMechError("Pinocchio's placements are not one array of rotation, translation")
     shape = (len(starts), _POSE_SIZE)
     return np.lib.stride_tricks.as_strided(rotations[0].T, shape, (stride, 8))
+
+
+def _element_tables(elements: Elements) -> dict[str, Array]:
+    """Return the tables of elements, by name; see :class:`Tables`."""
+    return {
+        "elements": np.array([(e.rate, e.position) for e in elements.joints]).reshape(-1, 2),
+        "springs": np.array([(s.frame_a, s.frame_b) for s in elements.springs]).reshape(-1, 2),
+        "effort": elements.effort,
+        "element_values": np.array([_joint_values(e.joint) for e in elements.joints]),
+        "spring_values": np.array(
+            [(s.stiffness, s.damping, s.rest_length, elements.shortest) for s in elements.springs]
+        ),
+    }
+
+
+def _joint_values(joint: Joint) -> tuple[float, ...]:
+    """Return a joint's row of ``Tables.element_values``; no stop is met at infinity."""
+    own = (joint.stiffness, joint.rest, joint.friction, joint.friction_speed)
+    stop = joint.limits
+    if stop is None:
+        return (*own, -np.inf, np.inf, 0.0, 0.0, 1.0)
+    return (*own, stop.lower, stop.upper, stop.stiffness, stop.damping, stop.depth)
 
 
 def _in_memory(pose: pin.SE3) -> Array:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
+from hapticmech_ros.mechanism.evaluation import Closing
 from hapticmech_ros.mechanism.kernels import correct, keep_closed, views_of
-from hapticmech_ros.mechanism.mechanism import Closing
 from hapticmech_ros.mechanism.model import Array
 
 

@@ -7,7 +7,7 @@ Runge–Kutta stages live in local coordinates θ around the step's start, q = q
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -23,14 +23,47 @@ class Rates(NamedTuple):
     power_lost: float
 
 
-Motion = Callable[[Array, Array], Rates]
+class Resistance(Protocol):
+    """Springs and dampers linearised at a step's start, with what they do to a velocity's rate.
+
+    Attributes:
+        stiffness, damping: (nv, nv) K and C.
+        slope: (nv, nv) S = γh C + (γh)² K.
+    """
+
+    stiffness: Array
+    damping: Array
+    slope: Array
+
+    def answer(self, force: Array) -> Array:
+        """Return x (nv,) with (D + S) x + Wᵀμ = force and W x = 0."""
+
+
+class Motion(Protocol):
+    """The equations of motion, forces from outside held."""
+
+    def __call__(self, q: Array, v: Array) -> Rates:
+        """Return the rates at a stage."""
+
+    def resistance(self, q: Array, v: Array, period: float, reach: float) -> Resistance | None:
+        """Return springs and dampers at a step's start, seen over ``reach`` = γh (s).
+
+        None where there is none of them.
+        """
 
 
 class Advance(NamedTuple):
-    """A step's outcome before projection: state, and work done and energy lost in it (J)."""
+    """A step's outcome before projection.
+
+    Attributes:
+        q, v: the state.
+        change: (nv,) q - q₀, in local coordinates.
+        work_in, energy_lost: in the step, J.
+    """
 
     q: Array
     v: Array
+    change: Array
     work_in: float
     energy_lost: float
 
@@ -58,9 +91,11 @@ def rk4(model: pin.Model, motion: Motion, q: Array, v: Array, period: float) -> 
         work += weight * rates.power_in
         lost += weight * rates.power_lost
     sixth = period / 6.0
+    change = sixth * total_turn
     return Advance(
-        np.asarray(pin.integrate(model, q, sixth * total_turn)),
+        np.asarray(pin.integrate(model, q, change)),
         v + sixth * total_accel,
+        change,
         sixth * work,
         sixth * lost,
     )
@@ -75,9 +110,11 @@ def rk2(model: pin.Model, motion: Motion, q: Array, v: Array, period: float) -> 
     rates = motion(q, v)
     speed = v + half * rates.acceleration
     rates = motion(pin.integrate(model, q, half * v), speed)
+    change = period * speed
     return Advance(
-        np.asarray(pin.integrate(model, q, period * speed)),
+        np.asarray(pin.integrate(model, q, change)),
         v + period * rates.acceleration,
+        change,
         period * rates.power_in,
         period * rates.power_lost,
     )
@@ -89,38 +126,9 @@ def semi_implicit_euler(
     """Velocity first, then position with the new velocity: order 1, one evaluation a step."""
     rates = motion(q, v)
     new_v = v + period * rates.acceleration
-    new_q = np.asarray(pin.integrate(model, q, period * new_v))
-    return Advance(new_q, new_v, period * rates.power_in, period * rates.power_lost)
-
-
-INTEGRATORS: dict[str, Integrator] = {
-    "rk4": rk4,
-    "rk2": rk2,
-    "semi_implicit_euler": semi_implicit_euler,
-}
-
-
-class Scheme(NamedTuple):
-    """One of the rules above as numbers, for kernels.
-
-    Attributes:
-        weights: of the stages in the sums of θ̇, v̇ and powers.
-        fractions: of the step, at which the second and later stages are.
-        late: positions move with the rates at the step's end, not with the sum of θ̇.
-        corrected: θ̇ of later stages is J_r(θ)⁻¹ v rather than v.
-    """
-
-    weights: tuple[float, ...]
-    fractions: tuple[float, ...]
-    late: bool = False
-    corrected: bool = False
-
-
-SCHEMES: dict[str, Scheme] = {
-    "rk4": Scheme((1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.5, 0.5, 1.0), corrected=True),
-    "rk2": Scheme((0.0, 1.0), (0.5,)),
-    "semi_implicit_euler": Scheme((1.0,), (), late=True),
-}
+    change = period * new_v
+    new_q = np.asarray(pin.integrate(model, q, change))
+    return Advance(new_q, new_v, change, period * rates.power_in, period * rates.power_lost)
 
 
 def local_rate(model: pin.Model, q: Array, theta: Array, speed: Array) -> Array:

@@ -1,12 +1,13 @@
 """Eq. 1 evaluated at a state: D, h, J, W and what follows from them.
 
 D(q) v̇ + h(q, v) = τ + Σ Jᵀ F - Wᵀ λ,      W v̇ + Ẇ v = 0
+
+where τ is what springs, dampers, friction, stops and efforts do (see :mod:`elements`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -14,87 +15,18 @@ import pinocchio as pin
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.closures import WORLD_AXES, LoopClosure, bind_closure
 from hapticmech_ros.mechanism.constraint_space import (
-    ConstraintSpace,
+    SingularInertiaError,
     cholesky_of_upper,
     constraint_space,
+    refuse_massless,
+    singular_joint,
 )
+from hapticmech_ros.mechanism.elements import Elements, bind_spring
+from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation, PointKinematics
 from hapticmech_ros.mechanism.model import Array, TreeModel, build_tree
 from hapticmech_ros.scene.document import Scene
 
-Active = tuple[bool, ...]
 _NOTHING = np.zeros(0)
-
-
-@dataclass(frozen=True, slots=True)
-class Closing:
-    """Active closures at a configuration: φ (m,), W (m, nv), and the factorisation of D and W."""
-
-    residual: Array
-    jacobian: Array
-    space: ConstraintSpace
-
-    @property
-    def error(self) -> float:
-        """Largest |φ|, m or rad; 0 without closures."""
-        return float(np.abs(self.residual).max()) if self.residual.size else 0.0
-
-
-class PointKinematics(NamedTuple):
-    """An operational point at a state, axes of the world, origin at the point.
-
-    Attributes:
-        pose: point frame in the world.
-        jacobian: (6, nv) J_h, linear rows first.
-        twist: (6,) J_h v, m/s and rad/s.
-        drift: (6,) J̇_h v, acceleration of the point at v̇ = 0, m/s² and rad/s².
-    """
-
-    pose: pin.SE3
-    jacobian: Array
-    twist: Array
-    drift: Array
-
-
-class Evaluation(NamedTuple):
-    """All terms of Eq. 1 at one state.
-
-    Attributes:
-        bias_force: (nv,) h, Coriolis, centripetal and gravity terms.
-        passive_force: (nv,) joint damping, -damping * v.
-        closure_residual: (m,) φ of the active closures, m and rad.
-        closure_jacobian: (m, nv) W of the active closures.
-        closure_bias: (m,) Ẇv.
-        space: factorisation of D and W.
-        points: operational points in the scene's order.
-    """
-
-    bias_force: Array
-    passive_force: Array
-    closure_residual: Array
-    closure_jacobian: Array
-    closure_bias: Array
-    space: ConstraintSpace
-    points: tuple[PointKinematics, ...]
-
-    @property
-    def inertia(self) -> Array:
-        """Return D (nv, nv) = L Lᵀ, symmetric."""
-        return np.asarray(self.space.factor @ self.space.factor.T)
-
-    def acceleration(self, joint_force: Array) -> tuple[Array, Array]:
-        """Solve Eq. 1 for joint forces τ + Σ Jᵀ F.
-
-        Returns:
-            v̇ (nv,) and closure forces λ (m,), the smallest ones where closures are redundant.
-        """
-        space = self.space
-        free = space.to_mass_metric(joint_force + self.passive_force - self.bias_force)
-        if space.rank == 0:
-            return space.from_mass_metric(free), np.zeros(self.closure_bias.size)
-        needed = -(space.rows.T @ self.closure_bias) / space.sigma
-        surplus = space.basis.T @ free - needed
-        acceleration = space.from_mass_metric(free - space.basis @ surplus)
-        return acceleration, space.multipliers(surplus)
 
 
 class Mechanism:
@@ -106,6 +38,7 @@ class Mechanism:
         nv: number of degrees of freedom of the open tree.
         nq: length of the configuration vector.
         length: characteristic length, m; the unit of closures' point rows.
+        elements: springs, dampers, friction, stops and efforts.
         compiled: whether kernels compute the terms.
     """
 
@@ -122,10 +55,13 @@ class Mechanism:
             self.tree.add_frame(f"point/{point.name}", point.link, point.origin)
             for point in scene.operational_points
         )
+        springs = tuple(bind_spring(spring, self.tree) for spring in scene.springs)
         self.model: pin.Model = self.tree.pinocchio
         self.data: pin.Data = self.model.createData()
         self.nv, self.nq = int(self.model.nv), int(self.model.nq)
         self.length = self._characteristic_length()
+        refuse_massless(self.tree, self.length)
+        self.elements = Elements(self.tree, springs, self.length)
         self._zero = np.zeros(self.model.nv)
         self._choices: dict[Active, tuple[list[LoopClosure], Array]] = {}
         self.initially_active: Active = tuple(closure.active for closure in scene.closures)
@@ -151,20 +87,28 @@ class Mechanism:
         # Once more, for accelerations at v̇ = 0 that do not contain gravity.
         pin.forwardKinematics(model, data, q, v, self._zero)
         pin.updateFramePlacements(model, data)
+        passive, dissipative = self.elements.forces(model, data, q, v)
         return Evaluation(
             bias_force=data.nle.copy(),
-            passive_force=-self.tree.damping * v,
-            closure_residual=closing.residual,
-            closure_jacobian=closing.jacobian,
+            passive_force=passive,
+            dissipative_force=dissipative,
+            effort=self.elements.effort,
             closure_bias=self._closure_bias(active),
-            space=closing.space,
+            closing=closing,
             points=tuple(self._point(frame, v) for frame in self._point_frames),
         )
 
     def closing_terms(self, q: Array, active: Active) -> Closing:
-        """Return φ, W and the factorisation at q: what projections need."""
+        """Return φ, W and the factorisation at q: what projections need.
+
+        Raises:
+            SingularInertiaError: D is not positive definite at q.
+        """
         model, data = self.model, self.data
-        factor = cholesky_of_upper(pin.crba(model, data, q).reshape(self.nv, self.nv))
+        try:
+            factor = cholesky_of_upper(pin.crba(model, data, q).reshape(self.nv, self.nv))
+        except SingularInertiaError as error:
+            raise singular_joint(self.tree, error.rate) from None
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
         loops, lengths = self._chosen(active)
@@ -177,6 +121,17 @@ class Mechanism:
             residual, jacobian = _NOTHING, np.zeros((0, self.nv))
         space = constraint_space(factor, jacobian, lengths, residual)
         return Closing(residual, jacobian, space)
+
+    def slopes(self, q: Array, v: Array, horizon: float) -> tuple[Array, Array]:
+        """Return how passive forces resist change: stiffness and damping, each (nv, nv).
+
+        Symmetric, positive semi-definite approximations of -∂τ/∂q and -∂τ/∂v. Friction counts with
+        its largest slope, a stop if it is met or will be within ``horizon`` (s) at the present
+        speed, and springs between points as if their direction stayed.
+        """
+        pin.computeJointJacobians(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+        return self.elements.slopes(self.model, self.data, q, v, horizon)
 
     def distance_of(self, index: int, q: Array, v: Array) -> tuple[float, float]:
         """Return |φ| of closure ``index``, active or not, and the rate at which it grows."""
@@ -229,9 +184,12 @@ class Mechanism:
         return np.asarray(pin.integrate(self.model, q, change))
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
-        """Return kinetic and potential energy, J."""
+        """Return kinetic and potential energy, J; the latter with that of springs and stops."""
         kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
-        return float(kinetic), float(pin.computePotentialEnergy(self.model, self.data, q))
+        potential = float(pin.computePotentialEnergy(self.model, self.data, q))
+        if self.elements.springs:
+            pin.updateFramePlacements(self.model, self.data)
+        return float(kinetic), potential + self.elements.energy(self.data, q)
 
     def point_index(self, name: str = "") -> int:
         """Return the index of an operational point; the first one if ``name`` is empty.

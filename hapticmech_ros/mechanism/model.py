@@ -2,7 +2,7 @@
 
 Joints are in depth-first order, whatever the order of the scene's links: Pinocchio's algorithms
 take it for granted that a subtree's joints follow each other, and give a wrong D where they do not.
-Fixed links are merged into the joint that carries them.
+Links on fixed and locked joints are merged into the joint that carries them.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.errors import SceneError, SceneProblem
-from hapticmech_ros.scene.document import Joint, Link, Origin, Scene
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import Joint, Link, Origin
 from hapticmech_ros.scene.rules import UNIT_PART, VELOCITY_SIZE, inertia_matrix
 
 Array = np.ndarray
@@ -30,6 +30,8 @@ class TreeModel:
         joint_types: their types, as the scene says.
         link_joint: link name -> (Pinocchio joint index, placement of the link in the joint).
         damping: (nv,) viscous damping, N m s/rad or N s/m.
+        joints: moving joints, as the scene has them.
+        links: the links that they carry.
     """
 
     pinocchio: pin.Model
@@ -37,6 +39,8 @@ class TreeModel:
     joint_types: tuple[str, ...]
     link_joint: dict[str, tuple[int, pin.SE3]]
     damping: Array
+    joints: tuple[Joint, ...]
+    links: tuple[str, ...]
 
     def position_slice(self, joint: int) -> slice:
         """Return where joint number ``joint`` (0 = first moving one) is in q."""
@@ -61,31 +65,55 @@ def build_tree(scene: Scene) -> TreeModel:
     model.name = scene.name
     model.gravity.linear = np.array(scene.gravity)
     link_joint: dict[str, tuple[int, pin.SE3]] = {"world": (0, pin.SE3.Identity())}
-    names: list[str] = []
-    types: list[str] = []
-    damping: list[float] = []
+    moving: list[Link] = []
     for link in _depth_first(scene):
         parent_joint, parent_placement = link_joint[link.parent]
         placement = parent_placement * se3(link.joint.origin)
-        if link.joint.type == "fixed":
-            link_joint[link.name] = (parent_joint, placement)
-            joint, body_placement = parent_joint, placement
+        if not moves(link.joint):
+            joint = parent_joint
+            body_placement = parent_placement * placement_of(scene, link.joint)
         else:
             joint = model.addJoint(
                 parent_joint, _joint_model(link.joint), placement, link.joint.name
             )
             body_placement = pin.SE3.Identity()
-            link_joint[link.name] = (joint, body_placement)
-            names.append(link.joint.name)
-            types.append(link.joint.type)
-            damping.extend([link.joint.damping] * VELOCITY_SIZE[link.joint.type])
+            moving.append(link)
+        link_joint[link.name] = (joint, body_placement)
         body = pin.Inertia(
             link.inertial.mass,
             np.array(link.inertial.com),
             inertia_matrix(link.inertial.inertia),
         )
         model.appendBodyToJoint(joint, body, body_placement)
-    return TreeModel(model, tuple(names), tuple(types), link_joint, np.array(damping))
+    joints = tuple(link.joint for link in moving)
+    damping = [joint.damping for joint in joints for _ in range(VELOCITY_SIZE[joint.type])]
+    return TreeModel(
+        model,
+        tuple(joint.name for joint in joints),
+        tuple(joint.type for joint in joints),
+        link_joint,
+        np.array(damping),
+        joints,
+        tuple(link.name for link in moving),
+    )
+
+
+def moves(joint: Joint) -> bool:
+    """Return whether a joint has degrees of freedom: it is neither fixed nor locked."""
+    return joint.type != "fixed" and not joint.locked
+
+
+def placement_of(scene: Scene, joint: Joint) -> pin.SE3:
+    """Return the link of a fixed or locked joint in its parent, at the authored position."""
+    origin = se3(joint.origin)
+    if joint.type == "fixed":
+        return origin
+    alone = pin.Model()
+    alone.addJoint(0, _joint_model(joint), origin, joint.name)
+    data = alone.createData()
+    position = authored_position(scene, joint)
+    pin.forwardKinematics(alone, data, pin.neutral(alone) if position is None else position)
+    return data.oMi[1].copy()
 
 
 def _depth_first(scene: Scene) -> Iterator[Link]:
@@ -101,27 +129,28 @@ def _depth_first(scene: Scene) -> Iterator[Link]:
 
 
 def authored_state(scene: Scene, tree: TreeModel) -> tuple[Array, Array]:
-    """Return (q, v) exactly as the scene's author wrote them, joints left out at zero.
-
-    Raises:
-        SceneError: no joint moves.
-    """
+    """Return (q, v) exactly as the scene's author wrote them, joints left out at zero."""
     model = tree.pinocchio
-    if model.nv == 0:
-        rule = "at least one joint must move"
-        raise SceneError(scene.name, [SceneProblem("links", len(scene.links), rule)])
     q = pin.neutral(model)
     v = np.zeros(model.nv)
-    for index, name in enumerate(tree.joint_names):
-        if name in scene.initial_state.q:
-            position = np.atleast_1d(np.array(scene.initial_state.q[name], dtype=float))
-            unit = UNIT_PART.get(tree.joint_types[index])
-            if unit is not None:
-                position[unit] /= np.linalg.norm(position[unit])
+    for index, joint in enumerate(tree.joints):
+        position = authored_position(scene, joint)
+        if position is not None:
             q[tree.position_slice(index)] = position
-        if name in scene.initial_state.v:
-            v[tree.velocity_slice(index)] = scene.initial_state.v[name]
+        if joint.name in scene.initial_state.v:
+            v[tree.velocity_slice(index)] = scene.initial_state.v[joint.name]
     return q, v
+
+
+def authored_position(scene: Scene, joint: Joint) -> Array | None:
+    """Return the joint's part of q as the scene has it, its unit part exact; None if left out."""
+    if joint.name not in scene.initial_state.q:
+        return None
+    position = np.atleast_1d(np.array(scene.initial_state.q[joint.name], dtype=float))
+    unit = UNIT_PART.get(joint.type)
+    if unit is not None:
+        position[unit] /= np.linalg.norm(position[unit])
+    return position
 
 
 def se3(origin: Origin) -> pin.SE3:

@@ -10,6 +10,7 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.mechanism.closure_kernels import bias_of
+from hapticmech_ros.mechanism.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels import Packed, unpack
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.tables import Tables, unfold
@@ -111,13 +112,14 @@ def add_point_forces(tables: Tables, space: Packed, wrenches: Array, force: Arra
 
 @kernel(
     "void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[:,::1])"
+    " float64[::1], float64[:,::1])"
 )
 def move_frames(
     numbers: Array,
     values: Array,
     packed: Array,
     bias_force: Array,
+    q: Array,
     v: Array,
     terms: Array,
     poses: Array,
@@ -129,9 +131,10 @@ def move_frames(
         values: the others; see ``tables.unfold``.
         packed: the configuration's terms.
         bias_force: (nv,) h.
+        q: (nq,) configuration.
         v: (nv,) rates.
-        terms: (2 nv + m + points (6 nv + 12),) to fill with h, -damping v, Ẇv; then for each
-            operational point J_h, J_h v and J̇_h v.
+        terms: (3 nv + m + points (6 nv + 12),) to fill with h, forces of elements, their
+            dissipative part, Ẇv; then for each operational point J_h, J_h v and J̇_h v.
         poses: (points, 12) to fill.
     """
     tables = unfold(numbers, values)
@@ -139,11 +142,11 @@ def move_frames(
     space = unpack(packed, nv, m)
     for c in range(nv):
         terms[c] = bias_force[c]
-        terms[nv + c] = -tables.damping[c] * v[c]
+    element_forces(tables, space, q, v, terms[nv : 2 * nv], terms[2 * nv : 3 * nv])
     motions = np.empty((tables.joints.shape[0], 12))
     move_joints(tables, space, v, motions)
-    closure_bias(tables, space, motions, terms[2 * nv : 2 * nv + m])
-    at = 2 * nv + m
+    closure_bias(tables, space, motions, terms[3 * nv : 3 * nv + m])
+    at = 3 * nv + m
     for index in range(tables.points.size):
         jacobian = terms[at : at + 6 * nv].reshape(6, nv)
         at += 6 * nv

@@ -4,27 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.build import build, build_stepper
-from hapticmech_ros.mechanism.mechanism import Active, Closing, Evaluation
+from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.projection import project
-from hapticmech_ros.mechanism.stepping import Start
+from hapticmech_ros.mechanism.stepping import NOTHING, Pushes, Start
 from hapticmech_ros.scene.document import Scene
 
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.
 CLOSE_BY_HAND = 0.02
-NOTHING: Mapping[str, Array] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
 class EnergyAccount:
-    """Energies since the start, J: work by wrenches, loss in damping, loss when loops latched."""
+    """Energies since the start, J.
+
+    Attributes:
+        work_in: work by wrenches, and by efforts and further forces in joints.
+        damping_loss: in damping, friction, dampers, and the part of stops that is no spring.
+        latch_loss: when loops latched.
+    """
 
     work_in: float = 0.0
     damping_loss: float = 0.0
@@ -90,7 +94,11 @@ class Simulator:
         return self._evaluated[1]
 
     def step(
-        self, state: MechanismState, wrenches: Array, on_links: Mapping[str, Array] = NOTHING
+        self,
+        state: MechanismState,
+        wrenches: Array,
+        on_links: Mapping[str, Array] = NOTHING,
+        joint_forces: Array | None = None,
     ) -> MechanismState:
         """Advance by one period with wrenches held.
 
@@ -98,15 +106,18 @@ class Simulator:
             state: where to start.
             wrenches: (points, 6) on the mechanism at each operational point, world axes, N and N m.
             on_links: further wrenches (6,) by name of the link, at the origin of its frame.
+            joint_forces: (nv,) further torques or forces in the joints, N m or N; none if None.
 
         Raises:
-            ClosureError: a closed loop came apart.
-            InvalidInputError: the state is no longer finite, or an unknown link.
+            ClosureError: a closed loop came apart, jumped, or turned to its other branch.
+            InvalidInputError: the state is no longer finite, an unknown link, or joint forces of
+                another size or not finite.
         """
         known = self._evaluated
         terms = known[1] if known is not None and known[0] is state else None
         start = Start(state.q, state.v, state.active, terms, self._closing(state))
-        q, v, error, closing, work_in, lost = self._stepper.advance(start, wrenches, on_links)
+        pushes = Pushes(wrenches, on_links, joint_forces)
+        q, v, error, closing, work_in, lost = self._stepper.advance(start, pushes)
         before = state.account
         account = EnergyAccount(
             before.work_in + work_in, before.damping_loss + lost, before.latch_loss

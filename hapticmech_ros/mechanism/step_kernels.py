@@ -1,8 +1,7 @@
-"""A step of the mechanism by kernels: a stage of the integrator, and a round of the projection.
+"""A step of the mechanism by kernels: the work that they share, and a stage of explicit rules.
 
-What :mod:`~hapticmech_ros.mechanism.integrator` and :mod:`~hapticmech_ros.mechanism.projection` say
-in plain NumPy, on one array of work. Between two calls Pinocchio computes D, h, joint Jacobians and
-poses at ``work.q`` and ``work.v``.
+What :mod:`~hapticmech_ros.mechanism.integrator` says in plain NumPy, on one array of work. Between
+two calls Pinocchio computes D, h, joint Jacobians and poses at ``work.q`` and ``work.v``.
 """
 
 from __future__ import annotations
@@ -12,33 +11,34 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.mechanism.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels import (
     NOT_FINITE,
+    Packed,
     accelerate,
-    close_rates,
-    correction_of,
     factor,
     unpack,
 )
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion_kernels import add_point_forces, closure_bias, move_joints
-from hapticmech_ros.mechanism.small_matrices import dot
-from hapticmech_ros.mechanism.tables import unfold
+from hapticmech_ros.mechanism.small_matrices import dot, dot_with_row
+from hapticmech_ros.mechanism.tables import Tables, unfold
 
 MOST_STAGES = 4
-# What a round of the projection says: on the closures, or to be moved by ``work.theta`` and seen
-# again.
-SETTLED, OFF = 0, 1
+_SETTINGS, _ACCOUNT = 6, 5
+_HEAD = _SETTINGS + 2 * MOST_STAGES + _ACCOUNT
 
 
 class Work(NamedTuple):
     """What a step works on.
 
     Attributes:
-        settings: (4,) period (s); 1 where positions move with the rates at the step's end; φ at
-            which the projection stops, and up to which it may stop when φ halves no more (m).
+        settings: (6,) period (s); 1 where positions move with the rates at the step's end; φ at
+            which the projection stops, up to which it may stop when φ halves no more, and beyond
+            which a step may have been a jump (m); Baumgarte's rate a (1/s), 0 for the projection.
         scheme: (4, 2) per stage its weight, and the fraction of the step at which the next one is.
-        account: (3,) work done and energy lost in the step (J), |φ| of the round before.
+        account: (5,) work done and energy lost in the step (J), |φ| of the round before, and in the
+            mass metric how far the step went, if it may have been a jump, and the projection.
         q0: (nq,) configuration at the start.
         v0: (nv,) rates at the start.
         state: (nq + nv,) q and v.
@@ -48,7 +48,7 @@ class Work(NamedTuple):
         turn: (nv,) θ̇ at this stage.
         turned: (nv,) weighted sum of θ̇.
         gained: (nv,) weighted sum of v̇.
-        on_links: (nv,) joint forces of wrenches on links.
+        on_links: (nv,) joint forces of wrenches on links, and further ones.
         wrenches: (points, 6) at the operational points.
     """
 
@@ -70,12 +70,12 @@ class Work(NamedTuple):
 
 def work_size(nq: int, nv: int, points: int) -> int:
     """Return the length of an array of work."""
-    return 15 + 2 * nq + 7 * nv + 6 * points
+    return _HEAD + 2 * nq + 7 * nv + 6 * points
 
 
 def parts_of(work: Array, nq: int, nv: int) -> Work:
     """Return the parts of an array of work, as views."""
-    at = 15
+    at = _HEAD
     q0, v0 = work[at : at + nq], work[at + nq : at + nq + nv]
     at += nq + nv
     state = work[at : at + nq + nv]
@@ -83,9 +83,9 @@ def parts_of(work: Array, nq: int, nv: int) -> Work:
     vectors = work[at : at + 5 * nv].reshape(5, nv)
     wrenches = work[at + 5 * nv :]
     return Work(
-        work[:4],
-        work[4:12].reshape(MOST_STAGES, 2),
-        work[12:15],
+        work[:_SETTINGS],
+        work[_SETTINGS : _HEAD - _ACCOUNT].reshape(MOST_STAGES, 2),
+        work[_HEAD - _ACCOUNT : _HEAD],
         q0,
         v0,
         state,
@@ -100,11 +100,12 @@ def parts_of(work: Array, nq: int, nv: int) -> Work:
     )
 
 
-_parts = inner(parts_of)
+step_parts = inner(parts_of)
 
 
 @inner
-def _start(work: Work) -> None:
+def start_step(work: Work) -> None:
+    """Go to the step's start, with nothing summed."""
     work.q[:] = work.q0
     work.v[:] = work.v0
     work.turn[:] = work.v0
@@ -113,6 +114,38 @@ def _start(work: Work) -> None:
     work.account[0] = 0.0
     work.account[1] = 0.0
     work.account[2] = np.inf
+    work.account[3] = np.inf
+    work.account[4] = 0.0
+
+
+@inner
+def find_rates(
+    tables: Tables, space: Packed, parts: Work, weight: float, bias_force: Array, result: Array
+) -> None:
+    """Fill ``result`` (nv + m,) with v̇ and λ at ``parts.q`` and ``parts.v``.
+
+    ``space`` has been filled there. ``weight`` times its powers goes to the account.
+    """
+    nv, m = tables.nv, tables.m
+    bias, forces = np.empty(m), np.empty((2, nv))
+    if m > 0:
+        motions = np.empty((tables.joints.shape[0], 12))
+        move_joints(tables, space, parts.v, motions)
+        closure_bias(tables, space, motions, bias)
+        pull = parts.settings[5]
+        if pull > 0.0:
+            for i in range(m):
+                bias[i] += 2.0 * pull * dot_with_row(space.jacobian, i, parts.v)
+                bias[i] += pull * pull * space.residual[i]
+    passive, dissipative = forces[0], forces[1]
+    element_forces(tables, space, parts.q, parts.v, passive, dissipative)
+    for c in range(nv):
+        result[c] = parts.on_links[c] + tables.effort[c]
+    add_point_forces(tables, space, parts.wrenches, result)
+    step = weight * parts.settings[0]
+    parts.account[0] += step * dot(result[:nv], parts.v)
+    parts.account[1] -= step * dot(dissipative, parts.v)
+    accelerate(space, int(space.tail[1]), bias_force, passive, bias, result)
 
 
 @inner
@@ -172,9 +205,9 @@ def advance_stage(
     """
     tables = unfold(numbers, values)
     nv, m = tables.nv, tables.m
-    parts = _parts(work, tables.nq, nv)
+    parts = step_parts(work, tables.nq, nv)
     if stage == 0:
-        _start(parts)
+        start_step(parts)
     if not np.isfinite(dot(parts.v, parts.v)):
         return NOT_FINITE
     space = unpack(packed, nv, m)
@@ -182,60 +215,8 @@ def advance_stage(
         code = factor(tables, inertia, joint_jacobian, joint_poses, space)
         if code < 0:
             return code
-    motions = np.empty((tables.joints.shape[0], 12))
-    bias, passive, result = np.empty(m), np.empty(nv), np.empty(nv + m)
-    if m > 0:
-        move_joints(tables, space, parts.v, motions)
-        closure_bias(tables, space, motions, bias)
-    result[:nv] = parts.on_links
-    add_point_forces(tables, space, parts.wrenches, result)
-    for c in range(nv):
-        passive[c] = -tables.damping[c] * parts.v[c]
     weight, fraction = parts.scheme[stage, 0], parts.scheme[stage, 1]
-    parts.account[0] += weight * parts.settings[0] * dot(result[:nv], parts.v)
-    parts.account[1] -= weight * parts.settings[0] * dot(passive, parts.v)
-    accelerate(space, int(space.tail[1]), bias_force, passive, bias, result)
+    result = np.empty(nv + m)
+    find_rates(tables, space, parts, weight, bias_force, result)
     _aim(parts, weight, fraction, result)
     return 0
-
-
-@kernel(
-    "int64(int64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1],"
-    " float64[::1], float64[::1])"
-)
-def settle(
-    numbers: Array,
-    values: Array,
-    inertia: Array,
-    joint_jacobian: Array,
-    joint_poses: Array,
-    packed: Array,
-    work: Array,
-) -> int:
-    """Do one round of the projection at ``work.q``.
-
-    Returns:
-        SETTLED: ``work.v`` is tangent to the closures. OFF: ``work.theta`` leads towards them, and
-        ``work.q`` is moved where it is a vector. Else a negative code; see ``factor_closures``, and
-        NOT_FINITE states.
-    """
-    tables = unfold(numbers, values)
-    parts = _parts(work, tables.nq, tables.nv)
-    if not np.isfinite(dot(parts.q, parts.q) + dot(parts.v, parts.v)):
-        return NOT_FINITE
-    space = unpack(packed, tables.nv, tables.m)
-    rank = factor(tables, inertia, joint_jacobian, joint_poses, space)
-    if rank < 0 or tables.m == 0:
-        return rank
-    worst, before = space.tail[0], parts.account[2]
-    rounding = worst <= parts.settings[3] and worst > 0.5 * before
-    if worst <= parts.settings[2] or rounding:
-        close_rates(space, rank, parts.v)
-        return SETTLED
-    parts.account[2] = worst
-    correction_of(space, rank, space.residual, parts.theta)
-    for c in range(tables.nv):
-        parts.theta[c] = -parts.theta[c]
-        if tables.nq == tables.nv:
-            parts.q[c] += parts.theta[c]
-    return OFF

@@ -1,18 +1,30 @@
-"""One step of the mechanism: integration, then projection onto the closures."""
+"""One step of the mechanism: integration, then projection onto the closures, or their pull."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.integrator import INTEGRATORS, Rates
-from hapticmech_ros.mechanism.mechanism import Active, Closing, Evaluation, Mechanism
+from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
+from hapticmech_ros.mechanism.implicit import Springs
+from hapticmech_ros.mechanism.integrator import Rates
+from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.projection import (
+    BAUMGARTE_FAILURE,
+    Projected,
+    project,
+    refuse_flipped,
+    refuse_open,
+)
+from hapticmech_ros.mechanism.schemes import INTEGRATORS
+
+NOTHING: Mapping[str, Array] = MappingProxyType({})
 
 
 class Start(NamedTuple):
@@ -25,6 +37,20 @@ class Start(NamedTuple):
     closing: Closing | None = None
 
 
+class Pushes(NamedTuple):
+    """What acts from outside, held during a step.
+
+    Attributes:
+        wrenches: (points, 6) at the operational points, world axes, N and N m.
+        on_links: further wrenches (6,) by name of the link, at the origin of its frame.
+        in_joints: (nv,) further joint forces, N m or N; None for none.
+    """
+
+    wrenches: Array
+    on_links: Mapping[str, Array] = NOTHING
+    in_joints: Array | None = None
+
+
 class Stepped(NamedTuple):
     """A step's outcome.
 
@@ -32,8 +58,8 @@ class Stepped(NamedTuple):
         q, v: the state, arrays of its own.
         error: largest residual of the active closures, m or rad.
         closing: terms at q.
-        work_in: work by the wrenches, J.
-        energy_lost: in damping, J.
+        work_in: work by wrenches and joint forces, J.
+        energy_lost: in damping, friction and stops, J.
     """
 
     q: Array
@@ -44,44 +70,129 @@ class Stepped(NamedTuple):
     energy_lost: float
 
 
+class Plan(NamedTuple):
+    """How a period is stepped through.
+
+    Attributes:
+        integrator: name of a rule of ``INTEGRATORS``.
+        period: s.
+        substeps: steps of the integrator in a period.
+        baumgarte_rate: a, 1/s; 0 where states are projected instead.
+    """
+
+    integrator: str
+    period: float
+    substeps: int = 1
+    baumgarte_rate: float = 0.0
+
+
 class Stepper:
     """Steps a mechanism by one period, in plain NumPy.
 
     Args:
         mechanism: to step.
-        integrator: name of a rule of ``INTEGRATORS``.
-        period: s.
+        plan: how.
     """
 
-    def __init__(self, mechanism: Mechanism, integrator: str, period: float) -> None:
+    def __init__(self, mechanism: Mechanism, plan: Plan) -> None:
         self._mechanism = mechanism
-        self._integrate = INTEGRATORS[integrator]
-        self._period = period
+        self._plan = plan
 
-    def advance(self, start: Start, wrenches: Array, on_links: Mapping[str, Array]) -> Stepped:
-        """Advance by one period with wrenches held; see ``Simulator.step``."""
-        mechanism, active = self._mechanism, start.active
+    def advance(self, start: Start, pushes: Pushes) -> Stepped:
+        """Advance by one period with pushes held; see ``Simulator.step``."""
+        if pushes.in_joints is not None:
+            _check_joint_forces(pushes.in_joints, self._mechanism.nv)
+        if self._plan.substeps == 1:
+            return self._substep(start, pushes)
+        work_in, energy_lost = 0.0, 0.0
+        for _ in range(self._plan.substeps):
+            stepped = self._substep(start, pushes)
+            work_in += stepped.work_in
+            energy_lost += stepped.energy_lost
+            start = Start(stepped.q, stepped.v, start.active, closing=stepped.closing)
+        return stepped._replace(work_in=work_in, energy_lost=energy_lost)
 
-        def motion(q: Array, v: Array) -> Rates:
-            if not math.isfinite(v @ v):
-                raise not_finite("rates", v)
-            terms = start.terms if q is start.q and v is start.v else None
-            if terms is None:
-                closing = start.closing if q is start.q else None
-                terms = mechanism.evaluate(q, v, active, closing)
-            force = np.zeros(v.size)
-            for point, wrench in zip(terms.points, wrenches, strict=True):
-                force += wrench @ point.jacobian
-            for link, wrench in on_links.items():
-                force += wrench @ mechanism.link_jacobian(q, link)
-            acceleration, _ = terms.acceleration(force)
-            return Rates(acceleration, float(force @ v), -float(terms.passive_force @ v))
-
-        moved = self._integrate(mechanism.model, motion, start.q, start.v, self._period)
+    def _substep(self, start: Start, pushes: Pushes) -> Stepped:
+        mechanism, plan = self._mechanism, self._plan
+        motion = _Motion(mechanism, start, pushes, plan.baumgarte_rate)
+        integrate, step = INTEGRATORS[plan.integrator], plan.period / plan.substeps
+        moved = integrate(mechanism.model, motion, start.q, start.v, step)
         if not math.isfinite(moved.q @ moved.q + moved.v @ moved.v):
             raise not_finite("state", moved.q)
-        projected = project(mechanism, moved.q, moved.v, active)
-        return Stepped(*projected, moved.work_in, moved.energy_lost)
+        if plan.baumgarte_rate > 0.0:
+            closing = mechanism.closing_terms(moved.q, start.active)
+            refuse_open(mechanism, closing.error, start.active, BAUMGARTE_FAILURE)
+            ended = Projected(moved.q, moved.v, closing.error, closing)
+        else:
+            ended = project(mechanism, moved.q, moved.v, start.active, moved.change)
+        refuse_flipped(mechanism, ended.error, start.active)
+        return Stepped(*ended, moved.work_in, moved.energy_lost)
+
+
+class _Motion:
+    """The equations of motion with pushes held; see ``integrator.Motion``."""
+
+    def __init__(self, mechanism: Mechanism, start: Start, pushes: Pushes, pull: float) -> None:
+        self._mechanism = mechanism
+        self._start = start
+        self._pushes = pushes
+        self._pull = pull
+        self._first: Evaluation | None = None
+
+    def __call__(self, q: Array, v: Array) -> Rates:
+        """Return the rates at a stage."""
+        if not math.isfinite(v @ v):
+            raise not_finite("rates", v)
+        terms = self._evaluate(q, v)
+        force = self._force(q, terms)
+        power_in = float((force + terms.effort) @ v)
+        power_lost = -float(terms.dissipative_force @ v)
+        acceleration, _ = self._pulled(terms, v).acceleration(force)
+        return Rates(acceleration, power_in, power_lost)
+
+    def resistance(self, q: Array, v: Array, period: float, reach: float) -> Springs | None:
+        """Return springs and dampers at the step's start, or None where there is none."""
+        stiffness, damping = self._mechanism.slopes(q, v, period)
+        if not (stiffness.any() or damping.any()):
+            return None
+        return Springs(self._evaluate(q, v).space, stiffness, damping, reach)
+
+    def _evaluate(self, q: Array, v: Array) -> Evaluation:
+        start = self._start
+        if q is not start.q or v is not start.v:
+            return self._mechanism.evaluate(q, v, start.active)
+        if start.terms is not None:
+            return start.terms
+        if self._first is None:
+            self._first = self._mechanism.evaluate(q, v, start.active, start.closing)
+        return self._first
+
+    def _force(self, q: Array, terms: Evaluation) -> Array:
+        wrenches, on_links, in_joints = self._pushes
+        force = np.zeros(terms.bias_force.size) if in_joints is None else in_joints.copy()
+        for point, wrench in zip(terms.points, wrenches, strict=True):
+            force += wrench @ point.jacobian
+        for link, wrench in on_links.items():
+            force += wrench @ self._mechanism.link_jacobian(q, link)
+        return force
+
+    def _pulled(self, terms: Evaluation, v: Array) -> Evaluation:
+        """Return the terms with W v̇ = -Ẇv - 2a W v - a² φ for W v̇ = -Ẇv."""
+        if self._pull == 0.0:
+            return terms
+        gap, speed = terms.closure_residual, terms.closure_jacobian @ v
+        pull = 2.0 * self._pull * speed + self._pull**2 * gap
+        return terms._replace(closure_bias=terms.closure_bias + pull)
+
+
+def _check_joint_forces(forces: Array, nv: int) -> None:
+    """Check joint forces from outside.
+
+    Raises:
+        InvalidInputError: not (nv,), NaN or infinite.
+    """
+    if np.shape(forces) != (nv,) or not np.isfinite(forces).all():
+        raise InvalidInputError("joint_forces", forces, f"must be {nv} finite numbers")
 
 
 def not_finite(what: str, values: Array) -> InvalidInputError:

@@ -13,7 +13,7 @@ import numpy as np
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.model import Array
 
-_SIZES = 7
+_SIZES = 9
 
 
 class Tables(NamedTuple):
@@ -30,7 +30,14 @@ class Tables(NamedTuple):
         damping: (nv,) viscous damping, N m s/rad or N s/m.
         lengths: (m,) unit of each row, m or 1.
         support: (f, nv) 1 where a rate moves a frame, else 0.
-        placements: (f, 12) each frame in its joint: its axes, then its origin, m.
+        placements: (f, 12) each frame in its joint: its axes, then its origin, m. Of a rod's frame
+            a the first axis is as long as the rod.
+        elements: (e, 2) per joint with spring, friction or stops its index in v and in q.
+        springs: (s, 2) frames a and b of each spring between points.
+        effort: (nv,) constant forces of the joints, N m or N.
+        element_values: (e, 9) stiffness, rest, friction and its speed, lower and upper stop, their
+            stiffness, damping and depth.
+        spring_values: (s, 4) stiffness, damping, rest length, and length without direction.
     """
 
     nq: int
@@ -44,6 +51,11 @@ class Tables(NamedTuple):
     lengths: Array
     support: Array
     placements: Array
+    elements: Array
+    springs: Array
+    effort: Array
+    element_values: Array
+    spring_values: Array
 
 
 def fold(tables: Tables) -> tuple[Array, Array]:
@@ -57,10 +69,28 @@ def fold(tables: Tables) -> tuple[Array, Array]:
             len(tables.joints),
             len(tables.closures),
             tables.points.size,
+            len(tables.elements),
+            len(tables.springs),
         )
     )
-    whole = (sizes, tables.carriers, tables.joints, tables.closures, tables.points)
-    real = (tables.damping, tables.lengths, tables.support, tables.placements)
+    whole = (
+        sizes,
+        tables.carriers,
+        tables.joints,
+        tables.closures,
+        tables.points,
+        tables.elements,
+        tables.springs,
+    )
+    real = (
+        tables.damping,
+        tables.lengths,
+        tables.support,
+        tables.placements,
+        tables.effort,
+        tables.element_values,
+        tables.spring_values,
+    )
     return (
         np.concatenate([part.ravel() for part in whole]).astype(np.int64),
         np.concatenate([part.ravel() for part in real]).astype(float),
@@ -79,9 +109,20 @@ def unfold(numbers: Array, values: Array) -> Tables:
     at += 3 * joints
     loops = numbers[at : at + 4 * closures].reshape(closures, 4)
     at += 4 * closures
+    held = numbers[at : at + points]
+    at += points
+    count, springs = numbers[7], numbers[8]
+    elements = numbers[at : at + 2 * count].reshape(count, 2)
+    at += 2 * count
+    pulls = numbers[at : at + 2 * springs].reshape(springs, 2)
     start, end = nv + m, nv + m + frames * nv
     support = values[start:end].reshape(frames, nv)
     placements = values[end : end + 12 * frames].reshape(frames, 12)
+    start = end + 12 * frames
+    end = start + nv
+    effort = values[start:end]
+    element_values = values[end : end + 9 * count].reshape(count, 9)
+    end += 9 * count
     return Tables(
         nq,
         nv,
@@ -89,9 +130,14 @@ def unfold(numbers: Array, values: Array) -> Tables:
         carriers,
         tree,
         loops,
-        numbers[at : at + points],
+        held,
         values[:nv],
         values[nv : nv + m],
         support,
         placements,
+        elements,
+        pulls,
+        effort,
+        element_values,
+        values[end : end + 4 * springs].reshape(springs, 4),
     )

@@ -24,13 +24,13 @@ from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLISHER
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.wrench import WORLD, decode_wrench
 
 M = TypeVar("M")
 P = TypeVar("P", bound=NodeParameters)
-NANOSECONDS = 1_000_000_000
 FOR_EVER = 1 << 62
 
 
@@ -61,7 +61,7 @@ class Actor(Generic[P]):
         """Take new parameters, all of them at once."""
         self.parameters = parameters
         self.view_every = max(1, round(1.0 / (parameters.view_rate * self.period_s)))
-        limit_ns = round(parameters.message_age_limit * NANOSECONDS)
+        limit_ns = nanoseconds(parameters.message_age_limit)
         # In lockstep a sample may come before its own time has been told here.
         self.age_limit_ns = FOR_EVER if self.lockstep else limit_ns
 
@@ -199,7 +199,7 @@ class ClockedActor(Actor[P]):
     def begin(self, now_ns: int) -> None:
         """Start the grid of deadlines: the next one common to all, or in lockstep right now."""
         if self.lockstep:
-            self.clock = PeriodClock(round(self.period_s * NANOSECONDS), now_ns)
+            self.clock = PeriodClock(self.period_ns, now_ns)
         else:
             self.clock = PeriodClock.on_grid(self.period_s, self.phase, now_ns)
 
@@ -216,6 +216,15 @@ class ClockedActor(Actor[P]):
         while clock.next_ns <= now_ns and self.ready(clock.next_ns):
             clock.due(clock.next_ns)
             self.tick(1, clock.last_deadline_ns)
+
+    @property
+    def period_ns(self) -> int:
+        """Control period of the scene, ns."""
+        return nanoseconds(self.period_s)
+
+    def answered_ns(self, deadline_ns: int) -> int:
+        """Return the sample whose answer acts, in lockstep, over the period before a deadline."""
+        return deadline_ns - 2 * self.period_ns
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether all that a tick in lockstep needs is there."""

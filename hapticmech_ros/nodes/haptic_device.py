@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.nodes.actor import NANOSECONDS, ClockedActor
+from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Latest, Stamped
 from hapticmech_ros.nodes.messages import (
@@ -28,6 +28,7 @@ from hapticmech_ros.nodes.messages import (
 from hapticmech_ros.nodes.parameters import DeviceParameters
 from hapticmech_ros.nodes.pushes import Pushes
 from hapticmech_ros.nodes.statistics import DurationHistogram
+from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.device_wire import DeviceWriter
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
@@ -102,9 +103,9 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def adopt(self, parameters: DeviceParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
         super().adopt(parameters)
-        self.timeout_ns = round(parameters.command_timeout * NANOSECONDS)
+        self.timeout_ns = nanoseconds(parameters.command_timeout)
         if self._pushes is not None:
-            self._pushes.set_timeout(round(parameters.hand_timeout * NANOSECONDS))
+            self._pushes.set_timeout(nanoseconds(parameters.hand_timeout))
 
     def activate(self) -> None:
         """Begin where the device is, held by nobody; in lockstep, held from the start."""
@@ -126,14 +127,13 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Return whether the command to act on, and the hand's wrench if awaited, are there."""
         if self._awaits_hand and not self._awaited.has(deadline_ns):
             return False
-        return self._ticks < 2 or self._commands.has(self._answered_ns(deadline_ns))
+        return self._ticks < 2 or self._commands.has(self.answered_ns(deadline_ns))
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Move the device on under the command that stands, and publish what it measures."""
         if self._ticks or not self.lockstep:
-            period_ns = round(self.period_s * NANOSECONDS)
             for behind in reversed(range(self.backlog.steps(periods))):
-                self._move(self._standing_command(deadline_ns - behind * period_ns))
+                self._move(self._standing_command(deadline_ns - behind * self.period_ns))
         self._push = self._pushing(deadline_ns)
         self._written.see(self._state, self._push, deadline_ns)
         self._publish_wire.publish(self._wire.encode(self._written.values))
@@ -188,7 +188,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         if self.lockstep:
             if self._ticks < 2:
                 return NO_WRENCH
-            return self._commands.take(self._answered_ns(now_ns))
+            return self._commands.take(self.answered_ns(now_ns))
         command = self._command.value
         if command is None or not self._command.fresh(now_ns, self.timeout_ns):
             if self._held is not None:
@@ -200,10 +200,6 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             self._ticks_held = 0
             self.times_held += 1
         return command
-
-    def _answered_ns(self, deadline_ns: int) -> int:
-        """Return the sample whose answer acts over the period that ends at a deadline."""
-        return deadline_ns - 2 * round(self.period_s * NANOSECONDS)
 
     def _pushing(self, now_ns: int) -> Array:
         """Return what others add to the hand's wrench from now on."""

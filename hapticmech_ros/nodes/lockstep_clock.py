@@ -30,11 +30,11 @@ from hapticmech_ros.nodes.qos import LATCHED, LOCKSTEP, RECORDER_SUBSCRIBER, STR
 from hapticmech_ros.nodes.replay_feed import Feed, feed_from_bag
 from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import array_stamp, header_stamp
 from hapticmech_ros.wire.topic import ARRAY, VIEWER, Topic
 from hapticmech_ros.wire.topics import TOPICS
 
-NANOSECONDS = 1_000_000_000
 CLOCK = "/clock"
 # /clock is heard best effort: whoever missed a tick's time is told again.
 RETELL_PERIOD_S = 0.05
@@ -66,7 +66,7 @@ class LockstepClock(Node):
         writer: BagWriter | None = None,
     ) -> None:
         super().__init__("lockstep_clock")
-        self.period_ns = round(scene.simulation.period * NANOSECONDS)
+        self.period_ns = nanoseconds(scene.simulation.period)
         self.time_ns = start_ns
         # Complete ones.
         self.ticks = 0

@@ -16,7 +16,7 @@ from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.nodes.actor import NANOSECONDS, Actor, ClockedActor
+from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange, Listener
 from hapticmech_ros.nodes.hosted_parameters import HostedParameters
 from hapticmech_ros.nodes.messages import set_stamp
@@ -24,6 +24,7 @@ from hapticmech_ros.nodes.parameters import NodeParameters, ParameterError
 from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.transitions import refuse_impossible_transitions
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 
 E = TypeVar("E")

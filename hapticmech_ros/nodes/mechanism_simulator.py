@@ -12,13 +12,14 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Evaluation, MechanismState, Simulator
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.nodes.actor import NANOSECONDS, ClockedActor
+from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import WORLD, set_stamp
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.point_port import PointPort
 from hapticmech_ros.nodes.pushes import Pushes
 from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, Energy, pack_energy
@@ -77,11 +78,11 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def adopt(self, parameters: MechanismParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
         super().adopt(parameters)
-        timeout_ns = round(parameters.command_timeout * NANOSECONDS)
+        timeout_ns = nanoseconds(parameters.command_timeout)
         for port in self._ports:
             port.set_timeout(timeout_ns)
         if self._pushes is not None:
-            self._pushes.set_timeout(round(parameters.external_timeout * NANOSECONDS))
+            self._pushes.set_timeout(nanoseconds(parameters.external_timeout))
 
     def activate(self) -> None:
         """Go on where the mechanism is; what was commanded before counts no more."""
@@ -103,7 +104,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             port.awaited.has(deadline_ns) for port in self._ports
         ):
             return False
-        answered = self._answered_ns(deadline_ns)
+        answered = self.answered_ns(deadline_ns)
         return self._ticks < 2 or all(self._ports[i].commands.has(answered) for i in self._held)
 
     def tick(self, periods: int, deadline_ns: int) -> None:
@@ -112,9 +113,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             return
         try:
             if self._ticks or not self.lockstep:
-                period_ns = round(self.period_s * NANOSECONDS)
                 for behind in reversed(range(self.backlog.steps(periods))):
-                    self._commands = self._commanded(deadline_ns - behind * period_ns)
+                    self._commands = self._commanded(deadline_ns - behind * self.period_ns)
                     self._move()
             self._external = self._pushing(deadline_ns)
             self._publish(deadline_ns)
@@ -165,7 +165,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             return commands
         wrenches = np.zeros_like(self._external)
         if self._ticks >= 2:
-            answered = self._answered_ns(deadline_ns)
+            answered = self.answered_ns(deadline_ns)
             for index in self._held:
                 wrenches[index] = self._ports[index].commands.take(answered)
         return wrenches
@@ -188,10 +188,6 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def _rotation_of(self, frame: str) -> Array:
         return np.asarray(self._simulator.mechanism.frame_pose(self._state.q, frame).rotation)
-
-    def _answered_ns(self, deadline_ns: int) -> int:
-        """Return the sample whose answer acts over the period that ends at a deadline."""
-        return deadline_ns - 2 * round(self.period_s * NANOSECONDS)
 
     def _publish_view(self, terms: Evaluation, external: Array, time_ns: int) -> None:
         set_stamp(self._joints.header.stamp, time_ns)

@@ -15,7 +15,8 @@ from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.wire.layouts import NANOSECONDS, pose_of
+from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.layouts import pose_of
 
 WORLD = "world"
 

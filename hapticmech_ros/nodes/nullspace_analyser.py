@@ -7,7 +7,7 @@ from std_msgs.msg import Float64MultiArray, UInt8
 
 from hapticmech_ros.mechanism import build
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.nodes.actor import NANOSECONDS, Actor
+from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import check_age, matrix_message, write_array
@@ -15,6 +15,7 @@ from hapticmech_ros.nodes.parameters import AnalyserParameters
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.counter import CountState, first_count, next_count
 from hapticmech_ros.operational.spectrum import rank_of
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import RENDERING_FIELDS
 from hapticmech_ros.wire.rendering_wire import RenderingWriter

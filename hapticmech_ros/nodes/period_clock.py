@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-NANOSECONDS = 1_000_000_000
+from hapticmech_ros.times import nanoseconds
 
 
 @dataclass(slots=True)
@@ -29,7 +29,7 @@ class PeriodClock:
 
         Nodes with the same period share the grid, and their phases say who goes first.
         """
-        period_ns = round(period_s * NANOSECONDS)
+        period_ns = nanoseconds(period_s)
         offset = round(phase * period_ns) % period_ns
         first = (now_ns // period_ns + 1) * period_ns + offset
         return cls(period_ns, first)

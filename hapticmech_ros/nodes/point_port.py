@@ -7,7 +7,7 @@ from collections.abc import Callable
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 
-from hapticmech_ros.mechanism.mechanism import PointKinematics
+from hapticmech_ros.mechanism.evaluation import PointKinematics
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import ExpiringWrench, Stamped

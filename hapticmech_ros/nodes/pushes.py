@@ -18,10 +18,11 @@ from rclpy.subscription import Subscription
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.nodes.actor import NANOSECONDS, Actor
+from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import ExpiringWrench
 from hapticmech_ros.nodes.messages import WORLD, checked_stamp, read_wrench
 from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER
+from hapticmech_ros.times import NANOSECONDS
 
 WRENCH_TYPE = "geometry_msgs/msg/WrenchStamped"
 # How often the graph is searched for new publishers, s of the machine's clock.

@@ -27,8 +27,9 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.nodes.qos import LOCKSTEP
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray, decode, header_stamp
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, NANOSECONDS, unpack_device
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, unpack_device
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import importlib
 import signal
 import sys
 import time
@@ -24,24 +25,16 @@ from rclpy.task import Future
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.managed import ManagedNode
-from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
-from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
-from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
-from hapticmech_ros.nodes.viewer.scene_viewer import SceneViewer
+from hapticmech_ros.times import NANOSECONDS
 
-ACTORS: dict[str, type[Actor[Any]]] = {
-    actor.name: actor
-    for actor in (
-        HapticDevice,
-        MechanismSimulator,
-        NullspaceAnalyser,
-        TeleoperationController,
-        SceneViewer,
-    )
+_ACTORS = {
+    "haptic_device": (".haptic_device", "HapticDevice"),
+    "mechanism_simulator": (".mechanism_simulator", "MechanismSimulator"),
+    "nullspace_analyser": (".nullspace_analyser", "NullspaceAnalyser"),
+    "teleoperation_controller": (".teleoperation_controller", "TeleoperationController"),
+    "scene_viewer": (".viewer.scene_viewer", "SceneViewer"),
 }
-NANOSECONDS = 1_000_000_000
 # Longest wait for a message or deadline: also how late a signal is answered at the worst.
 LONGEST_WAIT_S = 0.1
 # A deadline closer than this is waited for by looking at the clock: timers wake up later than that.
@@ -73,7 +66,7 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
     try:
         # One by one: those made before a failure are destroyed.
         for name in names:
-            nodes.append(ManagedNode(ACTORS[name], exchange))
+            nodes.append(ManagedNode(actor_type(name), exchange))
             nodes[-1].start()
         run_until(stop, nodes)
         for node in nodes:
@@ -89,6 +82,16 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def actor_type(name: str) -> type[Actor[Any]]:
+    """Return what a node of this name becomes.
+
+    Only its module is imported: the others' kernels would make a restart a second longer.
+    """
+    module, kind = _ACTORS[name]
+    found: type[Actor[Any]] = getattr(importlib.import_module(module, __package__), kind)
+    return found
 
 
 def wake_up_in_time() -> None:

@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from hapticmech_ros.control import DeviceMeasurement, Engagement, control_for
 from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.nodes.actor import NANOSECONDS, Actor
+from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.messages import (
@@ -23,6 +23,7 @@ from hapticmech_ros.nodes.messages import (
 )
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
 from hapticmech_ros.wire.readings import RenderingReading, read_device, read_rendering
 from hapticmech_ros.wire.topics import (
@@ -91,7 +92,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     def adopt(self, parameters: ControllerParameters) -> None:
         """Take new parameters: the timeout counts from now on."""
         super().adopt(parameters)
-        self.timeout_ns = round(parameters.input_timeout * NANOSECONDS)
+        self.timeout_ns = nanoseconds(parameters.input_timeout)
 
     def activate(self) -> None:
         """Wait for device and rendering; times count from now, to lose no digits."""

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.mechanism import Active, Evaluation, Mechanism
+from hapticmech_ros.mechanism.evaluation import Active, Evaluation
+from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.inverse_inertia import (
     PLANAR_ROWS,

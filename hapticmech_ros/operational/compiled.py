@@ -10,12 +10,13 @@ import pinocchio as pin
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.compiled import CompiledEvaluation, CompiledMechanism, failure
 from hapticmech_ros.mechanism.compiled_space import CompiledSpace
-from hapticmech_ros.mechanism.mechanism import Active, Evaluation, Mechanism
+from hapticmech_ros.mechanism.evaluation import Active, Evaluation
+from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.kernels import ANALYSIS_SIZE, analyse_point
 from hapticmech_ros.operational.metric import TaskMetric
 from hapticmech_ros.operational.point_kernels import NO_SPECTRUM, see_point
-from hapticmech_ros.scene.document import Perception
+from hapticmech_ros.scene.rendering import Perception
 
 
 class CompiledAnalysis:
@@ -36,6 +37,7 @@ class CompiledAnalysis:
         parts = (metric.point_to_link, metric.factor, metric.dual_factor)
         self._constants = np.concatenate([limits, *(part.ravel() for part in parts)])
         self._details = np.empty(rows.size * (1 + 2 * rows.size))
+        self._position = np.empty(mechanism.nq)
 
     @staticmethod
     def understands(terms: Evaluation) -> bool:
@@ -48,15 +50,15 @@ class CompiledAnalysis:
         Raises:
             HapticMechError: the SVD of S did not converge.
         """
-        bias_force, passive, _, _, bias, _, points = terms
-        space = cast(CompiledSpace, terms.space)
+        bias_force, passive, _, effort, bias, closing, points = terms
+        space = cast(CompiledSpace, closing.space)
         pose, jacobian, _, drift = points[self._index]
         analysis, details = np.empty(ANALYSIS_SIZE), np.empty(self._details.size)
         converged = analyse_point(
             space.packed,
             space.rank,
             bias_force,
-            passive,
+            passive + effort,
             bias,
             jacobian,
             drift,
@@ -76,11 +78,13 @@ class CompiledAnalysis:
         chosen = mechanism.chosen(active)
         mechanism.place(q)
         pin.nonLinearEffects(mechanism.model, mechanism.data, q, v)
+        self._position[:] = q
         code = see_point(
             *chosen.constants,
             *mechanism.placed,
             chosen.scratch,
             mechanism.bias_force,
+            self._position,
             v,
             self._index,
             self._constants,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene.document import Perception
+from hapticmech_ros.scene.rendering import Perception
 
 
 @dataclass(frozen=True, slots=True)

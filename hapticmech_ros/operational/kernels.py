@@ -163,7 +163,7 @@ def analyse_point(
         packed: terms at the configuration (see mechanism.kernels).
         rank: rank r of the closures.
         bias_force: (nv,) h.
-        passive: (nv,) joint damping.
+        passive: (nv,) forces of springs, dampers, friction and stops, and efforts.
         bias: (m,) Ẇv.
         jacobian: (6, nv) J_h.
         drift: (6,) J̇_h v.

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg.blas import dtrsm
 
-from hapticmech_ros.mechanism.constraint_space import cholesky_of_upper
 from hapticmech_ros.mechanism.model import Array, se3
 from hapticmech_ros.operational.inverse_inertia import planar_block
-from hapticmech_ros.scene.document import OperationalPoint, Scene
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.scene.rules import inertia_matrix
 
 
@@ -33,10 +32,8 @@ class TaskMetric:
         self._planar = scene.task_space == "planar"
         if self._planar:
             inertia = planar_block(inertia)
-        self.factor = cholesky_of_upper(inertia)
-        self.dual_factor = np.asarray(
-            dtrsm(1.0, self.factor, np.eye(inertia.shape[0]), lower=1, trans_a=1)
-        )
+        self.factor = np.linalg.cholesky(inertia)
+        self.dual_factor = np.linalg.inv(self.factor).T
         self.point_to_link = se3(point.origin).rotation.T
 
     def factors(self, rotation: Array) -> tuple[Array, Array]:

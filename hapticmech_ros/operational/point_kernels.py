@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import kernel
+from hapticmech_ros.mechanism.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels import factor, unpack
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion_kernels import closure_bias, move_joints, move_point
@@ -18,8 +19,8 @@ NO_SPECTRUM = 1
 
 @kernel(
     "int64(int64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1],"
-    " float64[::1], float64[::1], float64[::1], int64, float64[::1], int64[::1], float64[::1],"
-    " float64[::1])"
+    " float64[::1], float64[::1], float64[::1], float64[::1], int64, float64[::1], int64[::1],"
+    " float64[::1], float64[::1])"
 )
 def see_point(
     numbers: Array,
@@ -29,6 +30,7 @@ def see_point(
     joint_poses: Array,
     packed: Array,
     bias_force: Array,
+    q: Array,
     v: Array,
     index: int,
     constants: Array,
@@ -46,6 +48,7 @@ def see_point(
         joint_poses: (joints, 12).
         packed: to fill.
         bias_force: (nv,) h.
+        q: (nq,) configuration.
         v: (nv,) rates.
         index: number of the operational point.
         constants: of the analysis; see ``analyse_point`` for this and the next two.
@@ -64,11 +67,12 @@ def see_point(
     if rank < 0:
         return rank
     motions = np.empty((tables.joints.shape[0], 12))
-    bias, passive = np.empty(m), np.empty(nv)
+    bias, passive, dissipative = np.empty(m), np.empty(nv), np.empty(nv)
     move_joints(tables, space, v, motions)
     closure_bias(tables, space, motions, bias)
+    element_forces(tables, space, q, v, passive, dissipative)
     for c in range(nv):
-        passive[c] = -tables.damping[c] * v[c]
+        passive[c] += tables.effort[c]
     jacobian, motion = np.empty((6, nv)), np.empty(12)
     move_point(tables, space, motions, index, jacobian, motion)
     pose = space.poses[tables.points[index]]

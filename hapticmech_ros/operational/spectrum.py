@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dgesdd
 
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.lapack import dgesdd
 from hapticmech_ros.mechanism.model import Array
 
 # Singular values of S G are exact to a few machine epsilons; below this nothing is carried.

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from hapticmech_ros.errors import SceneProblem
-from hapticmech_ros.scene.document import (
-    Device,
-    Inertia,
-    Joint,
-    Link,
-    Origin,
-    Scene,
-    SpringDamperHand,
-    Vector3,
-)
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import Closure, Inertia, Joint, Link, Origin, Spring
+from hapticmech_ros.scene.part import Vector3
+from hapticmech_ros.scene.rendering import Device, SpringDamperHand
 
 POSITION_SIZE = {
     "revolute": 1,
@@ -48,6 +42,7 @@ def broken_rules(scene: Scene) -> list[SceneProblem]:
         *_tree(scene),
         *_bodies(scene),
         *_references(scene),
+        *_joint_elements(scene),
         *_initial_state(scene),
         *_plane(scene),
         *_thresholds(scene),
@@ -60,6 +55,7 @@ def _names(scene: Scene) -> Iterator[SceneProblem]:
         ("links[{}].name", [link.name for link in scene.links]),
         ("links[{}].joint.name", [link.joint.name for link in scene.links]),
         ("closures[{}].name", [closure.name for closure in scene.closures]),
+        ("springs[{}].name", [spring.name for spring in scene.springs]),
         ("operational_points[{}].name", [point.name for point in scene.operational_points]),
     )
     for key, names in groups:
@@ -108,19 +104,18 @@ def _bodies(scene: Scene) -> Iterator[SceneProblem]:
 def _references(scene: Scene) -> Iterator[SceneProblem]:
     links = {link.name: link for link in scene.links}
     for index, closure in enumerate(scene.closures):
-        for side, frame in (("a", closure.a), ("b", closure.b)):
-            if frame.link not in links and frame.link != "world":
-                rule = f"unknown frame: must be 'world' or one of {sorted(links)}"
-                yield SceneProblem(f"closures[{index}].{side}.link", frame.link, rule)
-        if closure.a.link == closure.b.link:
-            rule = "a closure joins two different links"
-            yield SceneProblem(f"closures[{index}].b.link", closure.b.link, rule)
+        yield from _ends(f"closures[{index}]", closure, links)
+        if (closure.kind == "rod") != (closure.length is not None):
+            rule = "a rod needs its length (m)" if closure.kind == "rod" else "only a rod has one"
+            yield SceneProblem(f"closures[{index}].length", closure.length, rule)
         if closure.kind == "planar_pin" and not _is_planar(scene):
             rule = "planar_pin needs task_space: planar; use spherical or revolute"
             yield SceneProblem(f"closures[{index}].kind", closure.kind, rule)
         if closure.active and closure.latch_distance is not None:
             rule = "only a closure with active: false can latch"
             yield SceneProblem(f"closures[{index}].latch_distance", closure.latch_distance, rule)
+    for index, spring in enumerate(scene.springs):
+        yield from _ends(f"springs[{index}]", spring, links)
     for index, point in enumerate(scene.operational_points):
         key = f"operational_points[{index}]"
         if point.link not in links:
@@ -129,6 +124,41 @@ def _references(scene: Scene) -> Iterator[SceneProblem]:
         elif point.metric is None and not _has_own_metric(links[point.link]):
             rule = "the link has no full inertia of its own: give metric: {mass, length}"
             yield SceneProblem(f"{key}.metric", None, rule)
+
+
+def _ends(key: str, part: Closure | Spring, links: Collection[str]) -> Iterator[SceneProblem]:
+    """Yield what is wrong with the two frames that a closure or spring joins."""
+    for side, frame in (("a", part.a), ("b", part.b)):
+        if frame.link not in links and frame.link != "world":
+            rule = f"unknown frame: must be 'world' or one of {sorted(links)}"
+            yield SceneProblem(f"{key}.{side}.link", frame.link, rule)
+    if part.a.link == part.b.link:
+        rule = f"a {type(part).__name__.lower()} joins two different links"
+        yield SceneProblem(f"{key}.b.link", part.b.link, rule)
+
+
+def _joint_elements(scene: Scene) -> Iterator[SceneProblem]:
+    """Springs, stops, friction and efforts are along the one coordinate of a joint."""
+    for index, link in enumerate(scene.links):
+        joint, key = link.joint, f"links[{index}].joint"
+        if joint.type not in ("revolute", "prismatic"):
+            given = {
+                "stiffness": joint.stiffness,
+                "friction": joint.friction,
+                "effort": joint.effort,
+            }
+            if joint.limits is not None:
+                given["limits"] = joint.limits.stiffness
+            for field, value in given.items():
+                if value:
+                    rule = f"only revolute and prismatic joints have one, not {joint.type} ones"
+                    yield SceneProblem(f"{key}.{field}", value, rule)
+        limits = joint.limits
+        if limits is not None and limits.upper <= limits.lower:
+            rule = f"must be above lower = {limits.lower}"
+            yield SceneProblem(f"{key}.limits.upper", limits.upper, rule)
+    if all(link.joint.locked or link.joint.type == "fixed" for link in scene.links):
+        yield SceneProblem("links", len(scene.links), "at least one joint must move")
 
 
 def _initial_state(scene: Scene) -> Iterator[SceneProblem]:
@@ -150,6 +180,9 @@ def _initial_state(scene: Scene) -> Iterator[SceneProblem]:
                 yield SceneProblem(key, value, rule)
             elif field == "q" and not _unit_part_ok(joints[name], value):
                 rule = "the quaternion or (cos, sin) part must have unit length"
+                yield SceneProblem(key, value, rule)
+            elif field == "v" and joints[name].locked and np.any(value):
+                rule = "a locked joint does not move: leave it out, or unlock the joint"
                 yield SceneProblem(key, value, rule)
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene.document import Joint, Scene
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import Joint
 from hapticmech_ros.view import palette
 from hapticmech_ros.view.placement import Placement
 from hapticmech_ros.view.shapes import (
@@ -74,20 +75,21 @@ def joint_shape(joint: Joint, pose: pin.SE3, axis: Array, unit: float) -> list[S
 
 
 def closure_shapes(placement: Placement, closed: Mapping[str, bool], unit: float) -> list[Shape]:
-    """Return a ball where a loop is closed; two and the gap between where it is open.
+    """Return a ball where a loop is closed, a rod with its ends; two and the gap where it is open.
 
     Numbers do not depend on which are closed: 0 for the first closure, 3 for the second, ...
     """
     shapes = []
     for index, (name, (a, b)) in enumerate(placement.closures.items()):
         size = CLOSURE_DIAMETER * unit
+        ends = np.array((a.translation, b.translation))
+        namespace, colour = "open_closures", palette.OPEN
         if closed[name]:
-            found = [sphere(a.translation, size, palette.CLOSED)]
-            namespace = "closures"
+            namespace, colour = "closures", palette.CLOSED
+        if closed[name] and name not in placement.rods:
+            found = [sphere(a.translation, size, colour)]
         else:
-            ends = np.array((a.translation, b.translation))
-            found = [sphere(end, 0.7 * size, palette.OPEN) for end in ends]
-            found.append(strip(ends, GAP_WIDTH * unit, palette.OPEN))
-            namespace = "open_closures"
+            found = [sphere(end, 0.7 * size, colour) for end in ends]
+            found.append(strip(ends, GAP_WIDTH * unit, colour))
         shapes += numbered(namespace, found, first=3 * index)
     return shapes

@@ -24,6 +24,7 @@ class Placement:
         axes: link name -> axis of its joint in the world, a unit vector.
         limbs: link name and (2, 3) ends, for every part of a link that is worth a line.
         closures: closure name -> frames a and b.
+        rods: names of the closures that keep a distance.
         points: operational point name -> its frame.
     """
 
@@ -31,6 +32,7 @@ class Placement:
     axes: dict[str, Array]
     limbs: tuple[tuple[str, Array], ...]
     closures: dict[str, tuple[pin.SE3, pin.SE3]]
+    rods: frozenset[str]
     points: dict[str, pin.SE3]
 
 
@@ -51,6 +53,7 @@ class Placer:
             for link in scene.links
         }
         self._closures = {c.name: (c.frame_a, c.frame_b) for c in mechanism.closures}
+        self._rods = frozenset(c.name for c in mechanism.closures if c.kind == "rod")
         self._points = {
             point.name: (*self._links[point.link], se3(point.origin))
             for point in scene.operational_points
@@ -72,6 +75,7 @@ class Placer:
             {name: links[name].rotation @ axis for name, axis in self._axes.items()},
             limbs,
             {n: (data.oMf[a].copy(), data.oMf[b].copy()) for n, (a, b) in self._closures.items()},
+            self._rods,
             {n: data.oMi[j] * local * origin for n, (j, local, origin) in self._points.items()},
         )
 

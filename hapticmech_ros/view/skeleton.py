@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.mechanism.model import Array, TreeModel, build_tree, se3
-from hapticmech_ros.scene.document import Origin, Scene
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import Origin
 
 # Frames nearer than this (m) to a link's own are at its joint: no line.
 _SAME_PLACE = 1e-9

@@ -2,7 +2,8 @@
 
 URDF knows trees only: closures are named in a comment and left open. It has no spherical joint
 either: three hinges about x, y and z stand for it, with links without mass between them. ``free``
-is URDF's ``floating``. Numbers are written so that reading them gives the same bits.
+is URDF's ``floating``. A locked joint is a fixed one, where the scene's initial state has it.
+Numbers are written so that reading them gives the same bits.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene.document import Joint, Link, Scene
+from hapticmech_ros.mechanism.model import Array, placement_of
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import Joint, Link
 from hapticmech_ros.view import palette
 from hapticmech_ros.view.joint_positions import HINGES, hinge_name
 from hapticmech_ros.view.mechanism_shapes import LINK_DIAMETER, joint_shape
@@ -48,7 +50,7 @@ def urdf_of(mechanism: Mechanism) -> str:
         limbs.setdefault(name, []).append(end)
     for link in scene.links:
         _add_link(robot, link, limbs.get(link.name, []), mechanism.length)
-        _add_joints(robot, link)
+        _add_joints(robot, link, scene)
     ElementTree.indent(robot)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"
 
@@ -94,8 +96,14 @@ def _add_visual(link: Element, shape: Shape, material: str) -> None:
     SubElement(visual, "material", name=material)
 
 
-def _add_joints(robot: Element, link: Link) -> None:
+def _add_joints(robot: Element, link: Link, scene: Scene) -> None:
     joint, parent = link.joint, link.parent
+    if joint.locked:
+        element = _add_joint(robot, joint.name, "fixed", parent, link.name)
+        pose = placement_of(scene, joint)
+        rpy = pin.rpy.matrixToRpy(pose.rotation)
+        SubElement(element, "origin", xyz=_numbers(pose.translation), rpy=_numbers(rpy))
+        return
     if joint.type != "spherical":
         element = _add_joint(robot, joint.name, _TYPES[joint.type], parent, link.name)
         _place(element, joint)

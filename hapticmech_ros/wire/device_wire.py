@@ -6,7 +6,8 @@ import numpy as np
 
 from hapticmech_ros.device import NO_WRENCH, DeviceState
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED, NANOSECONDS
+from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED
 
 
 class DeviceWriter:

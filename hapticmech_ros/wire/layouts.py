@@ -23,8 +23,8 @@ from hapticmech_ros.control.flat import (
 )
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.times import NANOSECONDS
 
-NANOSECONDS = 1_000_000_000
 QUATERNION_TOLERANCE = 1e-3
 
 # Field -> size. ``stamp`` is seconds and nanoseconds, as two numbers, to lose no bit.

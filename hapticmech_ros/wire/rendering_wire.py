@@ -6,7 +6,8 @@ import numpy as np
 
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.wire.layouts import NANOSECONDS, RENDERING_FIELDS
+from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.layouts import RENDERING_FIELDS
 from hapticmech_ros.wire.state import WireState
 
 _START = dict(

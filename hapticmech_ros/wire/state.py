@@ -14,10 +14,11 @@ import pinocchio as pin
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.mechanism import Active
+from hapticmech_ros.mechanism.evaluation import Active
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.joints import coordinate_names
-from hapticmech_ros.wire.layouts import NANOSECONDS, checked_values
+from hapticmech_ros.wire.layouts import checked_values
 
 _FLAGS = frozenset((0.0, 1.0))
 

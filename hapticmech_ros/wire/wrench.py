@@ -13,8 +13,8 @@ import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.times import NANOSECONDS
 
-NANOSECONDS = 1_000_000_000
 WORLD = "world"
 # Encapsulation, seconds, nanoseconds, length of the frame's name; the name; six numbers, aligned.
 _HEAD = struct.Struct("<4siII")

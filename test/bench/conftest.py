@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from hapticmech_ros.bench.accuracy import Case, Output
 from hapticmech_ros.bench.losses import Losses
 from hapticmech_ros.bench.machine import MachineLoad
 from hapticmech_ros.bench.percentiles import Percentiles
@@ -14,11 +15,44 @@ from hapticmech_ros.bench.plan import Configuration, Kind, Step
 from hapticmech_ros.bench.recorded import RECORDED_TRIP, Recorded
 from hapticmech_ros.bench.run import Run
 from hapticmech_ros.bench.words import ROUND_TRIP, Clocked
+from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
 SEPARATE = Configuration(1000.0, "separate", True)
 COMPOSED = Configuration(2000.0, "composed", False)
 MakeRun = Callable[..., Run]
+G = 9.81
+
+
+def falling(duration: float = 0.04) -> Case:
+    """Return a stone thrown up along z: parabolas, which rk2 and rk4 follow to rounding."""
+    scene = scene_from_document(
+        {
+            "format": "hapticmech-scene/1",
+            "name": "stone",
+            "gravity": [0.0, 0.0, -G],
+            "links": [
+                {
+                    "name": "stone",
+                    "joint": {"name": "up", "type": "prismatic"},
+                    "inertial": {
+                        "mass": 2.0,
+                        "inertia": dict.fromkeys(("ixx", "iyy", "izz"), 0.01),
+                    },
+                }
+            ],
+            "operational_points": [{"name": "stone_point", "link": "stone"}],
+            "initial_state": {"v": {"up": 3.0}},
+            "hand": {"kind": "constant_wrench"},
+        }
+    )
+    times = (0.5 * duration, duration)
+    heights = tuple((3.0 * t - 0.5 * G * t**2,) for t in times)
+    outputs = (
+        Output("point", "stone_point", (2,), times, heights, 1e-12),
+        Output("joint", "up", (0,), times, heights, 1e-12),
+    )
+    return Case("stone", "Z01", "Stone", scene, duration, outputs, 9.0, (), frozenset({"open"}))
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 import pytest
 
 from hapticmech_ros.bench.words import (
-    NANOSECONDS,
     ROUND_TRIP,
     Status,
     around,
@@ -10,16 +9,17 @@ from hapticmech_ros.bench.words import (
     said,
     status_of,
 )
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.topic import DEVICE
 
 
 def spoken(seconds: float, node: str = DEVICE, **figures: float) -> Status:
-    return Status(node, round(seconds * NANOSECONDS), "rendering", figures)
+    return Status(node, nanoseconds(seconds), "rendering", figures)
 
 
 def test_the_statuses_around_a_window_are_the_nearest_outside() -> None:
     heard = [spoken(second) for second in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)]
-    window = (round(2.5 * NANOSECONDS), round(4.5 * NANOSECONDS))
+    window = (nanoseconds(2.5), nanoseconds(4.5))
     ends = around([*heard, spoken(2.4, "other")], DEVICE, window)
     assert ends is not None
     assert [status.stamp_ns / NANOSECONDS for status in ends] == [2.0, 5.0]

@@ -10,7 +10,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.device import NO_WRENCH, ImpedanceDevice, device_for, hand_law, no_hand
 from hapticmech_ros.device.compiled import CompiledDevice
 from hapticmech_ros.device.compiled_state import CompiledState
-from hapticmech_ros.scene.document import ConstantWrenchHand, Device, SpringDamperHand, Waypoint
+from hapticmech_ros.scene.rendering import ConstantWrenchHand, Device, SpringDamperHand, Waypoint
 
 PERIOD = 1e-3
 # Sums of some ten products, each rounded to 1e-16, in another order. Stepping from the same state

@@ -12,8 +12,8 @@ from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.build import build_stepper
 from hapticmech_ros.mechanism.compiled_stepping import CompiledStepper
 from hapticmech_ros.mechanism.constraint_space import SingularInertiaError
-from hapticmech_ros.mechanism.integrator import INTEGRATORS, SCHEMES
-from hapticmech_ros.mechanism.stepping import Start, Stepper
+from hapticmech_ros.mechanism.schemes import INTEGRATORS, SCHEMES
+from hapticmech_ros.mechanism.stepping import Plan, Pushes, Start, Stepper
 from hapticmech_ros.scene import scene_from_document, shipped_scenes
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition
@@ -93,7 +93,8 @@ def test_steps_are_the_same(document, integrator):
     magnified = ROUNDING * condition(terms.space)
     for pushed in ({}, links):
         one, other = (
-            sim._stepper.advance(start_of(state), push(sim), pushed) for sim in (readable, compiled)
+            sim._stepper.advance(start_of(state), Pushes(push(sim), pushed))
+            for sim in (readable, compiled)
         )
         compare(one, other, magnified)
     assert np.abs(one.v - state.v).max() > 1e-6
@@ -105,12 +106,13 @@ def test_steps_are_the_same(document, integrator):
 def test_steps_of_shipped_scenes_are_the_same(name, integrator):
     scene = load_scene(name)
     readable, compiled = (Simulator(scene, compiled=kind) for kind in (False, True))
-    one = Stepper(readable.mechanism, integrator, PERIOD)
-    other = CompiledStepper(compiled.mechanism, integrator, PERIOD)
+    plan = Plan(integrator, PERIOD)
+    one = Stepper(readable.mechanism, plan)
+    other = CompiledStepper(compiled.mechanism, plan)
     for state in run(readable, 0.02, push(readable))[::5]:
         magnified = ROUNDING * condition(readable.evaluate(state).space)
         wrenches = push(readable, 2)
-        found = [stepper.advance(start_of(state), wrenches, {}) for stepper in (one, other)]
+        found = [stepper.advance(start_of(state), Pushes(wrenches)) for stepper in (one, other)]
         compare(*found, magnified)
 
 
@@ -125,7 +127,7 @@ def test_what_is_known_changes_no_bit(document):
     starts = [start_of(state), start_of(state, closing=closing), start_of(state, terms, closing)]
     bits = set()
     for start in starts:
-        q, v, error, _, *energies = stepper.advance(start, wrenches, {})
+        q, v, error, _, *energies = stepper.advance(start, Pushes(wrenches))
         bits.add((q.tobytes(), v.tobytes(), error, *energies))
     assert len(bits) == 1
 
@@ -136,20 +138,22 @@ def test_wrenches_on_links_are_forgotten():
     _, sim = both(document, "rk4")
     start, wrenches = start_of(sim.initial_state()), push(sim)
     before, pushed, after = (
-        sim._stepper.advance(start, wrenches, links) for links in ({}, {link: np.ones(6)}, {})
+        sim._stepper.advance(start, Pushes(wrenches, links))
+        for links in ({}, {link: np.ones(6)}, {})
     )
     assert after.v.tobytes() == before.v.tobytes()
     assert pushed.v.tobytes() != before.v.tobytes()
+    links = {link: np.ones(6), "nothing": np.ones(6)}
     with pytest.raises(InvalidInputError, match="nothing"):
-        sim._stepper.advance(start, wrenches, {link: np.ones(6), "nothing": np.ones(6)})
-    assert sim._stepper.advance(start, wrenches, {}).v.tobytes() == before.v.tobytes()
+        sim._stepper.advance(start, Pushes(wrenches, links))
+    assert sim._stepper.advance(start, Pushes(wrenches)).v.tobytes() == before.v.tobytes()
 
 
 def test_a_closing_of_the_step_is_that_of_its_state():
     for document in DOCUMENTS[::5]:
         _, sim = both(document, "rk2")
         state = sim.initial_state()
-        stepped = sim._stepper.advance(start_of(state), push(sim), {})
+        stepped = sim._stepper.advance(start_of(state), Pushes(push(sim)))
         anew = sim.mechanism.closing_terms(stepped.q, state.active)
         assert stepped.closing.error == anew.error == stepped.error
         assert stepped.closing.jacobian.tobytes() == anew.jacobian.tobytes()
@@ -159,9 +163,9 @@ def test_a_closing_of_the_step_is_that_of_its_state():
 def test_steps_leave_earlier_ones_alone():
     _, sim = both(DOCUMENTS[0], "rk4")
     first = sim.initial_state()
-    one = sim._stepper.advance(start_of(first), push(sim), {})
+    one = sim._stepper.advance(start_of(first), Pushes(push(sim)))
     held = one.q.tobytes(), one.v.tobytes(), one.closing.packed.tobytes()
-    sim._stepper.advance(start_of(first), push(sim, 3), {})
+    sim._stepper.advance(start_of(first), Pushes(push(sim, 3)))
     assert (one.q.tobytes(), one.v.tobytes(), one.closing.packed.tobytes()) == held
 
 
@@ -215,7 +219,7 @@ class TestErrors:
         stepper = Simulator(scene, compiled)._stepper
         start = Start(np.array([0.3, 0.2, 0.1, -0.1]), np.zeros(4), (True,))
         with pytest.raises(ClosureError, match="came apart") as caught:
-            stepper.advance(start, np.zeros((len(scene.operational_points), 6)), {})
+            stepper.advance(start, Pushes(np.zeros((len(scene.operational_points), 6))))
         assert caught.value.closures == ("pin",)
 
     def test_a_massless_end_link_is_singular(self, compiled):
@@ -224,9 +228,8 @@ class TestErrors:
         document["links"][-1]["inertial"] = nothing
         document["operational_points"] = document["operational_points"][:2]
         scene = scene_from_document(document)
-        stepper = Simulator(scene, compiled)._stepper
-        with pytest.raises(SingularInertiaError, match="degree of freedom 3"):
-            stepper.advance(Start(np.zeros(4), np.zeros(4), ()), np.zeros((2, 6)), {})
+        with pytest.raises(SingularInertiaError, match="joint4"):
+            Simulator(scene, compiled)
 
 
 def test_wrenches_of_another_shape_are_refused():

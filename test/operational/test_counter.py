@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.operational.counter import first_count, next_count
-from hapticmech_ros.scene.document import Perception
+from hapticmech_ros.scene.rendering import Perception
 
 PERCEPTION = Perception(s_on=0.02, s_off=0.05, dwell=0.005)
 PERIOD = 0.001

@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticmech_ros.mechanism import Evaluation, Mechanism, build
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
-from hapticmech_ros.mechanism.mechanism import Active
+from hapticmech_ros.mechanism.evaluation import Active
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.scene.document import Scene

@@ -15,7 +15,7 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.hosted_parameters import descriptor_of
-from hapticmech_ros.nodes.runtime import ACTORS
+from hapticmech_ros.nodes.runtime import actor_type
 from hapticmech_ros.share import shared
 from hapticmech_ros.wire.layouts import unpack_device
 from ros.harness import Peer, running
@@ -28,7 +28,7 @@ DEVICE = "haptic_device"
 def test_every_parameter_describes_itself(domain: int, peer: Peer) -> None:
     with running(",".join(NODES), domain, autostart=False):
         for node in NODES:
-            fields = ACTORS[node].parameters_type.model_fields
+            fields = actor_type(node).parameters_type.model_fields
             listed = peer.call(ListParameters, f"{node}/list_parameters", ListParameters.Request())
             assert set(fields) <= set(listed.result.names)
             request = DescribeParameters.Request(names=list(fields))
@@ -53,7 +53,7 @@ def test_parameter_file_names_all_parameters_and_their_defaults(node: str) -> No
     text = Path(path).read_text(encoding="utf-8")
     document = yaml.safe_load(text)
     assert list(document) == [f"/**/{node}"]
-    model = ACTORS[node].parameters_type
+    model = actor_type(node).parameters_type
     given = document[f"/**/{node}"]["ros__parameters"]
     assert given == {name: field.default for name, field in model.model_fields.items()}
     # A number without a decimal point would be an integer, which ROS refuses.
@@ -116,7 +116,7 @@ def test_a_change_within_the_rules_is_obeyed(domain: int, peer: Peer) -> None:
 
 def test_a_change_against_the_rules_changes_nothing(domain: int, peer: Peer) -> None:
     samples = peer.listen("device/state", Float64MultiArray)
-    names = list(ACTORS[DEVICE].parameters_type.model_fields)
+    names = list(actor_type(DEVICE).parameters_type.model_fields)
     with running(DEVICE, domain):
         peer.until(lambda: samples, "the device")
         before = peer.parameters_of(DEVICE, "use_sim_time", *names)
@@ -173,7 +173,7 @@ def test_files_set_parameters_and_slips_are_named(
 def test_the_shipped_file_is_taken(domain: int, peer: Peer) -> None:
     path = shared("config/haptic_device.yaml")
     arguments = ("--params-file", str(path), "-p", f"{DEVICE}:hand_timeout:=0.4")
-    fields = ACTORS[DEVICE].parameters_type.model_fields
+    fields = actor_type(DEVICE).parameters_type.model_fields
     with running(DEVICE, domain, arguments=arguments):
         found = dict(zip(fields, peer.parameters_of(DEVICE, *fields), strict=True))
     assert found == {name: field.default for name, field in fields.items()} | {"hand_timeout": 0.4}

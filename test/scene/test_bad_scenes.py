@@ -146,6 +146,56 @@ SPATIAL = [
 ]  # fmt: skip
 
 
+# What acts in joints, springs between points and rods.
+ELEMENTS = [
+    ("links[1].joint.locked", 1, "links[1].joint.locked", "valid boolean"),
+    ("links[1].joint.stiffness", -1.0, "links[1].joint.stiffness", "greater than or equal to 0"),
+    ("links[1].joint.friction_speed", 0.0, "links[1].joint.friction_speed", "greater than 0"),
+    ("links[1].joint.limits", {"lower": 0.5, "upper": 0.5, "stiffness": 1.0},
+     "links[1].joint.limits.upper", "must be above lower = 0.5"),
+    ("links[1].joint.limits", {"lower": -0.5, "upper": 0.5, "stiffness": 1.0, "depth": 0.0},
+     "links[1].joint.limits.depth", "greater than 0"),
+    ("closures[0].kind", "rod", "closures[0].length", "a rod needs its length"),
+    ("closures[0].length", 0.3, "closures[0].length", "only a rod has one"),
+    ("springs", [{"name": "s", "a": {"link": "link9"}, "b": {"link": "world"}}],
+     "springs[0].a.link", "unknown frame"),
+    ("springs", [{"name": "s", "a": {"link": "link1"}, "b": {"link": "link1"}}],
+     "springs[0].b.link", "a spring joins two different links"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("path", "value", "where", "rule"), ELEMENTS)
+def test_elements_have_rules(planar, path, value, where, rule):
+    place(planar, path, value)
+    assert [p.key_path for p in problems_of(planar) if rule in p.rule] == [where]
+
+
+@pytest.mark.parametrize("field", ["stiffness", "friction", "effort"])
+def test_elements_of_a_joint_need_one_coordinate(spatial, field):
+    spatial["links"][0]["joint"] = {"name": "joint1", "type": "spherical", field: 1.0}
+    spatial["initial_state"]["q"]["joint1"] = [0.0, 0.0, 0.0, 1.0]
+    (problem,) = problems_of(spatial)
+    assert problem.key_path == f"links[0].joint.{field}"
+    assert "only revolute and prismatic joints" in problem.rule
+
+
+def test_a_locked_joint_has_a_position_and_no_rate(planar):
+    planar["links"][1]["joint"]["locked"] = True
+    planar["initial_state"]["q"]["joint2"] = 0.4
+    planar["initial_state"]["v"] = {"joint2": 0.0}
+    assert scene_from_document(planar).initial_state.q["joint2"] == 0.4
+    planar["initial_state"]["v"] = {"joint2": 0.1}
+    (problem,) = problems_of(planar)
+    assert (problem.key_path, problem.value) == ("initial_state.v.joint2", 0.1)
+    assert "locked" in problem.rule
+
+
+def test_a_scene_in_which_all_joints_are_locked_is_refused(planar):
+    for link in planar["links"]:
+        link["joint"]["locked"] = True
+    assert "at least one joint must move" in [p.rule for p in problems_of(planar)]
+
+
 @pytest.mark.parametrize(("path", "value", "where", "rule"), SPATIAL)
 def test_spatial_scenes_have_rules_too(spatial, path, value, where, rule):
     place(spatial, path, value)

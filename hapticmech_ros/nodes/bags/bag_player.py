@@ -28,9 +28,9 @@ from hapticmech_ros.nodes.bags.bag_qos import adapted_offer
 from hapticmech_ros.nodes.bags.keyboard import Keyboard
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
+from hapticmech_ros.times import NANOSECONDS
 
 CLOCK = "/clock"
-SECOND_NS = 1_000_000_000
 SHORTEST_WAIT_S = 20e-6
 SHORT_WAIT_S = 0.01
 # Messages published in one go when late, before services and keys get their turn.
@@ -152,10 +152,10 @@ class BagPlayerNode(Node):
         now = time.monotonic_ns()
         if self._clock_out is None or now < self._next_clock_ns:
             return
-        period = round(SECOND_NS / self._options.clock_hz)
+        period = round(NANOSECONDS / self._options.clock_hz)
         self._next_clock_ns += (1 + (now - self._next_clock_ns) // period) * period
         message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(self.timeline.bag_ns(now), SECOND_NS)
+        message.clock.sec, message.clock.nanosec = divmod(self.timeline.bag_ns(now), NANOSECONDS)
         self._clock_out.publish(message)
 
     def wait_s(self, message: Message) -> float:
@@ -163,12 +163,12 @@ class BagPlayerNode(Node):
         now = time.monotonic_ns()
         # Who resumes does not want to wait for the end of a long wait.
         longest_s = SHORT_WAIT_S if self.timeline.paused else LONGEST_WAIT_S
-        next_ns = now + round(longest_s * SECOND_NS)
+        next_ns = now + round(longest_s * NANOSECONDS)
         if not self.timeline.paused:
             next_ns = min(next_ns, self.timeline.deadline_ns(message[1]))
         if self._clock_out is not None:
             next_ns = min(next_ns, self._next_clock_ns)
-        return max((next_ns - now) / SECOND_NS, SHORTEST_WAIT_S)
+        return max((next_ns - now) / NANOSECONDS, SHORTEST_WAIT_S)
 
     def settle(self) -> None:
         """Wait, for a while at most, until reliable subscribers have everything."""

@@ -16,6 +16,7 @@ from rosbags.interfaces import (
 )
 
 from hapticmech_ros.bag.offered_qos import INFINITE
+from hapticmech_ros.times import NANOSECONDS
 
 # A bag may be busy for a while: at 2 kHz this is half a second of one topic.
 RECORDED_DEPTH = 1000
@@ -23,7 +24,6 @@ RECORDED_DEPTH = 1000
 PLAYED_DEPTH = 1000
 # Of a latched one, if the bag does not know: whoever comes late gets no more than this.
 LATCHED_DEPTH = 10
-_NANOSECONDS = 1_000_000_000
 
 
 def as_recorded(profile: QoSProfile) -> Qos:
@@ -81,4 +81,4 @@ def _time(duration: Duration) -> QosTime:
     nanoseconds = duration.nanoseconds
     if nanoseconds <= 0 or duration == Infinite:
         return INFINITE
-    return QosTime(*divmod(nanoseconds, _NANOSECONDS))
+    return QosTime(*divmod(nanoseconds, NANOSECONDS))

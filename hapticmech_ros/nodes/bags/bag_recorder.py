@@ -22,6 +22,7 @@ from hapticmech_ros.nodes.bags.bag_spool import BagSpool
 from hapticmech_ros.nodes.bags.heard_topic import HeardTopic
 from hapticmech_ros.nodes.bags.message_info import Info
 from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
+from hapticmech_ros.times import nanoseconds
 
 DISCOVERY_PERIOD_S = 0.2
 
@@ -163,7 +164,7 @@ def record(options: RecordOptions) -> int:
             options.path,
             options.storage,
             split_bytes=options.split_bytes,
-            split_ns=None if options.split_s is None else round(options.split_s * 1e9),
+            split_ns=None if options.split_s is None else nanoseconds(options.split_s),
         )
         spool = BagSpool(writer)
         try:

@@ -29,13 +29,13 @@ from hapticmech_ros.nodes.messages import (
 )
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session, rendering_model
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire import topics as table
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import (
     DEVICE_FIELDS,
     ENERGY_FIELDS,
-    NANOSECONDS,
     RENDERING_FIELDS,
     DeviceSample,
     Energy,

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.nodes.actor import NANOSECONDS, ClockedActor
+from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.parameters import ViewerParameters
 from hapticmech_ros.nodes.viewer.scene_inputs import Heard, SceneInputs
 from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs, installed_tf_type
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.view import Picture, Placement, Placer, Shape, Snapshot, moving_frames
 from hapticmech_ros.wire.topics import STATE
 
@@ -50,7 +51,7 @@ class SceneViewer(ClockedActor[ViewerParameters]):
     def adopt(self, parameters: ViewerParameters) -> None:
         """Take new parameters; a new rate counts from now on."""
         super().adopt(parameters)
-        self._timeout_ns = round(parameters.input_timeout * NANOSECONDS)
+        self._timeout_ns = nanoseconds(parameters.input_timeout)
         if parameters.marker_rate != self._drawn_rate:
             self._drawn_rate = parameters.marker_rate
             if self.clock is not None:

@@ -12,9 +12,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.messages import WORLD, set_stamp, write_wrench
+from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.view.frames import NamedTransform
 from hapticmech_ros.view.shapes import Key, Shape
-from hapticmech_ros.wire.layouts import NANOSECONDS
 
 _TYPES = {
     "cylinder": Marker.CYLINDER,
@@ -50,7 +50,7 @@ def marker_array(
         message.markers.append(_header(marker, time_ns))
     for shape in shapes:
         marker = _header(marker_of(shape), time_ns)
-        set_stamp(marker.lifetime, round(lifetime_s * NANOSECONDS))
+        set_stamp(marker.lifetime, nanoseconds(lifetime_s))
         message.markers.append(marker)
     return message
 

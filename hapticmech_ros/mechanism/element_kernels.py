@@ -1,0 +1,127 @@
+"""Forces of springs, dampers, friction and stops, and their slopes, as :mod:`elements` has them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticmech_ros.compilation import inner
+from hapticmech_ros.mechanism.closure_kernels import gap_rates
+from hapticmech_ros.mechanism.kernels import Packed
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.tables import Tables
+
+# Columns of ``Tables.element_values``, and of ``Tables.spring_values``.
+STIFFNESS, REST, FRICTION, FRICTION_SPEED, LOWER, UPPER, STOP, STOP_DAMPING, DEPTH = range(9)
+PULL, PULL_DAMPING, REST_LENGTH, SHORTEST_LENGTH = range(4)
+
+
+@inner
+def element_forces(
+    tables: Tables, space: Packed, q: Array, v: Array, passive: Array, dissipative: Array
+) -> None:
+    """Fill all forces but efforts (nv,), and their dissipative part (nv,), at q (nq,) and v (nv,).
+
+    ``space`` has joint Jacobians and poses at q.
+    """
+    for c in range(tables.nv):
+        dissipative[c] = -tables.damping[c] * v[c]
+        passive[c] = dissipative[c]
+    for row in range(tables.elements.shape[0]):
+        rate, values = tables.elements[row, 0], tables.element_values[row]
+        elastic, lossy = _joint_forces(values, q[tables.elements[row, 1]], v[rate])
+        dissipative[rate] += lossy
+        passive[rate] += elastic + lossy
+    if tables.springs.shape[0] == 0:
+        return
+    gradient = np.empty(tables.nv)
+    for row in range(tables.springs.shape[0]):
+        values = tables.spring_values[row]
+        length = _stretch(tables, space, row, gradient)
+        rate_of_length = 0.0
+        for c in range(tables.nv):
+            rate_of_length += gradient[c] * v[c]
+        loss = values[PULL_DAMPING] * rate_of_length
+        tension = values[PULL] * (length - values[REST_LENGTH]) + loss
+        for c in range(tables.nv):
+            dissipative[c] -= loss * gradient[c]
+            passive[c] -= tension * gradient[c]
+
+
+@inner
+def element_slopes(
+    tables: Tables,
+    space: Packed,
+    q: Array,
+    v: Array,
+    horizon: float,
+    stiffness: Array,
+    damping: Array,
+) -> None:
+    """Fill stiffness and damping, each (nv, nv); see ``Mechanism.slopes``."""
+    for i in range(tables.nv):
+        for j in range(tables.nv):
+            stiffness[i, j], damping[i, j] = 0.0, 0.0
+        damping[i, i] = tables.damping[i]
+    for row in range(tables.elements.shape[0]):
+        rate, values = tables.elements[row, 0], tables.element_values[row]
+        position = q[tables.elements[row, 1]]
+        stiffness[rate, rate] += values[STIFFNESS]
+        damping[rate, rate] += values[FRICTION] / values[FRICTION_SPEED]
+        for side in range(2):
+            entered, speed = _contact(values, side, position, v[rate])
+            deepest = entered + horizon * max(speed, 0.0)
+            if deepest > 0.0:
+                stiffness[rate, rate] += values[STOP]
+                damping[rate, rate] += values[STOP_DAMPING] * min(deepest / values[DEPTH], 1.0)
+    if tables.springs.shape[0] == 0:
+        return
+    gradient = np.empty(tables.nv)
+    for row in range(tables.springs.shape[0]):
+        _stretch(tables, space, row, gradient)
+        pull, loss = tables.spring_values[row, PULL], tables.spring_values[row, PULL_DAMPING]
+        for i in range(tables.nv):
+            for j in range(tables.nv):
+                square = gradient[i] * gradient[j]
+                stiffness[i, j] += pull * square
+                damping[i, j] += loss * square
+
+
+@inner
+def _joint_forces(values: Array, position: float, rate: float) -> tuple[float, float]:
+    """Return elastic and dissipative force of a joint's spring, friction and stops."""
+    elastic = values[STIFFNESS] * (values[REST] - position)
+    lossy = -values[FRICTION] * math.tanh(rate / values[FRICTION_SPEED])
+    for side in range(2):
+        entered, speed = _contact(values, side, position, rate)
+        if entered > 0.0:
+            outwards = 1.0 - 2.0 * side
+            spring = values[STOP] * entered
+            soft = min(entered / values[DEPTH], 1.0)
+            push = max(spring + values[STOP_DAMPING] * soft * speed, 0.0)
+            elastic += outwards * spring
+            lossy += outwards * (push - spring)
+    return elastic, lossy
+
+
+@inner
+def _contact(values: Array, side: int, position: float, rate: float) -> tuple[float, float]:
+    """Return how far the lower (0) or upper (1) stop is entered, and its rate."""
+    if side == 0:
+        return values[LOWER] - position, -rate
+    return position - values[UPPER], rate
+
+
+@inner
+def _stretch(tables: Tables, space: Packed, row: int, gradient: Array) -> float:
+    """Return l and fill ``gradient`` (nv,) with ∂l/∂q; 0 where the line has no direction."""
+    a, b = tables.springs[row, 0], tables.springs[row, 1]
+    poses = space.poses
+    x, y, z = poses[a, 9] - poses[b, 9], poses[a, 10] - poses[b, 10], poses[a, 11] - poses[b, 11]
+    length = math.sqrt(x * x + y * y + z * z)
+    if length <= tables.spring_values[row, SHORTEST_LENGTH]:
+        gradient[:] = 0.0
+    else:
+        gap_rates(poses, a, b, tables.support, space.joint_jacobian, length, gradient)
+    return length

@@ -1,0 +1,198 @@
+"""Springs, dampers, friction, stops and efforts: forces, their slopes and elastic energy.
+
+In a joint with coordinate q and rate v (docs/notation.md):
+
+* spring k (rest - q), damper -c v, friction -f tanh(v / v_f), and a constant effort;
+* a stop entered by d >= 0 pushes out with max(k d + b min(d / depth, 1) ḋ, 0): it never pulls.
+
+Between the origins of two frames, l apart: tension k (l - rest) + c l̇, which acts along the line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.mechanism.model import Array, TreeModel
+from hapticmech_ros.scene.mechanism import Joint, JointLimits, Spring
+
+WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+# Below this fraction of the mechanism's length the line between two points has no direction.
+SHORTEST = 1e-9
+
+
+class Contact(NamedTuple):
+    """A stop at a state: +1 (lower) or -1 (upper), how far it is entered (rad, m), and ḋ."""
+
+    outwards: float
+    depth: float
+    speed: float
+
+
+@dataclass(frozen=True)
+class JointElement:
+    """What acts in one joint besides its damping: spring, friction, stops.
+
+    Attributes:
+        rate: index of the joint in v.
+        position: index of the joint in q.
+        joint: its values.
+    """
+
+    rate: int
+    position: int
+    joint: Joint
+
+    def forces(self, q: float, v: float) -> tuple[float, float]:
+        """Return elastic and dissipative force, N m or N, at coordinate q and rate v."""
+        joint = self.joint
+        elastic = joint.stiffness * (joint.rest - q)
+        lossy = -joint.friction * math.tanh(v / joint.friction_speed)
+        for limits, contact in self._contacts(q, v):
+            if contact.depth > 0.0:
+                spring = limits.stiffness * contact.depth
+                soft = min(contact.depth / limits.depth, 1.0)
+                push = max(spring + limits.damping * soft * contact.speed, 0.0)
+                elastic += contact.outwards * spring
+                lossy += contact.outwards * (push - spring)
+        return elastic, lossy
+
+    def slopes(self, q: float, v: float, horizon: float) -> tuple[float, float]:
+        """Return stiffness and damping; a stop counts if it is met within ``horizon`` (s)."""
+        joint = self.joint
+        stiffness, damping = joint.stiffness, joint.friction / joint.friction_speed
+        for limits, contact in self._contacts(q, v):
+            deepest = contact.depth + horizon * max(contact.speed, 0.0)
+            if deepest > 0.0:
+                stiffness += limits.stiffness
+                damping += limits.damping * min(deepest / limits.depth, 1.0)
+        return stiffness, damping
+
+    def energy(self, q: float) -> float:
+        """Return the elastic energy, J, of spring and stops."""
+        energy = 0.5 * self.joint.stiffness * (q - self.joint.rest) ** 2
+        for limits, contact in self._contacts(q, 0.0):
+            energy += 0.5 * limits.stiffness * max(contact.depth, 0.0) ** 2
+        return energy
+
+    def _contacts(self, q: float, v: float) -> Iterator[tuple[JointLimits, Contact]]:
+        limits = self.joint.limits
+        if limits is not None:
+            yield limits, Contact(1.0, limits.lower - q, -v)
+            yield limits, Contact(-1.0, q - limits.upper, v)
+
+
+@dataclass(frozen=True)
+class PointSpring:
+    """A spring and damper between the origins of two frames of the Pinocchio model."""
+
+    name: str
+    frame_a: int
+    frame_b: int
+    stiffness: float
+    damping: float
+    rest_length: float
+
+    def gap(self, data: pin.Data) -> Array:
+        """Return (3,) p_a - p_b, m, world axes, from placements in ``data.oMf``."""
+        a, b = data.oMf[self.frame_a], data.oMf[self.frame_b]
+        return np.asarray(a.translation - b.translation)
+
+    def energy(self, data: pin.Data) -> float:
+        """Return the elastic energy, J."""
+        length = float(np.linalg.norm(self.gap(data)))
+        return 0.5 * self.stiffness * (length - self.rest_length) ** 2
+
+
+class Elements:
+    """All elements of a mechanism.
+
+    Attributes:
+        damping: (nv,) of the joints, N m s/rad or N s/m.
+        effort: (nv,) constant forces of the joints, N m or N.
+        joints: joints with a spring, friction or stops.
+        springs: between points.
+        shortest: m, length at and below which a spring has no direction and no force.
+    """
+
+    def __init__(self, tree: TreeModel, springs: tuple[PointSpring, ...], length: float) -> None:
+        self.damping = tree.damping
+        self.effort = np.zeros(tree.damping.size)
+        self.springs = springs
+        self.shortest = SHORTEST * length
+        joints = []
+        for index, joint in enumerate(tree.joints):
+            rate, position = tree.velocity_slice(index).start, tree.position_slice(index).start
+            if joint.effort:
+                self.effort[rate] = joint.effort
+            if joint.stiffness or joint.friction or joint.limits is not None:
+                joints.append(JointElement(rate, position, joint))
+        self.joints = tuple(joints)
+        # Handed out by every evaluation.
+        self.effort.flags.writeable = False
+
+    def forces(self, model: pin.Model, data: pin.Data, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return all forces but efforts, and their dissipative part; each (nv,), N m or N.
+
+        ``data`` has joint Jacobians and frames' placements at q.
+        """
+        dissipative = -self.damping * v
+        passive = dissipative.copy()
+        for element in self.joints:
+            at = element.rate
+            elastic, lossy = element.forces(float(q[element.position]), float(v[at]))
+            dissipative[at] += lossy
+            passive[at] += elastic + lossy
+        for spring in self.springs:
+            length, gradient = self.stretch(model, data, spring)
+            loss = spring.damping * float(gradient @ v)
+            dissipative -= loss * gradient
+            passive -= (spring.stiffness * (length - spring.rest_length) + loss) * gradient
+        return passive, dissipative
+
+    def slopes(
+        self, model: pin.Model, data: pin.Data, q: Array, v: Array, horizon: float
+    ) -> tuple[Array, Array]:
+        """Return stiffness and damping, each (nv, nv); see ``Mechanism.slopes``."""
+        stiffness, damping = np.zeros((v.size, v.size)), np.diag(self.damping)
+        for element in self.joints:
+            at = element.rate
+            slopes = element.slopes(float(q[element.position]), float(v[at]), horizon)
+            stiffness[at, at] += slopes[0]
+            damping[at, at] += slopes[1]
+        for spring in self.springs:
+            _, gradient = self.stretch(model, data, spring)
+            square = np.outer(gradient, gradient)
+            stiffness += spring.stiffness * square
+            damping += spring.damping * square
+        return stiffness, damping
+
+    def energy(self, data: pin.Data, q: Array) -> float:
+        """Return the elastic energy, J; ``data`` has frames' placements at q."""
+        energy = sum(element.energy(float(q[element.position])) for element in self.joints)
+        return float(energy + sum(spring.energy(data) for spring in self.springs))
+
+    def stretch(self, model: pin.Model, data: pin.Data, spring: PointSpring) -> tuple[float, Array]:
+        """Return l (m) and g = ∂l/∂q (nv,); g = 0 where the line has no direction."""
+        gap = spring.gap(data)
+        length = float(np.linalg.norm(gap))
+        if length <= self.shortest:
+            return length, np.zeros(model.nv)
+        shape = (6, model.nv)
+        jacobian_a = pin.getFrameJacobian(model, data, spring.frame_a, WORLD_AXES).reshape(shape)
+        jacobian_b = pin.getFrameJacobian(model, data, spring.frame_b, WORLD_AXES).reshape(shape)
+        return length, (gap / length) @ (jacobian_a[:3] - jacobian_b[:3])
+
+
+def bind_spring(spring: Spring, tree: TreeModel) -> PointSpring:
+    """Add the spring's frames to the model and return it bound to them."""
+    frame_a = tree.add_frame(f"{spring.name}/spring_a", spring.a.link, spring.a.origin)
+    frame_b = tree.add_frame(f"{spring.name}/spring_b", spring.b.link, spring.b.origin)
+    return PointSpring(
+        spring.name, frame_a, frame_b, spring.stiffness, spring.damping, spring.rest_length
+    )

@@ -1,0 +1,212 @@
+"""A stage of the linearly implicit rule by a kernel: what :mod:`implicit` says in plain NumPy."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.mechanism.element_kernels import element_slopes
+from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED
+from hapticmech_ros.mechanism.kernels import NOT_FINITE, SINGULAR, Packed, factor, unpack
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.small_matrices import (
+    cholesky,
+    dot,
+    dot_with_row,
+    remove,
+    solve_lower,
+    solve_lower_transposed,
+)
+from hapticmech_ros.mechanism.step_kernels import (
+    MOST_STAGES,
+    Work,
+    find_rates,
+    start_step,
+    step_parts,
+)
+from hapticmech_ros.mechanism.tables import unfold
+
+
+class Springs(NamedTuple):
+    """Springs and dampers linearised at a step's start, and the stages so far.
+
+    Attributes:
+        stiffness, damping: (nv, nv) K and C.
+        slope: (nv, nv) S = γh C + (γh)² K.
+        factor: (nv, nv) lower Cholesky factor of 1 + P L⁻¹ S L⁻ᵀ P.
+        turns, gains: (4, nv) k of θ and of v.
+        met, moved, force: (nv,) to work on.
+        largest: (1,) largest entry of S; 0 where there is no spring and no damper.
+    """
+
+    stiffness: Array
+    damping: Array
+    slope: Array
+    factor: Array
+    turns: Array
+    gains: Array
+    met: Array
+    moved: Array
+    force: Array
+    largest: Array
+
+
+def springs_size(nv: int) -> int:
+    """Return the length of an array of springs."""
+    return 4 * nv * nv + (2 * MOST_STAGES + 3) * nv + 1
+
+
+@inner
+def _springs(work: Array, nv: int) -> Springs:
+    """Return the parts of an array of springs, as views."""
+    at = 4 * nv * nv
+    squares = work[:at].reshape(4, nv, nv)
+    rows = work[at : at + 2 * MOST_STAGES * nv].reshape(2, MOST_STAGES, nv)
+    at += 2 * MOST_STAGES * nv
+    return Springs(
+        squares[0],
+        squares[1],
+        squares[2],
+        squares[3],
+        rows[0],
+        rows[1],
+        work[at : at + nv],
+        work[at + nv : at + 2 * nv],
+        work[at + 2 * nv : at + 3 * nv],
+        work[at + 3 * nv :],
+    )
+
+
+@inner
+def _linearise(space: Packed, springs: Springs, reach: float) -> int:
+    """Fill S and its factor from K and C, seen over γh; return the first bad row, or -1.
+
+    The factor is computed in place: its lower triangle is read before it is written.
+    """
+    nv, seen, largest = springs.force.size, springs.factor, 0.0
+    for i in range(nv):
+        for j in range(nv):
+            found = reach * springs.damping[i, j] + reach * reach * springs.stiffness[i, j]
+            springs.slope[i, j], seen[i, j] = found, found
+            largest = max(largest, abs(found))
+    springs.largest[0] = largest
+    if largest == 0.0:
+        return -1
+    rank = int(space.tail[1])
+    for _ in range(2):
+        for i in range(nv):
+            solve_lower(space.factor, seen[i])
+            remove(space.basis, rank, seen[i])
+        for i in range(nv):
+            for j in range(i):
+                seen[i, j], seen[j, i] = seen[j, i], seen[i, j]
+    for i in range(nv):
+        seen[i, i] += 1.0
+    return cholesky(seen, seen)
+
+
+@inner
+def _answer(space: Packed, springs: Springs) -> None:
+    """Replace ``springs.force`` by x with (D + S) x + Wᵀμ = force and W x = 0."""
+    solve_lower(space.factor, springs.force)
+    remove(space.basis, int(space.tail[1]), springs.force)
+    solve_lower(springs.factor, springs.force)
+    solve_lower_transposed(springs.factor, springs.force)
+    solve_lower_transposed(space.factor, springs.force)
+
+
+@inner
+def _respond(space: Packed, parts: Work, springs: Springs, stage: int, rates: Array) -> None:
+    """Fill k of θ and v at a stage, from θ̇ and v̇."""
+    period, nv = parts.settings[0], rates.size
+    turn, gain = springs.turns[stage], springs.gains[stage]
+    met, moved, force = springs.met, springs.moved, springs.force
+    for c in range(nv):
+        met[c], moved[c] = 0.0, 0.0
+        for j in range(stage):
+            met[c] += COUPLED[stage, j] * springs.turns[j, c]
+            moved[c] += COUPLED[stage, j] * springs.gains[j, c]
+        turn[c], gain[c] = parts.turn[c] + period * moved[c], rates[c]
+        met[c] += DIAGONAL * turn[c]
+    if springs.largest[0] > 0.0:
+        for c in range(nv):
+            force[c] = dot_with_row(springs.stiffness, c, met)
+            force[c] += dot_with_row(springs.damping, c, moved)
+            force[c] = dot_with_row(springs.slope, c, gain) + period * force[c]
+        _answer(space, springs)
+        for c in range(nv):
+            gain[c] -= force[c]
+    for c in range(nv):
+        turn[c] += period * DIAGONAL * gain[c]
+
+
+@inner
+def _aim(parts: Work, springs: Springs, stage: int) -> None:
+    """Set rates and θ of the next stage, or of the end."""
+    period, last = parts.settings[0], stage == MOST_STAGES - 1
+    flat = parts.q.size == parts.v.size
+    for c in range(parts.v.size):
+        turned, gained = 0.0, 0.0
+        for j in range(stage + 1):
+            weight = parts.scheme[j, 0] if last else REACHED[stage + 1, j]
+            turned += weight * springs.turns[j, c]
+            gained += weight * springs.gains[j, c]
+        parts.theta[c] = period * turned
+        parts.v[c] = parts.v0[c] + period * gained
+        parts.turn[c] = parts.v[c]
+        if flat:
+            parts.q[c] = parts.q0[c] + parts.theta[c]
+
+
+@kernel(
+    "int64(int64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1],"
+    " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64, boolean)"
+)
+def advance_implicit_stage(
+    numbers: Array,
+    values: Array,
+    inertia: Array,
+    joint_jacobian: Array,
+    joint_poses: Array,
+    bias_force: Array,
+    packed: Array,
+    first: Array,
+    work: Array,
+    spring_work: Array,
+    stage: int,
+    known: bool,
+) -> int:
+    """Find k at a stage, and go on to the next one, or to the end of the step.
+
+    Arguments are those of ``step_kernels.advance_stage``, and ``first``, the terms of stage 0's
+    configuration (``packed`` itself in stage 0), and ``spring_work``, see :class:`Springs`.
+
+    Returns:
+        0, or a negative code; see ``factor_closures``, and NOT_FINITE rates.
+    """
+    tables = unfold(numbers, values)
+    nv, m = tables.nv, tables.m
+    parts, springs = step_parts(work, tables.nq, nv), _springs(spring_work, nv)
+    if stage == 0:
+        start_step(parts)
+    if not np.isfinite(dot(parts.v, parts.v)):
+        return NOT_FINITE
+    space, start = unpack(packed, nv, m), unpack(first, nv, m)
+    if not known:
+        code = factor(tables, inertia, joint_jacobian, joint_poses, space)
+        if code < 0:
+            return code
+    if stage == 0:
+        step = parts.settings[0]
+        stiffness, damping = springs.stiffness, springs.damping
+        element_slopes(tables, space, parts.q, parts.v, step, stiffness, damping)
+        bad = _linearise(space, springs, DIAGONAL * step)
+        if bad >= 0:
+            return SINGULAR - bad
+    result = np.empty(nv + m)
+    find_rates(tables, space, parts, parts.scheme[stage, 0], bias_force, result)
+    _respond(start, parts, springs, stage, result[:nv])
+    _aim(parts, springs, stage)
+    return 0

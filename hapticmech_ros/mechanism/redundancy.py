@@ -1,0 +1,156 @@
+"""Which rows of the loop closures say nothing new, and what mobility they leave.
+
+Rows of A = W L⁻ᵀ, scaled to one unit and cut at the solver's rank tolerance, are taken in the
+scene's order: a row is redundant if what is left of it beside the rows before is nothing. The
+number of the others is the solver's rank r; which rows they are depends on the order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticmech_ros.mechanism.closures import LoopClosure
+from hapticmech_ros.mechanism.constraint_space import SOLVER_RANK_TOLERANCE, solve_lower
+from hapticmech_ros.mechanism.evaluation import Active, Closing
+from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.mechanism import ClosureKind
+
+POINT = ("x", "y", "z")
+# As LoopClosure lists them: points along the world's axes; the tilt of b's x and y axis out of the
+# hinge's plane; turns about the world's axes; the distance.
+ROW_NAMES: Mapping[ClosureKind, tuple[str, ...]] = {
+    "spherical": POINT,
+    "revolute": (*POINT, "tilt_x", "tilt_y"),
+    "weld": (*POINT, "turn_x", "turn_y", "turn_z"),
+    "planar_pin": ("x", "y"),
+    "rod": ("length",),
+}
+_IN_METRES = frozenset((*POINT, "length"))
+
+
+@dataclass(frozen=True, slots=True)
+class ClosureRows:
+    """What one active closure adds.
+
+    Attributes:
+        name: of the closure.
+        rows: names of its rows, such as ``pin2/x``.
+        redundant: those that follow from rows before them.
+    """
+
+    name: str
+    rows: tuple[str, ...]
+    redundant: tuple[str, ...]
+
+    @property
+    def wholly_redundant(self) -> bool:
+        """Whether the mechanism would be the same without this closure."""
+        return len(self.redundant) == len(self.rows)
+
+
+@dataclass(frozen=True, slots=True)
+class Redundancy:
+    """Rows, rank and mobility of the active closures at a configuration.
+
+    Attributes:
+        rows: m, number of scalar constraints.
+        rank: r, number of independent ones, as the solver has it.
+        mobility: nv - r, degrees of freedom left for rates; at a singular position more than for
+            finite motion.
+        closures: active ones, in the scene's order.
+        residual_m: largest residual of rows that are lengths, m.
+        residual_rad: largest residual of rows that are angles, rad.
+    """
+
+    rows: int
+    rank: int
+    mobility: int
+    closures: tuple[ClosureRows, ...]
+    residual_m: float
+    residual_rad: float
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Names of all redundant rows, in the scene's order; m - r of them."""
+        return tuple(name for closure in self.closures for name in closure.redundant)
+
+    @property
+    def wholly_redundant(self) -> tuple[str, ...]:
+        """Names of the closures without which the mechanism would be the same."""
+        return tuple(closure.name for closure in self.closures if closure.wholly_redundant)
+
+
+def redundancy(mechanism: Mechanism, q: Array, active: Active) -> Redundancy:
+    """Return which rows of the active closures are redundant at q.
+
+    Args:
+        mechanism: readable or compiled.
+        q: (nq,) configuration, on the closures or near.
+        active: which closures are closed.
+
+    Raises:
+        InvalidInputError: q has a wrong size, or is not finite.
+        SingularInertiaError: D is not positive definite.
+    """
+    checked, _ = mechanism.check_state(q, np.zeros(mechanism.nv))
+    closing = mechanism.closing_terms(checked, active)
+    loops = [loop for loop, on in zip(mechanism.closures, active, strict=True) if on]
+    names = [f"{loop.name}/{row}" for loop in loops for row in ROW_NAMES[loop.kind]]
+    in_metres = np.array([name.rsplit("/", 1)[1] in _IN_METRES for name in names], dtype=bool)
+    new = independent(_scaled_rows(mechanism, closing, loops))
+    redundant = {name for name, is_new in zip(names, new, strict=True) if not is_new}
+    sizes = np.abs(closing.residual)
+    return Redundancy(
+        rows=len(names),
+        rank=closing.space.rank,
+        mobility=mechanism.nv - closing.space.rank,
+        closures=tuple(_closure(loop, redundant) for loop in loops),
+        residual_m=float(sizes[in_metres].max(initial=0.0)),
+        residual_rad=float(sizes[~in_metres].max(initial=0.0)),
+    )
+
+
+def independent(rows: Array) -> list[bool]:
+    """Return for each row whether it is independent of those before it.
+
+    Args:
+        rows: (m, r) of rank r: as many as r are independent. With a threshold of 1/(2√m) of the
+            smallest singular value that a kept row may have, those left out are together too small
+            to hide a direction.
+    """
+    count, rank = rows.shape
+    if rank == 0:
+        return [False] * count
+    largest = float(np.linalg.norm(rows, 2))
+    threshold = 0.5 * SOLVER_RANK_TOLERANCE * largest / np.sqrt(count)
+    basis, found = np.zeros((rank, rank)), 0
+    new = []
+    for row in rows:
+        left = row
+        # Twice: what rounding leaves in the first round would pass for a direction of its own.
+        for _ in range(2):
+            left = left - basis[:found].T @ (basis[:found] @ left)
+        size = float(np.linalg.norm(left))
+        new.append(found < rank and size > threshold)
+        if new[-1]:
+            basis[found] = left / size
+            found += 1
+    return new
+
+
+def _scaled_rows(mechanism: Mechanism, closing: Closing, loops: list[LoopClosure]) -> Array:
+    """Return (m, r) rows of W L⁻ᵀ in units of their own, in coordinates of what the solver kept."""
+    if not loops:
+        return np.zeros((0, 0))
+    lengths = np.concatenate([loop.row_lengths(mechanism.length) for loop in loops])
+    columns = solve_lower(closing.space.factor, (closing.jacobian / lengths[:, None]).T)
+    return np.asarray((closing.space.basis.T @ columns).T)
+
+
+def _closure(loop: LoopClosure, redundant: set[str]) -> ClosureRows:
+    rows = tuple(f"{loop.name}/{row}" for row in ROW_NAMES[loop.kind])
+    return ClosureRows(loop.name, rows, tuple(row for row in rows if row in redundant))

@@ -1,0 +1,197 @@
+"""The mechanism in a scene: links, joints and what acts in them, closures, points held."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from hapticmech_ros.scene.part import (
+    Coordinates,
+    Flag,
+    Name,
+    NonNegative,
+    Part,
+    Positive,
+    Real,
+    Vector3,
+)
+
+JointType = Literal["revolute", "prismatic", "fixed", "spherical", "free", "planar"]
+ClosureKind = Literal["spherical", "weld", "revolute", "planar_pin", "rod"]
+IntegratorName = Literal["rk4", "rk2", "semi_implicit_euler", "linearly_implicit"]
+
+
+class Origin(Part):
+    """A frame in its parent frame (URDF's ``origin``): xyz in m, rpy in rad."""
+
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Vector3 = (0.0, 0.0, 0.0)
+
+
+class JointLimits(Part):
+    """Stops of a joint, each a spring and damper that pushes inwards only.
+
+    Attributes:
+        lower, upper: rad or m.
+        stiffness: N m/rad or N/m.
+        damping: N m s/rad or N s/m at a penetration of ``depth``; less before, as Hunt and Crossley
+            have it, so that the stop neither sticks nor jumps.
+        depth: rad or m.
+    """
+
+    lower: Real
+    upper: Real
+    stiffness: Positive
+    damping: NonNegative = 0.0
+    depth: Positive = 0.01
+
+
+class Joint(Part):
+    """Joint that carries a link.
+
+    Attributes:
+        axis: unit vector in the joint frame, for ``revolute`` and ``prismatic``.
+        origin: joint frame in the frame of the parent link.
+        damping: viscous damping per degree of freedom, N m s/rad or N s/m.
+        stiffness: of a spring in the joint, N m/rad or N/m.
+        rest: position at which that spring is slack, rad or m.
+        friction: Coulomb friction, N m or N.
+        friction_speed: rad/s or m/s; friction is ``friction`` times tanh(speed / friction_speed).
+        effort: constant torque or force on the link, from its parent, N m or N.
+        limits: where the joint stops.
+        locked: whether the joint is held where it starts; it then is no degree of freedom.
+    """
+
+    name: Name
+    type: JointType
+    axis: Vector3 = (0.0, 0.0, 1.0)
+    origin: Origin = Origin()
+    damping: NonNegative = 0.0
+    stiffness: NonNegative = 0.0
+    rest: Real = 0.0
+    friction: NonNegative = 0.0
+    friction_speed: Positive = 0.01
+    effort: Real = 0.0
+    limits: JointLimits | None = None
+    locked: Flag = False
+
+
+class Inertia(Part):
+    """Rotational inertia about the centre of mass in the axes of the link frame, kg m^2."""
+
+    ixx: NonNegative
+    iyy: NonNegative
+    izz: NonNegative
+    ixy: Real = 0.0
+    ixz: Real = 0.0
+    iyz: Real = 0.0
+
+
+class Inertial(Part):
+    """Mass in kg, centre of mass in the link frame in m, inertia about the centre of mass."""
+
+    mass: NonNegative
+    com: Vector3 = (0.0, 0.0, 0.0)
+    inertia: Inertia
+
+
+class Link(Part):
+    """Rigid body, carried by ``joint`` from ``parent`` (another link or ``world``)."""
+
+    name: Name
+    parent: Name = "world"
+    joint: Joint
+    inertial: Inertial
+
+
+class LinkFrame(Part):
+    """A frame fixed in a link, or in ``world``."""
+
+    link: Name
+    origin: Origin = Origin()
+
+
+class Closure(Part):
+    """Loop closure between frames a and b (Eq. 1's W).
+
+    ``spherical``: origins coincide (3 rows). ``revolute``: origins and z axes coincide (5 rows).
+    ``weld``: frames coincide (6 rows). ``planar_pin``: origins coincide in world x and y (2 rows).
+    ``rod``: origins keep a distance (1 row).
+
+    Attributes:
+        length: m, of a rod.
+        active: whether the loop is closed when the simulation starts.
+        latch_distance: m; an open closure closes by itself once its residual is below this.
+    """
+
+    name: Name
+    kind: ClosureKind
+    a: LinkFrame
+    b: LinkFrame
+    length: Positive | None = None
+    active: Flag = True
+    latch_distance: Positive | None = None
+
+
+class Spring(Part):
+    """Spring and damper along the line between the origins of two frames.
+
+    Attributes:
+        stiffness: N/m.
+        damping: N s/m.
+        rest_length: m, at which the spring is slack.
+    """
+
+    name: Name
+    a: LinkFrame
+    b: LinkFrame
+    stiffness: NonNegative = 0.0
+    damping: NonNegative = 0.0
+    rest_length: NonNegative = 0.0
+
+
+class Metric(Part):
+    """Inertia that measures directions where a link has none: mass (kg), radius of gyration (m)."""
+
+    mass: Positive
+    length: Positive
+
+
+class OperationalPoint(Part):
+    """Where the user holds the mechanism. ``metric`` replaces the link's own inertia as metric."""
+
+    name: Name
+    link: Name
+    origin: Origin = Origin()
+    metric: Metric | None = None
+
+
+class InitialState(Part):
+    """Authored joint positions and velocities by joint name; joints left out start at zero.
+
+    A revolute or prismatic joint takes one number, the others take Pinocchio's configuration:
+    ``spherical`` x, y, z, w; ``free`` position, then x, y, z, w; ``planar`` x, y, cos, sin.
+    """
+
+    q: dict[Name, Coordinates] = Field(default_factory=dict)
+    v: dict[Name, Coordinates] = Field(default_factory=dict)
+
+
+class Simulation(Part):
+    """Fixed step in s, the integrator that takes it, and what keeps the loops closed.
+
+    Attributes:
+        period: s, of control and simulation.
+        integrator: ``linearly_implicit`` for stiff springs, dampers, friction and stops.
+        substeps: steps of the integrator in a period.
+        stabilisation: ``projection`` puts the state back on the closures after each step;
+            ``baumgarte`` pulls it back by forces.
+        baumgarte_rate: 1/s, at which errors then decay.
+    """
+
+    period: Annotated[Positive, Field(le=0.1)] = 0.001
+    integrator: IntegratorName = "rk4"
+    substeps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 1
+    stabilisation: Literal["projection", "baumgarte"] = "projection"
+    baumgarte_rate: Positive = 20.0

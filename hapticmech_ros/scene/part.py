@@ -1,0 +1,25 @@
+"""What parts of a scene are made of: strict numbers, names, and models closed to unknown keys."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, StringConstraints, Tag
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Real, Field(gt=0.0)]
+NonNegative = Annotated[Real, Field(ge=0.0)]
+Name = Annotated[str, StringConstraints(strict=True, pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+Flag = Annotated[bool, Field(strict=True)]
+Vector3 = tuple[Real, Real, Real]
+# One number or a list; told apart by what is written, so that an error is about one of the two.
+Coordinates = Annotated[
+    Annotated[Real, Tag("number")] | Annotated[tuple[Real, ...], Tag("list")],
+    Discriminator(lambda given: "list" if isinstance(given, list | tuple) else "number"),
+]
+
+
+class Part(BaseModel):
+    """Base of every part of a scene: frozen, and closed to keys that nobody defined."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")

@@ -1,0 +1,137 @@
+"""Loops held by Baumgarte's pull: how errors decay, how far loops open, when that is refused."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.errors import ClosureError
+from hapticmech_ros.mechanism import Simulator
+from hapticmech_ros.mechanism.compiled_stepping import CompiledStepper
+from hapticmech_ros.mechanism.projection import BAUMGARTE_FAILURE
+from hapticmech_ros.mechanism.schemes import INTEGRATORS
+from hapticmech_ros.mechanism.stepping import Plan, Pushes, Start, Stepper
+from hapticmech_ros.scene import scene_from_document
+from oracles.generator import closed_chain, random_mechanism
+from oracles.implementations import apart, condition
+from oracles.planar_linkages import five_bar, five_bar_bent
+from oracles.running import run, with_start
+
+FIVE_BAR = with_start(
+    five_bar(-9.81, 0.002), five_bar_bent(1.9, 0.9), np.array([0.9, -1.0, 1.0, 0.5])
+)
+SAMPLES = [
+    random_mechanism(1, duplicated=True),
+    random_mechanism(4),
+    closed_chain(1, "revolute"),
+    closed_chain(5, "weld"),
+    closed_chain(3, "spherical"),
+]
+DOCUMENTS = [FIVE_BAR, *(with_start(s.document, s.q, 0.3 * s.v) for s in SAMPLES)]
+
+
+def held(document, period=1e-3, compiled=True, **simulation):
+    step = {"period": period, "stabilisation": "baumgarte"} | simulation
+    return Simulator(scene_from_document(document | {"simulation": step}), compiled)
+
+
+def off_the_closures(mechanism, state, size):
+    """Return a configuration with loops open by about ``size`` (m or rad)."""
+    space = mechanism.closing_terms(state.q, state.active).space
+    change = space.correction(np.ones(space.rows.shape[0]))
+    return mechanism.integrate(state.q, size * change / np.abs(change).max())
+
+
+@pytest.mark.parametrize("integrator", sorted(INTEGRATORS))
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_steps_by_kernels_are_the_same(document, integrator):
+    sims = [held(document, compiled=kind, integrator=integrator) for kind in (False, True)]
+    state = sims[0].initial_state()
+    q = off_the_closures(sims[0].mechanism, state, 1e-5)
+    start = Start(q, state.v, state.active)
+    pushes = Pushes(np.random.default_rng(0).normal(size=(len(sims[0].mechanism.point_names), 6)))
+    one, other = (sim._stepper.advance(start, pushes) for sim in sims)
+    terms = sims[0].mechanism.evaluate(q, state.v, state.active)
+    close = 1e-12 * condition(terms.space)
+    assert apart(other.q, one.q, 1.0) < close
+    assert apart(other.v, one.v, 1.0) < close
+    assert abs(other.error - one.error) < close
+    assert abs(other.work_in - one.work_in) < close
+    # Left open, as it was: nothing is projected.
+    assert one.error > 1e-7
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_an_open_loop_closes_as_the_equation_says(compiled):
+    """φ'' + 2a φ' + a² φ = 0 from rest: φ = φ₀ (1 + a t) exp(-a t)."""
+    rate, period, steps = 40.0, 1e-3, 50
+    sim = held(FIVE_BAR, period, compiled)
+    mechanism, state = sim.mechanism, sim.initial_state()
+    kind = CompiledStepper if compiled else Stepper
+    stepper = kind(mechanism, Plan("rk4", period, baumgarte_rate=rate))
+    q, v = off_the_closures(mechanism, state, 1e-3), np.zeros(state.v.size)
+    first = mechanism.closing_terms(q, state.active).residual
+    pushes = Pushes(np.zeros((len(mechanism.point_names), 6)))
+    for _ in range(steps):
+        q, v, *_ = stepper.advance(Start(q, v, state.active), pushes)
+    found = mechanism.closing_terms(q, state.active).residual
+    turned = rate * period * steps
+    expected = first * (1.0 + turned) * np.exp(-turned)
+    assert np.abs(first).max() > 1e-5
+    # rk4 at a h = 0.04, and on a mechanism that moves under gravity.
+    assert np.abs(found - expected).max() < 1e-5 * np.abs(first).max()
+
+
+@pytest.mark.parametrize("integrator", ["rk2", "linearly_implicit"])
+def test_loops_end_closer_with_pull(integrator):
+    ends = {}
+    for rate in (1e-3, 50.0):
+        sim = held(FIVE_BAR, baumgarte_rate=rate, integrator=integrator)
+        ends[rate] = run(sim, 0.5)[-1].closure_error
+    assert 0.0 < ends[50.0] < 0.4 * ends[1e-3]
+    assert ends[50.0] < 2e-6
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_a_loop_that_is_lost_is_named(compiled):
+    sim = held(FIVE_BAR, compiled=compiled)
+    state = sim.initial_state()
+    limit = BAUMGARTE_FAILURE * sim.mechanism.length
+    pushes = Pushes(np.zeros((len(sim.mechanism.point_names), 6)))
+    rests = np.zeros(state.v.size)
+    for size in (0.1, 30.0):
+        q = off_the_closures(sim.mechanism, state, size * limit / sim.mechanism.length)
+        start = Start(q, rests, state.active)
+        if size < 1.0:
+            assert 0.0 < sim._stepper.advance(start, pushes).error < limit
+            continue
+        with pytest.raises(ClosureError, match="came apart") as caught:
+            sim._stepper.advance(start, pushes)
+        assert caught.value.closures == ("pin",)
+        assert caught.value.residual > limit
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_a_pull_too_strong_for_the_step_is_refused(compiled):
+    """a h = 4 is beyond rk2's stability: loops are torn open, and that is said."""
+    sim = held(FIVE_BAR, compiled=compiled, integrator="rk2", baumgarte_rate=4000.0)
+    with pytest.raises(ClosureError, match="came apart"):
+        run(sim, 0.2)
+
+
+def test_latching_takes_an_impulse_onto_the_closures():
+    document = five_bar(-9.81, closed=True)
+    document["closures"][0]["active"] = False
+    document = with_start(document, five_bar_bent(1.9, 0.9), np.array([0.9, -1.0, 1.0, 0.5]))
+    sim = held(document)
+    state = sim.switch(sim.initial_state(), {"pin": True})
+    terms = sim.evaluate(state)
+    assert np.abs(terms.closure_residual).max() < 1e-14
+    assert np.abs(terms.closure_jacobian @ state.v).max() < 1e-12
+    assert state.account.latch_loss > 0.0
+
+
+@pytest.mark.parametrize("kind", ["baumgarte", "projection"])
+def test_both_follow_the_same_motion(kind):
+    """Held softly or put back, loops that hardly open say the same."""
+    motion = run(held(FIVE_BAR, 2.5e-4, stabilisation=kind), 0.2)[-1]
+    finer = run(held(FIVE_BAR, 1.25e-4, stabilisation="projection"), 0.2)[-1]
+    assert np.abs(motion.q - finer.q).max() < 1e-8

@@ -1,0 +1,257 @@
+"""Springs, friction, stops and efforts: forces against energies, slopes, and kernels."""
+
+import copy
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.mechanism.element_kernels import element_slopes
+from hapticmech_ros.mechanism.kernels import unpack
+from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import authored_state
+from hapticmech_ros.mechanism.tables import unfold
+from hapticmech_ros.scene import scene_from_document
+from oracles.differences import columns, relative
+from oracles.generator import blank, random_inertial, random_mechanism, random_origin
+from oracles.implementations import apart, condition, pair_of
+from oracles.kinematics import POSITION_SIZE, frame_pose, link_poses
+from oracles.running import with_start
+
+# Sums of some ten products, each rounded to 1e-16, in another order.
+ROUNDING = 1e-12
+CASES = [(seed, planar) for seed in range(8) for planar in (False, True)]
+
+
+def gap_of(document, q, part):
+    poses = link_poses(document, q)
+    return frame_pose(poses, part["a"])[1] - frame_pose(poses, part["b"])[1]
+
+
+@cache
+def sample(seed, planar=False, slack=False):
+    """Return a random tree with every element, a rod in every other one; stops partly entered.
+
+    ``slack``: springs between points are at their rest length.
+    """
+    base = random_mechanism(seed, planar, closed=False)
+    rng = np.random.default_rng([seed, planar])
+    document, at = copy.deepcopy(base.document), 0
+    for link in document["links"]:
+        joint, place = link["joint"], base.q[at : at + 1]
+        at += POSITION_SIZE[joint["type"]]
+        if joint["type"] in ("revolute", "prismatic"):
+            joint |= {name: float(rng.uniform(1.0, 9.0)) for name in ("stiffness", "effort")}
+            joint |= {"rest": float(rng.normal()), "friction": float(rng.uniform(0.1, 1.0))}
+            joint["friction_speed"] = float(rng.uniform(0.05, 0.5))
+            below, above = rng.uniform(-0.2, 0.1), rng.uniform(0.25, 0.4)
+            ends = {"lower": float(place[0] + below), "upper": float(place[0] + above)}
+            if rng.random() < 0.5:
+                ends = {"lower": -ends["upper"], "upper": -ends["lower"]}
+            joint["limits"] = ends | {"stiffness": 50.0, "damping": 3.0, "depth": 0.1}
+    joined = (("link4", "world"), ("link0", "link3"), ("world", "link2"))
+    parts = [
+        {
+            "a": {"link": a, "origin": random_origin(rng, planar)},
+            "b": {"link": b, "origin": random_origin(rng, planar)},
+        }
+        for a, b in joined
+    ]
+    lengths = [float(np.linalg.norm(gap_of(document, base.q, part))) for part in parts]
+    document["springs"] = [
+        {
+            "name": f"spring{index}",
+            "stiffness": float(rng.uniform(1.0, 90.0)),
+            "damping": float(rng.uniform(0.0, 5.0)),
+            "rest_length": length if slack else float(rng.uniform(0.0, 1.0)),
+            **part,
+        }
+        for index, (part, length) in enumerate(zip(parts, lengths, strict=True))
+    ]
+    if seed % 2:
+        document["closures"] = [{"name": "rod", "kind": "rod", "length": lengths[0], **parts[0]}]
+    return scene_from_document(with_start(document, base.q, base.v))
+
+
+def at_start(scene):
+    mechanism = Mechanism(scene)
+    return mechanism, *authored_state(scene, mechanism.tree)
+
+
+def passive(mechanism, q, v):
+    return mechanism.evaluate(q, v, mechanism.initially_active).passive_force
+
+
+def one_joint(kind="revolute", **joint):
+    """Return a scene of one body on one joint, without gravity."""
+    rng = np.random.default_rng(3)
+    axis = {"axis": [0.0, 0.0, 1.0]}
+    link = {
+        "name": "body",
+        "joint": {"name": "joint", "type": kind} | axis | joint,
+        "inertial": random_inertial(rng, planar=False),
+    }
+    point = {"name": "tip", "link": "body", "origin": {"xyz": [0.3, 0.0, 0.0]}}
+    return blank() | {"links": [link], "operational_points": [point]}
+
+
+def test_the_samples_hold_what_is_promised():
+    entered, kinds = 0, set()
+    for seed, planar in CASES:
+        mechanism, q, _ = at_start(sample(seed, planar))
+        kinds |= {element.joint.type for element in mechanism.elements.joints}
+        for element in mechanism.elements.joints:
+            limits, place = element.joint.limits, q[element.position]
+            entered += place < limits.lower or place > limits.upper
+        assert len(mechanism.elements.springs) == 3
+    assert kinds == {"revolute", "prismatic"}
+    assert entered >= 5
+
+
+@pytest.mark.parametrize(("seed", "planar"), CASES)
+def test_forces_at_rest_are_the_slope_of_the_potential_energy(seed, planar):
+    mechanism, q, v = at_start(sample(seed, planar))
+    rest = np.zeros(v.size)
+    terms = mechanism.evaluate(q, rest, mechanism.initially_active)
+
+    def potential(change):
+        return np.array([mechanism.energy(mechanism.integrate(q, change), rest)[1]])
+
+    # Gravity's part of h is known from other tests. eps V / h = 1e-11, h^4 V/30 far less.
+    expected = -columns(potential, v.size, 1e-4)[0]
+    assert relative(terms.passive_force - terms.bias_force, expected) < 1e-8
+    assert not terms.dissipative_force.any()
+
+
+@pytest.mark.parametrize(("seed", "planar"), CASES)
+def test_stiffness_is_the_slope_of_the_forces_where_springs_are_slack(seed, planar):
+    mechanism, q, v = at_start(sample(seed, planar, slack=True))
+    rest = np.zeros(v.size)
+    stiffness, _ = mechanism.slopes(q, rest, 0.0)
+
+    def resisting(change):
+        return -passive(mechanism, mechanism.integrate(q, change), rest)
+
+    # eps τ / h = 1e-11 of forces up to 50 times as stiff.
+    assert relative(columns(resisting, v.size, 1e-4), stiffness) < 1e-8
+
+
+@pytest.mark.parametrize(("seed", "planar"), CASES)
+def test_damping_is_the_slope_of_the_forces_at_rest(seed, planar):
+    mechanism, q, v = at_start(sample(seed, planar))
+    _, damping = mechanism.slopes(q, np.zeros(v.size), 0.0)
+
+    def resisting(change):
+        return -passive(mechanism, q, change)
+
+    # Friction's fifth derivative is at most 16 f / v_f^5 = 5e7: h^4/30 of it is 2e-10.
+    assert relative(columns(resisting, v.size, 1e-4), damping) < 1e-8
+
+
+@pytest.mark.parametrize(("seed", "planar"), CASES)
+def test_slopes_are_symmetric_and_resist(seed, planar):
+    mechanism, q, v = at_start(sample(seed, planar))
+    for matrix in mechanism.slopes(q, v, 0.01):
+        assert np.abs(matrix - matrix.T).max() < ROUNDING * np.abs(matrix).max()
+        assert np.linalg.eigvalsh(matrix)[0] > -ROUNDING * np.abs(matrix).max()
+
+
+@pytest.mark.parametrize(("seed", "planar"), CASES)
+def test_dissipative_forces_take_energy_at_any_state(seed, planar):
+    mechanism, q, v = at_start(sample(seed, planar))
+    rng = np.random.default_rng(seed)
+    for _ in range(20):
+        place = mechanism.integrate(q, 0.3 * rng.normal(size=v.size))
+        rates = v * rng.normal(size=v.size)
+        terms = mechanism.evaluate(place, rates, mechanism.initially_active)
+        assert terms.dissipative_force @ rates < 0.0
+
+
+@pytest.mark.parametrize(("seed", "planar"), CASES)
+def test_accelerations_answer_to_all_forces(seed, planar):
+    mechanism, q, v = at_start(sample(seed, planar))
+    terms = mechanism.evaluate(q, v, mechanism.initially_active)
+    assert terms.effort.any()
+    force = np.cos(np.arange(v.size))
+    found, closing = terms.acceleration(force)
+    net = force + terms.effort + terms.passive_force - terms.bias_force
+    sides = terms.inertia @ found + terms.closure_jacobian.T @ closing, net
+    assert relative(*sides) < 1e-11
+
+
+@pytest.mark.parametrize("away", [0.0, 0.3])
+@pytest.mark.parametrize(("seed", "planar"), CASES)
+def test_kernels_do_the_same(seed, planar, away):
+    pair = pair_of(sample(seed, planar), seed, away)
+    for active in pair.sets:
+        expected, found = pair.evaluate(active)
+        assert apart(found.passive_force, expected.passive_force) < ROUNDING
+        assert apart(found.dissipative_force, expected.dissipative_force) < ROUNDING
+        assert (found.effort == expected.effort).all()
+        force = np.cos(np.arange(pair.v.size))
+        bound = ROUNDING * condition(expected.space)
+        for one, other in zip(found.acceleration(force), expected.acceleration(force), strict=True):
+            assert apart(one, other) < bound
+        chosen = pair.compiled.chosen(active)
+        nv = pair.v.size
+        stiffness, damping = np.full((nv, nv), np.nan), np.full((nv, nv), np.nan)
+        space = unpack(found.space.packed, nv, chosen.m)
+        tables = unfold(*chosen.constants)
+        element_slopes(tables, space, pair.q, pair.v, 0.02, stiffness, damping)
+        slopes = pair.readable.slopes(pair.q, pair.v, 0.02)
+        assert apart(stiffness, slopes[0]) < ROUNDING
+        assert apart(damping, slopes[1]) < ROUNDING
+        for one, other in zip(pair.compiled.slopes(pair.q, pair.v, 0.02), slopes, strict=True):
+            assert apart(one, other) < ROUNDING
+
+
+@pytest.mark.parametrize("turns", [0, 3, -3])
+def test_a_spring_of_a_hinge_counts_turns(turns):
+    scene = scene_from_document(one_joint(stiffness=2.0, rest=0.5))
+    mechanism = Mechanism(scene)
+    q = np.array([0.1 + 2.0 * np.pi * turns])
+    assert passive(mechanism, q, np.zeros(1))[0] == 2.0 * (0.5 - q[0])
+    assert mechanism.energy(q, np.zeros(1))[1] == (0.5 - q[0]) ** 2
+
+
+def test_friction_is_coulombs_away_from_rest():
+    scene = scene_from_document(one_joint("prismatic", friction=3.0, friction_speed=0.01))
+    mechanism = Mechanism(scene)
+    for speed, force in ((1.0, -3.0), (-1.0, 3.0), (0.01, -3.0 * np.tanh(1.0))):
+        found = passive(mechanism, np.zeros(1), np.array([speed]))
+        assert found == pytest.approx([force], rel=1e-15)
+    # Its largest slope at any speed.
+    assert mechanism.slopes(np.zeros(1), np.ones(1), 0.0)[1] == pytest.approx(300.0)
+
+
+def test_a_spring_between_points_pulls_along_the_line():
+    ends = {"a": {"link": "body", "origin": {"xyz": [0.0, 0.0, 0.0]}}, "b": {"link": "world"}}
+    spring = {"name": "s", "stiffness": 10.0, "damping": 2.0, "rest_length": 0.3} | ends
+    axis = {"axis": [1.0, 0.0, 0.0]}
+    scene = scene_from_document(one_joint("prismatic", **axis) | {"springs": [spring]})
+    mechanism = Mechanism(scene)
+    for q, v, force in ((0.5, 0.0, -2.0), (-0.5, 0.0, 2.0), (0.1, 0.0, 2.0), (0.3, 1.0, -2.0)):
+        found = passive(mechanism, np.array([q]), np.array([v]))
+        assert found == pytest.approx([force], rel=1e-14)
+
+
+@pytest.mark.parametrize("place", [0.0, 1e-13])
+def test_a_spring_without_length_has_no_direction_and_no_force(place):
+    ends = {"a": {"link": "body"}, "b": {"link": "world"}}
+    spring = {"name": "s", "stiffness": 10.0, "damping": 2.0, "rest_length": 0.3} | ends
+    document = one_joint("prismatic") | {"springs": [spring]}
+    document["initial_state"] = {"q": {"joint": place}, "v": {"joint": 1.0}}
+    pair = pair_of(scene_from_document(document))
+    for terms in pair.evaluate(()):
+        assert (terms.passive_force == 0.0).all()
+        assert (terms.dissipative_force == 0.0).all()
+    assert pair.readable.energy(pair.q, 0.0 * pair.v)[1] == pytest.approx(0.45, rel=1e-9)
+
+
+def test_without_elements_nothing_but_damping_acts():
+    mechanism, q, v = at_start(scene_from_document(one_joint(damping=0.5)))
+    terms = mechanism.evaluate(q, v + 2.0, ())
+    assert mechanism.elements.joints == ()
+    assert (terms.passive_force == -1.0).all()
+    assert (terms.dissipative_force == -1.0).all()
+    assert (terms.effort == 0.0).all()

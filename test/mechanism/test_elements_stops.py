@@ -1,0 +1,106 @@
+"""Stops of a joint: they push, never pull, and give back less than they took."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.mechanism.elements import JointElement
+from hapticmech_ros.scene.mechanism import Joint, JointLimits
+
+STIFFNESS, DEPTH = 400.0, 0.05
+
+
+def stop(damping):
+    limits = JointLimits(lower=-1.0, upper=0.5, stiffness=STIFFNESS, damping=damping, depth=DEPTH)
+    return JointElement(0, 0, Joint(name="slide", type="prismatic", limits=limits))
+
+
+def force_at(element, q, v):
+    return sum(element.forces(q, v))
+
+
+def bounce(element, q, v, step=1e-4):
+    """Return speed after, and energies on the way, of 1 kg let go towards a stop."""
+
+    def rates(state):
+        return np.array([state[1], force_at(element, *state)])
+
+    state, energies, entered = np.array([q, v]), [], False
+    for _ in range(20000):
+        a = rates(state)
+        b = rates(state + 0.5 * step * a)
+        c = rates(state + 0.5 * step * b)
+        d = rates(state + step * c)
+        state = state + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+        energies.append(0.5 * state[1] ** 2 + element.energy(state[0]))
+        outside = -1.0 < state[0] < 0.5
+        entered = entered or not outside
+        if entered and outside:
+            return abs(state[1]), energies
+    raise AssertionError("still in the stop")
+
+
+@pytest.mark.parametrize("damping", [0.0, 5.0, 1000.0])
+def test_a_stop_pushes_inwards_or_not_at_all(damping):
+    element = stop(damping)
+    for depth, speed in itertools.product((1e-9, 0.02, DEPTH, 0.3), (-50.0, -1.0, 0.0, 1.0, 50.0)):
+        assert force_at(element, -1.0 - depth, speed) >= 0.0
+        assert force_at(element, 0.5 + depth, speed) <= 0.0
+        # The two stops are mirror images.
+        one, other = force_at(element, -1.0 - depth, speed), force_at(element, 0.5 + depth, -speed)
+        assert one == pytest.approx(-other, rel=1e-6)
+    assert force_at(element, 0.2, 30.0) == 0.0
+
+
+@pytest.mark.parametrize("speed", [-20.0, 0.0, 20.0])
+def test_a_stop_begins_without_a_jump(speed):
+    element = stop(1000.0)
+    # The damper grows by damping / depth per metre: 20 N per 1e-12 m would be a jump.
+    assert abs(force_at(element, 0.5 + 1e-12, speed)) < 1e-6
+    assert force_at(element, 0.5, speed) == 0.0
+
+
+def test_the_force_is_the_formula():
+    element = stop(8.0)
+    for depth, soft in ((0.01, 0.2), (DEPTH, 1.0), (0.2, 1.0)):
+        expected = -(STIFFNESS * depth + 8.0 * soft * 0.3)
+        assert force_at(element, 0.5 + depth, 0.3) == pytest.approx(expected, rel=1e-12)
+    # Leaving fast, the damper would pull: 8 * 10 against 400 * 0.05.
+    elastic, lossy = element.forces(0.5 + DEPTH, -10.0)
+    assert elastic == pytest.approx(-STIFFNESS * DEPTH, rel=1e-12)
+    assert elastic + lossy == 0.0
+
+
+@pytest.mark.parametrize("damping", [5.0, 20.0, 100.0])
+@pytest.mark.parametrize(("q", "v"), [(0.45, 2.0), (-0.95, -2.0), (0.499, 0.1)])
+def test_a_bounce_loses_energy(damping, q, v):
+    speed, energies = bounce(stop(damping), q, v)
+    # RK4 at a stop's entry, where the force has a kink: an error of h^2 b v^3 / depth, 1e-6.
+    assert np.diff(energies).max() < 1e-6 * energies[0]
+    assert speed < 0.999 * abs(v)
+    # The gentler, the less: Hunt and Crossley's restitution is 1 at no speed.
+    assert bounce(stop(damping), q, 0.1 * v)[0] / (0.1 * abs(v)) > speed / abs(v)
+
+
+def test_a_bounce_without_damping_gives_all_back():
+    speed, energies = bounce(stop(0.0), 0.45, 2.0)
+    assert speed == pytest.approx(2.0, rel=1e-6)
+    assert np.ptp(energies) < 1e-5
+
+
+def test_slopes_count_a_stop_that_is_met_within_the_horizon():
+    element = stop(8.0)
+    assert element.slopes(0.4, 1.0, 0.05) == (0.0, 0.0)
+    stiffness, damping = element.slopes(0.4, 1.0, 0.125)
+    assert stiffness == STIFFNESS
+    assert damping == pytest.approx(8.0 * 0.025 / DEPTH)
+    assert element.slopes(0.4, -1.0, 0.125) == (0.0, 0.0)
+    assert element.slopes(0.7, -1.0, 0.125) == (STIFFNESS, 8.0)
+
+
+def test_energy_of_a_stop_is_that_of_its_spring():
+    element = stop(8.0)
+    assert element.energy(0.7) == pytest.approx(0.5 * STIFFNESS * 0.04, rel=1e-12)
+    assert element.energy(-1.1) == pytest.approx(0.5 * STIFFNESS * 0.01, rel=1e-12)
+    assert element.energy(0.0) == 0.0

@@ -1,0 +1,98 @@
+"""Steps from 4 ms to 62.5 us, and loops that latch at speed."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.scene import scene_from_document
+from oracles.planar_linkages import five_bar, five_bar_bent
+from oracles.planar_loops import Loop
+from oracles.running import run, simulator, total_energy, with_start
+
+STEPS = [4e-3 / 2**k for k in range(7)]
+LENGTHS = np.array([0.3, 0.9, 0.7])
+MASSES = np.array([0.5, 1.5, 1.0])
+LOOP = Loop(LENGTHS, MASSES, MASSES * LENGTHS**2 / 12.0, np.array([0.8, 0.1]), gravity=-9.81)
+DURATION = 0.2
+# Below it an error is rounding: 3200 steps of 1e-16 add up to less.
+ROUNDING = 3e-13
+
+
+def errors_of(integrator):
+    u, speed = np.array([1.1]), np.array([4.0])
+    (expected,) = LOOP.motion(u, speed, [DURATION])
+    found = []
+    for step in STEPS:
+        states = run(simulator(LOOP.document(u, speed), step, integrator), DURATION)
+        angles = np.cumsum(states[-1].q)
+        found.append(np.abs(np.exp(1j * angles) - np.exp(1j * expected)).max())
+        assert max(state.closure_error for state in states) < 1e-11
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("integrator", "order"),
+    [("rk4", 4.0), ("linearly_implicit", 3.0), ("rk2", 2.0), ("semi_implicit_euler", 1.0)],
+)
+def test_error_follows_the_order_from_4_ms_to_62_us(integrator, order):
+    errors = errors_of(integrator)
+    assert errors[0] < 0.05
+    measured = [(a, b) for a, b in pairwise(errors) if b > ROUNDING]
+    assert len(measured) >= 2
+    for before, after in measured:
+        assert abs(np.log2(before / after) - order) < 0.3
+    assert (errors[len(measured) + 1 :] < 10.0 * ROUNDING).all()
+
+
+def approaching(seed, latch_distance):
+    """Return an open five-bar whose pin comes in at 1 m/s, 5 mm before it is there."""
+    rng = np.random.default_rng(seed)
+    document = five_bar()
+    (pin,) = document["closures"]
+    pin = pin | {"active": False}
+    if latch_distance is not None:
+        pin |= {"latch_distance": latch_distance}
+    document = document | {"closures": [pin]}
+    q = np.asarray(five_bar_bent(1.9, 0.6))
+    mechanism = simulator(with_start(document, q)).mechanism
+    closing = mechanism.closing_terms(q, (True,))
+    direction = rng.normal(size=2)
+    direction /= np.linalg.norm(direction)
+    v = closing.space.correction(direction) + 0.5 * closing.space.closed_rates(rng.normal(size=4))
+    back = mechanism.integrate(q, -5e-3 * v)
+    return with_start(document, back, v)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_loop_that_latches_at_a_metre_a_second_creates_no_energy(seed):
+    latching = simulator(approaching(seed, 2e-3))
+    free = simulator(approaching(seed, None))
+    states, unlatched = run(latching, 0.02), run(free, 0.02)
+    latched = next(k for k, state in enumerate(states) if state.active == (True,))
+    after, before = states[latched], unlatched[latched]
+    mechanism = latching.mechanism
+    closing = mechanism.closing_terms(after.q, after.active)
+    speed = np.linalg.norm(closing.jacobian @ before.v)
+    assert speed == pytest.approx(1.0, abs=0.2)
+    # What is free keeps its momentum in the mass metric, what is closed has none.
+    inertia = closing.space.factor @ closing.space.factor.T
+    scale = np.abs(inertia @ before.v).max()
+    kept = closing.space.closed_rates(np.eye(4)[0])
+    for axis in np.eye(4):
+        kept = closing.space.closed_rates(axis)
+        assert abs(kept @ inertia @ (after.v - before.v)) < 1e-10 * scale
+    assert np.abs(closing.jacobian @ after.v).max() < 1e-12
+    assert after.account.latch_loss > 0.0
+    energies = [total_energy(latching, state) for state in states]
+    assert energies[latched] <= energies[latched - 1]
+    assert energies[latched] == pytest.approx(energies[0] - after.account.latch_loss, rel=1e-7)
+    # The pin stays closed, and no energy comes back.
+    assert all(state.active == (True,) for state in states[latched:])
+    assert np.ptp(energies[latched:]) < 1e-9 * energies[0]
+
+
+def test_scene_without_latch_is_the_same_scene():
+    latching = scene_from_document(approaching(0, 2e-3))
+    free = scene_from_document(approaching(0, None))
+    assert latching.initial_state == free.initial_state

@@ -1,0 +1,194 @@
+"""A period in equal parts, and steps that end where no step should: jumps and turned axes."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.errors import ClosureError, InvalidInputError
+from hapticmech_ros.mechanism import Mechanism, Simulator
+from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.schemes import INTEGRATORS
+from hapticmech_ros.mechanism.stepping import Pushes, Start
+from hapticmech_ros.scene import scene_from_document
+from oracles.generator import closed_chain, random_mechanism
+from oracles.planar_linkages import five_bar, five_bar_bent
+from oracles.running import run, unaccounted, with_start
+
+FIVE_BAR = with_start(
+    five_bar(-9.81, 0.002), five_bar_bent(1.9, 0.9), np.array([0.9, -1.0, 1.0, 0.5])
+)
+SAMPLES = [random_mechanism(1, duplicated=True), closed_chain(1, "revolute")]
+DOCUMENTS = [FIVE_BAR, *(with_start(s.document, s.q, 0.3 * s.v) for s in SAMPLES)]
+BOTH = pytest.mark.parametrize("compiled", [False, True])
+
+
+def stepping(document, compiled=True, **simulation):
+    return Simulator(scene_from_document(document | {"simulation": simulation}), compiled)
+
+
+@BOTH
+@pytest.mark.parametrize("integrator", sorted(INTEGRATORS))
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_substeps_are_steps(document, integrator, compiled):
+    """Four substeps of 2 ms are four steps of 0.5 ms, to the bit; energies to rounding."""
+    split = stepping(document, compiled, period=2e-3, substeps=4, integrator=integrator)
+    short = stepping(document, compiled, period=5e-4, integrator=integrator)
+    rng = np.random.default_rng(0)
+    wrenches = 0.3 * rng.normal(size=(len(split.mechanism.point_names), 6))
+    links = {document["links"][-1]["name"]: wrenches[0]}
+    state = one = split.initial_state()
+    for _ in range(3):
+        one = split.step(one, wrenches, links)
+        for _ in range(4):
+            state = short.step(state, wrenches, links)
+    assert one.q.tobytes() == state.q.tobytes()
+    assert one.v.tobytes() == state.v.tobytes()
+    assert one.closure_error == state.closure_error
+    assert one.time == pytest.approx(6e-3, rel=1e-12)
+    assert one.account.work_in == pytest.approx(state.account.work_in, rel=1e-12)
+    assert one.account.damping_loss == pytest.approx(state.account.damping_loss, rel=1e-12)
+
+
+@BOTH
+def test_substeps_share_the_check_of_a_loop(compiled):
+    sim = stepping(FIVE_BAR, compiled, period=1e-3, substeps=3)
+    state = sim.initial_state()
+    wrenches = np.zeros((len(sim.mechanism.point_names), 6))
+    wrenches[0, 0] = np.nan
+    with pytest.raises(InvalidInputError, match="finite"):
+        sim.step(state, wrenches)
+
+
+@BOTH
+@pytest.mark.parametrize(("speed", "any_refused"), [(5.0, False), (40.0, True)])
+def test_steps_far_off_the_closures_are_refused(compiled, speed, any_refused):
+    """A quarter of a radian in one step is coarse, two are too many: any assembly could come."""
+    rng, refused = np.random.default_rng(0), 0
+    for _ in range(40):
+        q = five_bar_bent(rng.uniform(1.0, 2.6), rng.uniform(-0.3, 1.2))
+        document = with_start(five_bar(), q)
+        sim = stepping(document, compiled, period=0.05, integrator="semi_implicit_euler")
+        state, zeros = sim.initial_state(), np.zeros((len(sim.mechanism.point_names), 6))
+        v = sim.mechanism.closing_terms(q, (True,)).space.closed_rates(rng.normal(size=4))
+        start = Start(state.q, speed / np.linalg.norm(v) * v, (True,))
+        try:
+            assert sim._stepper.advance(start, Pushes(zeros)).error < 1e-12
+        except ClosureError as error:
+            refused += "jumped" in str(error)
+    assert (refused > 0) == any_refused
+
+
+def test_putting_right_more_than_half_the_step_is_a_jump():
+    mechanism = Mechanism(scene_from_document(FIVE_BAR))
+    q = five_bar_bent(1.9, 0.9)
+    space = mechanism.closing_terms(q, (True,)).space
+    off = space.correction(np.array([1e-3, 0.0]))
+    long, short = 3.0 * off, 1.5 * off
+    zeros = np.zeros(4)
+    assert project(mechanism, q + off, zeros, (True,), long).error < 1e-14
+    with pytest.raises(ClosureError, match="jumped") as caught:
+        project(mechanism, q + off, zeros, (True,), short)
+    assert caught.value.closures == ("pin",)
+    # What is next to rounding is no jump, however short the step, nor is what nobody stepped to.
+    assert project(mechanism, q + 1e-6 * off, zeros, (True,), 1e-9 * off).error < 1e-14
+    assert project(mechanism, q + off, zeros, (True,)).error < 1e-14
+
+
+def hinge():
+    """Return a bar on a ball joint whose end is held by a hinge; only its spin is free."""
+    document = five_bar(closed=False)
+    document["task_space"] = "spatial"
+    document["links"] = document["links"][:1]
+    document["links"][0]["joint"] |= {"type": "spherical"}
+    document["operational_points"] = document["operational_points"][:1]
+    document["closures"] = [
+        {
+            "name": "hinge",
+            "kind": "revolute",
+            "a": {"link": "link1", "origin": {"rpy": [0.0, np.pi / 2, 0.0]}},
+            "b": {"link": "world", "origin": {"rpy": [0.0, np.pi / 2, 0.0]}},
+        }
+    ]
+    return document
+
+
+@BOTH
+@pytest.mark.parametrize("stabilisation", ["projection", "baumgarte"])
+def test_axes_the_other_way_are_refused(compiled, stabilisation):
+    """Half a turn about y: φ = 0 again, with the hinge's axes opposed."""
+    sim = stepping(hinge(), compiled, period=1e-3, stabilisation=stabilisation)
+    turned = Start(np.array([0.0, 1.0, 0.0, 0.0]), np.zeros(3), (True,))
+    with pytest.raises(ClosureError, match="other branch") as caught:
+        sim._stepper.advance(turned, Pushes(np.zeros((1, 6))))
+    assert caught.value.closures == ("hinge",)
+    state = sim.initial_state()
+    assert sim.step(state, np.zeros((1, 6))).closure_error < 1e-12
+
+
+class TestJointForces:
+    @BOTH
+    @pytest.mark.parametrize("integrator", sorted(INTEGRATORS))
+    def test_they_act_as_efforts_do(self, compiled, integrator):
+        efforts = np.array([0.1, -0.2, 0.05, 0.02])
+        driven = FIVE_BAR | {
+            "links": [
+                link | {"joint": link["joint"] | {"effort": float(effort)}}
+                for link, effort in zip(FIVE_BAR["links"], efforts, strict=True)
+            ]
+        }
+        ends = []
+        for document, forces in ((FIVE_BAR, efforts), (driven, None), (FIVE_BAR, None)):
+            sim = stepping(document, compiled, period=1e-3, integrator=integrator)
+            state = sim.initial_state()
+            wrenches = np.zeros((len(sim.mechanism.point_names), 6))
+            for _ in range(5):
+                state = sim.step(state, wrenches, joint_forces=forces)
+            ends.append(state)
+        assert np.abs(ends[0].v - ends[1].v).max() < 1e-12
+        assert ends[0].account.work_in == pytest.approx(ends[1].account.work_in, rel=1e-9)
+        assert np.abs(ends[0].v - ends[2].v).max() > 1e-2
+
+    @BOTH
+    def test_they_are_forgotten(self, compiled):
+        sim = stepping(FIVE_BAR, compiled, period=1e-3)
+        state = sim.initial_state()
+        wrenches = np.zeros((len(sim.mechanism.point_names), 6))
+        before = sim.step(state, wrenches)
+        sim.step(state, wrenches, joint_forces=np.ones(4))
+        assert sim.step(state, wrenches).v.tobytes() == before.v.tobytes()
+
+    @BOTH
+    @pytest.mark.parametrize("forces", [np.ones(3), np.ones((4, 1)), [0.0, np.nan, 0.0, 0.0]])
+    def test_wrong_ones_are_refused(self, compiled, forces):
+        sim = stepping(FIVE_BAR, compiled, period=1e-3)
+        wrenches = np.zeros((len(sim.mechanism.point_names), 6))
+        with pytest.raises(InvalidInputError, match="joint_forces"):
+            sim.step(sim.initial_state(), wrenches, joint_forces=np.array(forces))
+
+
+@pytest.mark.parametrize(
+    ("integrator", "expected"), [("rk4", 4.0), ("linearly_implicit", 3.0), ("rk2", 2.0)]
+)
+def test_every_energy_is_accounted_for(integrator, expected):
+    """Springs, friction, efforts, dampers between points: what is left is of the step's order."""
+    links = [dict(link) for link in FIVE_BAR["links"]]
+    links[0]["joint"] = links[0]["joint"] | {"stiffness": 2.0, "rest": 1.0, "effort": 0.2}
+    links[1]["joint"] = links[1]["joint"] | {"friction": 0.05, "friction_speed": 0.5}
+    spring = {
+        "name": "line",
+        "a": {"link": "link2", "origin": {"xyz": [0.02, 0.0, 0.0]}},
+        "b": {"link": "world", "origin": {"xyz": [0.1, 0.2, 0.0]}},
+        "stiffness": 50.0,
+        "damping": 0.5,
+        "rest_length": 0.1,
+    }
+    document = FIVE_BAR | {"links": links, "springs": [spring]}
+    drifts = []
+    for period in (1e-3, 5e-4):
+        sim = stepping(document, period=period, integrator=integrator)
+        states = run(sim, 0.1)
+        drifts.append(np.abs(unaccounted(sim, states)).max())
+    account = states[-1].account
+    assert account.work_in != 0.0
+    assert account.damping_loss > 1e-3
+    assert 0.0 < drifts[0] < 1e-3
+    assert np.log2(drifts[0] / drifts[1]) > expected - 0.15

@@ -1,0 +1,188 @@
+"""Redundant rows: counted by the solver's rank, named in the scene's order."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.bench.accuracy import cases
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.closures import ROWS
+from hapticmech_ros.mechanism.model import authored_state
+from hapticmech_ros.mechanism.redundancy import ROW_NAMES, independent, redundancy
+from hapticmech_ros.scene import scene_from_document
+from oracles.generator import random_mechanism
+from oracles.planar_linkages import PIVOT, five_bar, five_bar_bent
+from oracles.running import with_start
+
+BENCHMARKS = {case.name: case.scene for case in cases()}
+BOTH = pytest.mark.parametrize("compiled", [False, True])
+
+
+def report(scene, compiled=False):
+    mechanism = build(scene, compiled)
+    q, _ = authored_state(scene, mechanism.tree)
+    return redundancy(mechanism, q, mechanism.initially_active)
+
+
+def pinned(copies):
+    """Return the paper's five-bar with its pin ``copies`` times."""
+    document = with_start(five_bar(), five_bar_bent(1.9, 0.6))
+    (pin,) = document["closures"]
+    return document | {"closures": [pin | {"name": f"pin{k}"} for k in range(copies)]}
+
+
+def four_bar_in_space():
+    """Return a planar four-bar whose last joint is a hinge in space: three rows say nothing."""
+    document = with_start(five_bar(), five_bar_bent(1.9, 0.6))
+    links = document["links"][:3]
+    # The end of the third bar is where it is: a pivot there closes the loop as authored.
+    angles = np.cumsum(five_bar_bent(1.9, 0.6)[:3])
+    end = 0.045 * np.array([np.cos(angles).sum(), np.sin(angles).sum(), 0.0])
+    hinge = {
+        "name": "hinge",
+        "kind": "revolute",
+        "a": {"link": "link3", "origin": {"xyz": [0.045, 0.0, 0.0]}},
+        "b": {"link": "world", "origin": {"xyz": end.tolist()}},
+    }
+    q = {name: document["initial_state"]["q"][name] for name in ("joint1", "joint2", "joint3")}
+    return document | {
+        "task_space": "spatial",
+        "links": links,
+        "closures": [hinge],
+        "operational_points": document["operational_points"][:6],
+        "initial_state": {"q": q},
+    }
+
+
+def test_rows_are_named_as_many_as_there_are():
+    assert {kind: len(ROW_NAMES[kind]) for kind in ROWS} == dict(ROWS)
+
+
+@BOTH
+def test_one_pin_is_not_redundant(compiled):
+    found = report(scene_from_document(pinned(1)), compiled)
+    assert (found.rows, found.rank, found.mobility) == (2, 2, 2)
+    assert found.redundant == found.wholly_redundant == ()
+    assert found.closures[0].rows == ("pin0/x", "pin0/y")
+
+
+@BOTH
+def test_of_two_pins_the_second_is_redundant(compiled):
+    found = report(scene_from_document(pinned(2)), compiled)
+    assert (found.rows, found.rank, found.mobility) == (4, 2, 2)
+    assert found.redundant == ("pin1/x", "pin1/y")
+    assert found.wholly_redundant == ("pin1",)
+
+
+@BOTH
+def test_of_twenty_and_one_pins_the_first_counts(compiled):
+    found = report(scene_from_document(pinned(21)), compiled)
+    assert (found.rows, found.rank, found.mobility) == (42, 2, 2)
+    assert found.wholly_redundant == tuple(f"pin{k}" for k in range(1, 21))
+
+
+@BOTH
+def test_a_rod_is_one_row_and_one_beside_it_is_redundant(compiled):
+    document = pinned(1)
+    (pin,) = document["closures"]
+    above = {"link": "world", "origin": {"xyz": [PIVOT[0], PIVOT[1] + 0.1, 0.0]}}
+    rod = pin | {"kind": "rod", "length": 0.1 - 1e-6, "b": above}
+    rods = [rod | {"name": f"rod{k}"} for k in range(2)]
+    found = report(scene_from_document(document | {"closures": rods}), compiled)
+    assert (found.rows, found.rank, found.mobility) == (2, 1, 3)
+    assert found.redundant == ("rod1/length",)
+    assert found.residual_m == pytest.approx(1e-6, rel=1e-4)
+    assert found.residual_rad == 0.0
+
+
+def test_only_active_closures_count():
+    mechanism = build(scene_from_document(pinned(2)), compiled=False)
+    q, _ = authored_state(mechanism.scene, mechanism.tree)
+    found = redundancy(mechanism, q, (False, True))
+    assert [closure.name for closure in found.closures] == ["pin1"]
+    assert found.redundant == ()
+    opened = redundancy(mechanism, q, (False, False))
+    assert (opened.rows, opened.rank, opened.mobility, opened.closures) == (0, 0, 4, ())
+    assert (opened.residual_m, opened.residual_rad) == (0.0, 0.0)
+
+
+@BOTH
+def test_a_hinge_in_space_that_closes_a_planar_loop(compiled):
+    found = report(scene_from_document(four_bar_in_space()), compiled)
+    assert (found.rows, found.rank, found.mobility) == (5, 2, 1)
+    assert found.redundant == ("hinge/z", "hinge/tilt_x", "hinge/tilt_y")
+    assert found.wholly_redundant == ()
+
+
+@BOTH
+def test_bricard_has_five_rows_of_rank_four(compiled):
+    found = report(BENCHMARKS["bricard"], compiled)
+    assert (found.rows, found.rank, found.mobility) == (5, 4, 1)
+    assert len(found.redundant) == 1
+
+
+@BOTH
+def test_windows_in_line_lose_a_row(compiled):
+    scene = BENCHMARKS["n_four_bar_2"]
+    mechanism = build(scene, compiled)
+    in_line, active = np.zeros(mechanism.nq), mechanism.initially_active
+    upright = report(scene, compiled)
+    assert (upright.rank, upright.mobility, upright.redundant) == (4, 1, ())
+    # In line each pin's x row is nothing to first order, the y rows are not.
+    flat = redundancy(mechanism, in_line, active)
+    assert flat.rank < 4
+    assert flat.mobility == mechanism.nv - flat.rank
+    assert set(flat.redundant) == {"pin0/x", "pin1/x"}
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_as_many_rows_are_left_as_the_rank_and_they_have_it(seed):
+    sample = random_mechanism(seed, duplicated=seed % 2 == 0)
+    scene = scene_from_document(with_start(sample.document, sample.q, sample.v))
+    mechanism = build(scene, compiled=False)
+    q, _ = consistent_initial_state(mechanism)
+    active = mechanism.initially_active
+    found = redundancy(mechanism, q, active)
+    closing = mechanism.closing_terms(q, active)
+    names = [name for closure in found.closures for name in closure.rows]
+    kept = [k for k, name in enumerate(names) if name not in found.redundant]
+    assert found.rank == closing.space.rank == len(kept)
+    assert np.linalg.matrix_rank(closing.jacobian[kept], tol=1e-9) == found.rank
+
+
+def test_residuals_are_told_in_metres_and_radians_apart():
+    scene = BENCHMARKS["bricard"]
+    mechanism = build(scene, compiled=False)
+    q, _ = authored_state(scene, mechanism.tree)
+    moved = mechanism.integrate(q, np.full(mechanism.nv, 1e-3))
+    residual = np.abs(mechanism.closing_terms(moved, (True,)).residual)
+    found = redundancy(mechanism, moved, (True,))
+    assert found.residual_m == residual[:3].max()
+    assert found.residual_rad == residual[3:].max()
+    assert found.residual_m != found.residual_rad
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_elimination_keeps_as_many_rows_as_the_rank_also_where_it_is_close(seed):
+    """Graded rows of exact rank: nothing is lost beside much larger rows, nothing is invented."""
+    rng = np.random.default_rng(seed)
+    rank = int(rng.integers(1, 6))
+    sizes = np.geomspace(1.0, 3e-8, rank)
+    many = int(rng.integers(rank, 15))
+    left, _ = np.linalg.qr(rng.normal(size=(many, rank)))
+    right, _ = np.linalg.qr(rng.normal(size=(rank, rank)))
+    rows = (left * sizes) @ right
+    assert sum(independent(rows)) == rank
+
+
+def test_elimination_is_in_order():
+    rows = np.array([[0.0, 0.0], [1.0, 0.0], [-2.0, 0.0], [1.0, 1e-7], [0.0, 1.0]])
+    assert independent(rows) == [False, True, False, True, False]
+
+
+@pytest.mark.parametrize("q", [np.zeros(3), [0.0, 0.0, np.nan, 0.0]])
+def test_a_configuration_of_wrong_size_or_not_finite_is_refused(q):
+    mechanism = build(scene_from_document(pinned(1)), compiled=False)
+    with pytest.raises(InvalidInputError):
+        redundancy(mechanism, q, (True,))

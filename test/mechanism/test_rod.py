@@ -1,0 +1,169 @@
+"""Rods: a distance kept between two points, in space and in the plane."""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.mechanism import Simulator
+from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.scene import scene_from_document
+from hapticmech_ros.view.mechanism_shapes import closure_shapes
+from hapticmech_ros.view.placement import Placer
+from oracles.differences import columns, relative, second_derivative
+from oracles.generator import random_mechanism, random_origin
+from oracles.implementations import apart, pair_of
+from oracles.kinematics import frame_pose, link_poses
+from oracles.running import run, unaccounted, with_start
+
+CASES = [(s, planar, off) for s in range(6) for planar in (False, True) for off in (0.0, 0.2)]
+
+
+def rod_of(document):
+    """Return the rod's closure and its gap (3,), a function of q."""
+    closure = document["closures"][0]
+
+    def gap(q):
+        poses = link_poses(document, q)
+        return frame_pose(poses, closure["a"])[1] - frame_pose(poses, closure["b"])[1]
+
+    return closure, gap
+
+
+def sample(seed, planar, off=0.0, **keys):
+    """Return a tree with a rod that is longer than the distance by ``off`` (m), q and v."""
+    base = random_mechanism(seed, planar, closed=False)
+    rng = np.random.default_rng(seed)
+    document = copy.deepcopy(base.document)
+    a = {"link": "link4", "origin": random_origin(rng, planar)}
+    b = {"link": ("world", "link0", "link1")[seed % 3], "origin": random_origin(rng, planar)}
+    document["closures"] = [{"name": "rod", "kind": "rod", "a": a, "b": b} | keys]
+    closure, gap = rod_of(document)
+    closure["length"] = float(np.linalg.norm(gap(base.q))) + off
+    return document, base.q, base.v
+
+
+@pytest.mark.parametrize(("seed", "planar", "off"), CASES)
+def test_residual_jacobian_and_bias(seed, planar, off):
+    document, q, v = sample(seed, planar, off)
+    closure, gap = rod_of(document)
+    mechanism = Mechanism(scene_from_document(document))
+    found = mechanism.evaluate(q, v, (True,))
+
+    def residual(change):
+        d, length = gap(mechanism.integrate(q, change)), closure["length"]
+        return np.array([(d @ d - length**2) / (2.0 * length)])
+
+    here = residual(np.zeros(v.size))
+    assert (np.abs(here) > 0.05).all() == (off > 0.0)
+    assert relative(found.closure_residual, here, scale=1.0) < 1e-13
+    # As in test_closures: eps/h = 2e-13 and h^4/30; eps/h^2 = 1e-11 and h^4 |v|^6/90 = 1e-8.
+    assert relative(found.closure_jacobian, columns(residual, v.size)) < 1e-9
+    expected = second_derivative(lambda t: residual(t * v))
+    scale = max(float(np.linalg.norm(expected)), float(v @ v))
+    assert relative(found.closure_bias, expected, scale) < 1e-6
+
+
+@pytest.mark.parametrize(("seed", "planar", "off"), CASES)
+def test_kernels_do_the_same(seed, planar, off):
+    document, q, v = sample(seed, planar, off)
+    pair = pair_of(scene_from_document(with_start(document, q, v)), seed, off)
+    square = float(pair.v @ pair.v)
+    expected, found = pair.evaluate((True,))
+    assert apart(found.closure_residual, expected.closure_residual, 1.0) < 1e-12
+    assert apart(found.closure_jacobian, expected.closure_jacobian) < 1e-12
+    assert apart(found.closure_bias, expected.closure_bias, square) < 1e-12
+    assert found.space.rank == expected.space.rank == 1
+    for one, other in zip(found.acceleration(pair.v), expected.acceleration(pair.v), strict=True):
+        assert apart(one, other) < 1e-12
+    distance, rate = pair.readable.distance_of(0, pair.q, pair.v)
+    assert distance == pytest.approx(abs(float(expected.closure_residual[0])), abs=1e-15)
+    assert pair.compiled.distance_of(0, pair.q, pair.v)[0] == pytest.approx(distance, abs=1e-13)
+    if off:
+        assert pair.compiled.distance_of(0, pair.q, pair.v)[1] == pytest.approx(rate, rel=1e-9)
+
+
+@pytest.mark.parametrize("planar", [False, True])
+def test_projection_brings_the_points_to_the_rods_length(planar):
+    document, q, v = sample(1, planar, 0.02)
+    closure, gap = rod_of(document)
+    mechanism = Mechanism(scene_from_document(document))
+    projected = project(mechanism, q, v, (True,))
+    d = gap(projected.q)
+    assert np.linalg.norm(d) == pytest.approx(closure["length"], rel=1e-12)
+    jacobian = mechanism.evaluate(projected.q, projected.v, (True,)).closure_jacobian
+    assert np.abs(jacobian @ projected.v).max() < 1e-12 * np.abs(v).max()
+
+
+def test_rows_count_in_metres():
+    document, _, _ = sample(0, planar=False)
+    mechanism = Mechanism(scene_from_document(document))
+    (loop,) = mechanism.closures
+    assert loop.rows == 1
+    assert loop.row_lengths(mechanism.length).tolist() == [mechanism.length]
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_a_rod_holds_its_length_and_the_energy(compiled):
+    # A spherical pendulum: a free body hung on a rod by one of its points.
+    body = copy.deepcopy(random_mechanism(0, closed=False, links=1).document)
+    body["gravity"] = [0.0, 0.0, -9.81]
+    body["links"][0]["joint"] |= {"type": "free", "damping": 0.0}
+    body["operational_points"] = body["operational_points"][:1]
+    body["closures"] = [
+        {
+            "name": "rod",
+            "kind": "rod",
+            "length": 0.5,
+            "a": {"link": "world"},
+            "b": {"link": "link0", "origin": {"xyz": [0.05, 0.0, 0.0]}},
+        }
+    ]
+    q = np.array([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    start = with_start(body, q, np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
+    sim = Simulator(scene_from_document(start), compiled=compiled)
+    states = run(sim, 0.5)
+    _, gap = rod_of(body | {"links": [link | {"parent": "world"} for link in body["links"]]})
+    lengths = [np.linalg.norm(gap(state.q)) for state in states]
+    assert np.abs(np.array(lengths) - 0.5).max() < 1e-11
+    assert np.abs(unaccounted(sim, states)).max() < 1e-6
+    assert states[-1].q[2] < -0.2
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_an_open_rod_latches_at_its_length(compiled):
+    # A slider thrown outwards, caught at 0.3 m.
+    document = copy.deepcopy(random_mechanism(0, closed=False, links=1).document)
+    document["gravity"] = [0.0, 0.0, 0.0]
+    joint = {"name": "slide", "type": "prismatic", "axis": [1.0, 0.0, 0.0]}
+    document["links"][0]["joint"] = joint
+    document["operational_points"] = document["operational_points"][:1]
+    ends = {"a": {"link": "link0"}, "b": {"link": "world"}}
+    rod = {"name": "rod", "kind": "rod", "length": 0.3, "active": False, "latch_distance": 0.01}
+    document["closures"] = [rod | ends]
+    document["initial_state"] = {"q": {"slide": 0.1}, "v": {"slide": 1.0}}
+    sim = Simulator(scene_from_document(document), compiled=compiled)
+    states = run(sim, 0.3)
+    assert states[0].active == (False,)
+    assert states[-1].active == (True,)
+    assert states[-1].q == pytest.approx([0.3], abs=1e-9)
+    assert states[-1].v == pytest.approx([0.0], abs=1e-12)
+    assert states[-1].account.latch_loss > 0.0
+
+
+def test_a_closed_rod_is_drawn_with_both_ends_and_others_as_one_ball():
+    document, q, v = sample(0, planar=False)
+    gap = rod_of(document)[1](q)
+    scene = scene_from_document(with_start(document, q, v))
+    mechanism = Mechanism(scene)
+    placement = Placer(mechanism).at(q)
+    assert placement.rods == {"rod"}
+    closed, opened = (closure_shapes(placement, {"rod": on}, 1.0) for on in (True, False))
+    assert [shape.kind for shape in closed] == [shape.kind for shape in opened]
+    ends = np.array([shape.pose.translation for shape in closed[:2]])
+    assert np.abs(ends[0] - ends[1] - gap).max() < 1e-14
+    assert {shape.namespace for shape in closed} == {"closures"}
+    ball = closure_shapes(replace(placement, rods=frozenset()), {"rod": True}, 1.0)
+    assert len(ball) == 1

@@ -1,0 +1,251 @@
+"""The linearly implicit rule: against its definition, closed forms, and references."""
+
+from copy import deepcopy
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros.bench.accuracy import cases
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism import Simulator
+from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED, WEIGHTS
+from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.reference import reference_motion
+from hapticmech_ros.scene import scene_from_document
+from oracles.closed_form import kkt
+from oracles.generator import closed_chain, random_mechanism
+from oracles.implementations import apart, condition
+from oracles.planar_linkages import five_bar, five_bar_bent
+from oracles.running import run, with_start
+
+PERIOD = 1e-3
+GOVERNOR = next(case for case in cases() if case.name == "flyball_governor")
+
+
+def simulated(document, period=PERIOD, compiled=True, **simulation):
+    step = {"period": period, "integrator": "linearly_implicit"} | simulation
+    return Simulator(scene_from_document(document | {"simulation": step}), compiled)
+
+
+def bar(q=0.3, v=0.0, **joint):
+    """Return a bar on a pivot; its moment of inertia about the pivot is 0.00260625 kg m²."""
+    document = five_bar(closed=False)
+    document["links"] = document["links"][:1]
+    document["links"][0]["joint"] |= joint
+    document["operational_points"] = document["operational_points"][:2]
+    return with_start(document, np.array([q]), np.array([v]))
+
+
+MOMENT = 0.0021 + 1.0 * 0.0225**2
+
+
+def stiffened(sample, stiffness):
+    """Return a sample with springs, friction and stops in joints, and one between points."""
+    # Samples are shared.
+    document = with_start(deepcopy(sample.document), sample.q, 0.3 * sample.v)
+    for link in document["links"]:
+        joint = link["joint"]
+        joint["damping"] = 0.05
+        if joint["type"] in ("revolute", "prismatic"):
+            rest = document["initial_state"]["q"][joint["name"]]
+            joint |= {"stiffness": stiffness, "rest": rest, "friction": 0.2, "effort": 0.3}
+            joint["limits"] = {
+                "lower": rest - 2.0,
+                "upper": rest - 1e-3,
+                "stiffness": stiffness,
+                "damping": 0.1 * stiffness,
+            }
+    last = document["links"][-1]["name"]
+    document["springs"] = [
+        {
+            "name": "line",
+            "a": {"link": last, "origin": {"xyz": [0.05, 0.02, 0.0]}},
+            "b": {"link": "world", "origin": {"xyz": [0.4, 0.5, 0.0]}},
+            "stiffness": 0.1 * stiffness,
+            "damping": 0.01 * stiffness,
+            "rest_length": 0.2,
+        }
+    ]
+    return document
+
+
+SAMPLES = [
+    random_mechanism(0, closed=False),
+    random_mechanism(1, duplicated=True),
+    random_mechanism(3, True, duplicated=True),
+    random_mechanism(4),
+    closed_chain(1, "revolute"),
+    closed_chain(2, "planar_pin"),
+    closed_chain(5, "weld"),
+]
+STIFF = [stiffened(sample, 10.0**power) for sample, power in zip(SAMPLES, range(7), strict=True)]
+
+
+def by_definition(mechanism, state, wrenches, period):
+    """Return (q, v) after a step of the Rosenbrock method with a dense J, before projection."""
+    model, nv, q = mechanism.model, mechanism.nv, state.q
+    start = mechanism.evaluate(q, state.v, state.active)
+    slopes = mechanism.slopes(q, state.v, period)
+    jacobian = np.zeros((2 * nv, 2 * nv))
+    jacobian[:nv, nv:] = np.eye(nv)
+    # Rows alike, so that the oracle's cut sees what is redundant as it does elsewhere.
+    rows = start.closure_jacobian
+    free = [kkt(start.inertia, rows, unit, np.zeros(len(rows)))[0] for unit in np.eye(nv)]
+    inverse = np.array(free).T
+    jacobian[nv:, :nv], jacobian[nv:, nv:] = -inverse @ slopes[0], -inverse @ slopes[1]
+
+    def rates(y):
+        theta, speed = y[:nv], y[nv:]
+        terms = mechanism.evaluate(mechanism.integrate(q, theta), speed, state.active)
+        force = sum((w @ p.jacobian for w, p in zip(wrenches, terms.points, strict=True)), 0.0)
+        right = np.atleast_2d(pin.dIntegrate(model, q, theta, pin.ArgumentPosition.ARG1))
+        return np.r_[np.linalg.solve(right, speed), terms.acceleration(force)[0]]
+
+    y0, k = np.r_[np.zeros(nv), state.v], np.zeros((4, 2 * nv))
+    matrix = np.eye(2 * nv) - period * DIAGONAL * jacobian
+    for i in range(4):
+        y = y0 + period * REACHED[i] @ k
+        k[i] = np.linalg.solve(matrix, rates(y) + period * jacobian @ (COUPLED[i] @ k))
+    end = y0 + period * WEIGHTS @ k
+    return mechanism.integrate(q, end[:nv]), end[nv:]
+
+
+def test_the_coefficients_are_of_order_three_with_any_jacobian():
+    g = DIAGONAL
+    assert abs(g**3 - 3.0 * g**2 + 1.5 * g - 1.0 / 6.0) < 1e-15
+    a, c, b = REACHED, COUPLED + g * np.eye(4), WEIGHTS
+    at, one = a.sum(axis=1), np.ones(4)
+    # Trees up to order 3, every edge either f' (α) or J (γ); those with J vanish.
+    expected = {
+        (): (b @ one, 1.0),
+        "a": (b @ at, 1 / 2),
+        "c": (b @ c @ one, 0.0),
+        "a2": (b @ at**2, 1 / 3),
+        "aa": (b @ a @ at, 1 / 6),
+        "ac": (b @ a @ c @ one, 0.0),
+        "ca": (b @ c @ at, 0.0),
+        "cc": (b @ c @ c @ one, 0.0),
+    }
+    for found, wanted in expected.values():
+        assert abs(found - wanted) < 1e-15
+    # Stiffly accurate.
+    assert np.abs(a[3] + c[3] - b).max() == 0.0
+
+
+@pytest.mark.parametrize("document", STIFF)
+def test_a_step_is_that_of_the_definition(document):
+    sim = simulated(document, compiled=False)
+    state, mechanism = sim.initial_state(), sim.mechanism
+    wrenches = 0.3 * np.random.default_rng(0).normal(size=(len(mechanism.point_names), 6))
+    q, v = by_definition(mechanism, state, wrenches, PERIOD)
+    q, v, _, closing = project(mechanism, q, v, state.active)
+    found = sim.step(state, wrenches)
+    # J of the stiffest scene has entries of 1e8, times h, and the oracle forms its inverse.
+    close = 1e-10 * condition(closing.space)
+    assert apart(found.q, q, 1.0) < close
+    assert apart(found.v, v, 1.0) < close
+    assert np.abs(found.v - state.v).max() > 1e-4
+
+
+@pytest.mark.parametrize("document", STIFF)
+def test_steps_by_kernels_are_the_same(document):
+    sims = [simulated(document, compiled=compiled) for compiled in (False, True)]
+    wrenches = np.random.default_rng(1).normal(size=(len(sims[0].mechanism.point_names), 6))
+    state = sims[0].initial_state()
+    for _ in range(5):
+        forces = 0.1 * np.arange(state.v.size)
+        one, other = (sim.step(state, wrenches, joint_forces=forces) for sim in sims)
+        close = 1e-11 * condition(sims[0].evaluate(one).space)
+        assert apart(other.q, one.q, 1.0) < close
+        assert apart(other.v, one.v, 1.0) < close
+        assert abs(other.account.work_in - one.account.work_in) < close
+        lost = other.account.damping_loss - one.account.damping_loss
+        assert abs(lost) < close * max(1.0, abs(one.account.damping_loss))
+        state = one
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.05])
+def test_a_linear_oscillator(damping):
+    """q = exp(-d t) (cos w t + d / w sin w t), to order 3 where the step follows it."""
+    stiffness, end = 30.0, 0.1
+    decay = damping / (2.0 * MOMENT)
+    turn = np.sqrt(stiffness / MOMENT - decay**2)
+    fading, phase = 0.3 * np.exp(-decay * end), turn * end
+    q = fading * (np.cos(phase) + decay / turn * np.sin(phase))
+    v = -fading * (turn + decay**2 / turn) * np.sin(phase)
+    errors = []
+    for period in (4e-4, 2e-4):
+        document = bar(stiffness=stiffness, damping=damping)
+        last = run(simulated(document, period), end)[-1]
+        errors.append(np.hypot(last.q[0] - q, (last.v[0] - v) / turn))
+    assert errors[0] < 1e-4
+    assert abs(np.log2(errors[0] / errors[1]) - 3.0) < 0.15
+
+
+@pytest.mark.parametrize("joint", [{"stiffness": 1e8}, {"damping": 1e6}])
+def test_what_is_much_faster_than_the_step_dies_out(joint):
+    """L-stable: what explicit rules blow up is gone after a few steps, and no rate is left."""
+    states = run(simulated(bar(v=5.0, **joint), 1e-2), 0.1)
+    assert abs(states[-1].q[0]) < (1e-5 if "stiffness" in joint else 0.31)
+    assert abs(states[-1].v[0]) < 1e-3
+    blown = simulated(bar(v=5.0, **joint), 1e-2, integrator="rk4")
+    with pytest.raises(InvalidInputError, match="finite"):
+        run(blown, 1.0)
+
+
+def test_friction_holds_a_bar_against_a_push():
+    """It creeps at the speed where tanh balances the push, without rattling."""
+    document = bar(friction=1.0, friction_speed=1e-3, effort=0.5)
+    sim = simulated(document)
+    states = run(sim, 0.2)
+    creep = 1e-3 * np.arctanh(0.5)
+    rates = np.array([state.v[0] for state in states[50:]])
+    assert np.abs(rates - creep).max() < 1e-3 * creep
+
+
+def test_the_governor_at_a_millisecond():
+    """Springs and dampers of 8e5 N/m and 4e4 N s/m between 3 kg: rates of 3e4 1/s."""
+    output = GOVERNOR.outputs[0]
+    errors = []
+    for period in (1e-3, 5e-4):
+        simulation = GOVERNOR.scene.simulation.model_copy(
+            update={"integrator": "linearly_implicit", "substeps": 1, "period": period}
+        )
+        sim = Simulator(GOVERNOR.scene.model_copy(update={"simulation": simulation}))
+        states = run(sim, output.times[1])
+        picked = [states[round(time / period)] for time in output.times[:2]]
+        heights = [sim.mechanism.frame_pose(s.q, output.name).translation[2] for s in picked]
+        errors.append(np.abs(np.array(heights) - np.array(output.values[:2])[:, 0]).max())
+    # 7e-7 and 1.4e-7 were measured: h times the spring's rate is 30, where orders are lower.
+    assert errors[0] < 2e-6
+    assert np.log2(errors[0] / errors[1]) > 2.0
+
+
+@pytest.mark.parametrize("duplicated", [False, True])
+def test_a_closed_chain_with_a_stiff_joint_follows_the_reference(duplicated):
+    q, v = five_bar_bent(1.9, 0.9), np.array([0.9, -1.0, 1.0, 0.5])
+    document = with_start(five_bar(-9.81, 0.002), q, v)
+    document["links"][1]["joint"] |= {"stiffness": 5e3, "damping": 5.0, "rest": float(q[1])}
+    if duplicated:
+        pin_ = document["closures"][0]
+        document["closures"] = [pin_, pin_ | {"name": "again"}]
+    expected = reference_motion(scene_from_document(document), (0.2,), tolerance=1e-9, stiff=True)
+    errors = []
+    for period in (1e-3, 5e-4):
+        end = run(simulated(document, period), 0.2)[-1]
+        errors.append(np.abs(end.q - expected.q[0]).max())
+        assert end.closure_error < 1e-14
+    assert errors[0] < 1e-5
+    assert errors[0] > 4.0 * errors[1]
+
+
+@pytest.mark.parametrize(("period", "slowest"), [(2e-3, 0.1), (2.5e-5, -1.99)])
+def test_a_stop_gives_back_no_more_than_it_got(period, slowest):
+    """A bar thrown against a hard stop, 6000 rad/s: long steps take its energy, short ones none."""
+    limits = {"lower": -1.0, "upper": 0.4, "stiffness": 1e5, "damping": 0.0}
+    states = run(simulated(bar(v=2.0, limits=limits), period), 0.07)
+    # At 2.5e-5 s it leaves by 8e-4 too fast, to order 3 in 0.15 rad a step.
+    assert -2.002 < states[-1].v[0] < slowest
+    # 2 rad/s over 6000 rad/s, and what a long step goes before it sees the stop.
+    assert max(state.q[0] for state in states) < 0.4 + 4e-4 + 2.0 * period
