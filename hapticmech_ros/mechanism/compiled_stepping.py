@@ -97,7 +97,11 @@ class CompiledStepper(Stepper):
             else:
                 code = advance_stage(*placed, self._work, stage, known)
             if code < 0:
-                raise not_finite("rates", parts.v) if code == NOT_FINITE else failure(code)
+                raise (
+                    not_finite("rates", parts.v)
+                    if code == NOT_FINITE
+                    else failure(code, mechanism.tree)
+                )
             q, v, packed, bias_force = parts.q, parts.v, None, None
             if not self._flat:
                 q[:] = pin.integrate(model, parts.q0, parts.theta)
@@ -120,7 +124,11 @@ class CompiledStepper(Stepper):
             if not self._flat:
                 parts.q[:] = pin.integrate(mechanism.model, parts.q, parts.theta)
         if code < 0:
-            raise not_finite("state", parts.q) if code == NOT_FINITE else failure(code)
+            raise (
+                not_finite("state", parts.q)
+                if code == NOT_FINITE
+                else failure(code, mechanism.tree)
+            )
         if code != SETTLED:
             self._refuse(code, packed, active)
         elif self._plan.baumgarte_rate > 0.0:

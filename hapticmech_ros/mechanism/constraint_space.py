@@ -2,7 +2,7 @@
 
 With D = L Lᵀ, the columns of A = L⁻¹Wᵀ span the forces that the loops can transmit. The thin SVD
 A = U diag(σ) Vᵀ, cut at the solver's rank tolerance, gives every constrained quantity without ever
-forming W D⁻¹ Wᵀ, whose condition number is the square of A's.
+forming W D⁻¹ Wᵀ, whose condition number is the square of A's. T1 of docs/derivations.md.
 """
 
 from __future__ import annotations

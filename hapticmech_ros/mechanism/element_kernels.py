@@ -68,7 +68,9 @@ def element_slopes(
         rate, values = tables.elements[row, 0], tables.element_values[row]
         position = q[tables.elements[row, 1]]
         stiffness[rate, rate] += values[STIFFNESS]
-        damping[rate, rate] += values[FRICTION] / values[FRICTION_SPEED]
+        relative = abs(v[rate]) / values[FRICTION_SPEED]
+        share = math.tanh(relative) / relative if relative > 1e-6 else 1.0
+        damping[rate, rate] += share * values[FRICTION] / values[FRICTION_SPEED]
         for side in range(2):
             entered, speed = _contact(values, side, position, v[rate])
             deepest = entered + horizon * max(speed, 0.0)

@@ -6,6 +6,7 @@ In a joint with coordinate q and rate v (docs/notation.md):
 * a stop entered by d >= 0 pushes out with max(k d + b min(d / depth, 1) ḋ, 0): it never pulls.
 
 Between the origins of two frames, l apart: tension k (l - rest) + c l̇, which acts along the line.
+None of them makes energy: T8 of docs/derivations.md.
 """
 
 from __future__ import annotations
@@ -65,7 +66,11 @@ class JointElement:
     def slopes(self, q: float, v: float, horizon: float) -> tuple[float, float]:
         """Return stiffness and damping; a stop counts if it is met within ``horizon`` (s)."""
         joint = self.joint
-        stiffness, damping = joint.stiffness, joint.friction / joint.friction_speed
+        # The secant: friction already there, over the speed. Its largest slope would hold a joint
+        # that slides as if it stuck.
+        relative = abs(v) / joint.friction_speed
+        share = math.tanh(relative) / relative if relative > 1e-6 else 1.0
+        stiffness, damping = joint.stiffness, share * joint.friction / joint.friction_speed
         for limits, contact in self._contacts(q, v):
             deepest = contact.depth + horizon * max(contact.speed, 0.0)
             if deepest > 0.0:

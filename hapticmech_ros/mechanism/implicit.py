@@ -6,7 +6,7 @@ A Rosenbrock method with weights w, for y = (θ, v) and ẏ = f(y), solves per s
 
 This one (Rang and Angermann 2005) is stiffly accurate and L-stable, and of order 3 with any J. So J
 holds springs and dampers alone: θ̇ = v and v̇ = -A_h (K θ + C v), with A_h the inverse inertia that
-the closures leave. Then one small system per stage is left; see docs/derivations.md.
+the closures leave. Then one small system per stage is left: T5 to T7 of docs/derivations.md.
 
 On the flyball governor at 1 ms, with this J, it is off by 2e-6 m after 10 s; Rosenbrock methods of
 order 2 by 9e-6 m (γ = 1 - √½) and 2e-4 m (γ = 1 + √½), generalised-α (spectral radius 0.8, exact

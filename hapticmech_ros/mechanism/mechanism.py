@@ -126,8 +126,8 @@ class Mechanism:
         """Return how passive forces resist change: stiffness and damping, each (nv, nv).
 
         Symmetric, positive semi-definite approximations of -∂τ/∂q and -∂τ/∂v. Friction counts with
-        its largest slope, a stop if it is met or will be within ``horizon`` (s) at the present
-        speed, and springs between points as if their direction stayed.
+        its secant, a stop if it is met or will be within ``horizon`` (s) at the present speed, and
+        springs between points as if their direction stayed.
         """
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)

@@ -1,6 +1,8 @@
 """Projection of a state onto the closures in the mass metric, after every integration step.
 
 q ← q ⊖ D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ φ,      v ← v - D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ W v
+
+T2 of docs/derivations.md; the energy that it takes from a loop that latches is T3.
 """
 
 from __future__ import annotations

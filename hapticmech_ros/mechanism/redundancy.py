@@ -2,7 +2,8 @@
 
 Rows of A = W L⁻ᵀ, scaled to one unit and cut at the solver's rank tolerance, are taken in the
 scene's order: a row is redundant if what is left of it beside the rows before is nothing. The
-number of the others is the solver's rank r; which rows they are depends on the order.
+number of the others is the solver's rank r; which rows they are depends on the order (T9 of
+docs/derivations.md).
 """
 
 from __future__ import annotations

@@ -77,7 +77,7 @@ class Plan(NamedTuple):
         integrator: name of a rule of ``INTEGRATORS``.
         period: s.
         substeps: steps of the integrator in a period.
-        baumgarte_rate: a, 1/s; 0 where states are projected instead.
+        baumgarte_rate: a of T4 (docs/derivations.md), 1/s; 0 where states are projected instead.
     """
 
     integrator: str

@@ -220,8 +220,9 @@ def test_friction_is_coulombs_away_from_rest():
     for speed, force in ((1.0, -3.0), (-1.0, 3.0), (0.01, -3.0 * np.tanh(1.0))):
         found = passive(mechanism, np.zeros(1), np.array([speed]))
         assert found == pytest.approx([force], rel=1e-15)
-    # Its largest slope at any speed.
-    assert mechanism.slopes(np.zeros(1), np.ones(1), 0.0)[1] == pytest.approx(300.0)
+    # The secant: force over speed, and at rest the slope.
+    assert mechanism.slopes(np.zeros(1), np.ones(1), 0.0)[1] == pytest.approx(3.0)
+    assert mechanism.slopes(np.zeros(1), np.zeros(1), 0.0)[1] == pytest.approx(300.0)
 
 
 def test_a_spring_between_points_pulls_along_the_line():

@@ -249,3 +249,12 @@ def test_a_stop_gives_back_no_more_than_it_got(period, slowest):
     assert -2.002 < states[-1].v[0] < slowest
     # 2 rad/s over 6000 rad/s, and what a long step goes before it sees the stop.
     assert max(state.q[0] for state in states) < 0.4 + 4e-4 + 2.0 * period
+
+
+def test_friction_stops_a_bar_where_it_should():
+    """v = v0 - f t / I until it stops: 5 rad/s, 0.1 N m, half the way of v0² I / 2f."""
+    states = run(simulated(bar(v=5.0, friction=0.1)), 0.2)
+    way = 0.5 * 25.0 * MOMENT / 0.1
+    assert abs(states[-1].v[0]) < 1e-9
+    # tanh lets go a little below its speed of 0.01 rad/s.
+    assert states[-1].q[0] - 0.3 == pytest.approx(way, abs=2e-4)
