@@ -93,7 +93,7 @@ class CompiledAnalysis:
             seen,
         )
         if code:
-            raise _no_spectrum() if code == NO_SPECTRUM else failure(code)
+            raise _no_spectrum() if code == NO_SPECTRUM else failure(code, mechanism.tree)
 
 
 def _no_spectrum() -> HapticMechError:
