@@ -15,6 +15,7 @@ from hapticmech_ros.experiment.from_session import run_session
 from hapticmech_ros.experiment.health import health_from_bag
 from hapticmech_ros.experiment.run import write_results
 from hapticmech_ros.graph import Graph, private_environment, start_process, stop_process, told_by
+from hapticmech_ros.kernel_cache import compile_ahead
 from hapticmech_ros.scene import load_scene
 
 RECORDER = "hapticmech_ros.nodes.recorder"
@@ -72,6 +73,8 @@ def run_demo(
 def _record_graph(
     scene_name: str, bag: Path, composed: bool, seconds: float, storage: str, show: Show
 ) -> None:
+    # Before the recorder waits for the graph: the first time it takes longer than that waits.
+    compile_ahead()
     environment = private_environment()
     command = [sys.executable, "-m", RECORDER, "--out", str(bag), "--scene", scene_name]
     command += ["--duration", str(seconds), "--storage", storage]
