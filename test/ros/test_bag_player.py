@@ -134,7 +134,7 @@ def test_pauses_and_resumes(bag: Path, peer: Peer, domain: int) -> None:
 def test_remaps_loops_and_ends_on_a_signal(bag: Path, peer: Peer, domain: int) -> None:
     heard = peer.listen("/there", Float64MultiArray)
     status = peer.listen("/left/status", UInt8)
-    options = ("--remap", "/arm/state:=/there", "--namespace", "left", "--loop", "--rate", "5")
+    options = ("--remap", "/arm/state:=/there", "--namespace", "left", "--loop", "--rate", "2")
     with bag_command(domain, "play", bag, *options, *WAIT) as player:
         peer.until(lambda: len(heard) > 1200, "the third round")
         player.send_signal(signal.SIGINT)
