@@ -65,7 +65,7 @@ class Outlet:
     @property
     def wanted(self) -> bool:
         """Whether anybody would get a message."""
-        return self._stays or self._count() > 0
+        return self._stays or self.publisher.get_subscription_count() > 0
 
     def publish(self, message: Any) -> None:
         """Send a message, or its bytes, to all who listen."""
