@@ -11,7 +11,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
+from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
 
 
 def tell(event: str, **facts: object) -> None:

@@ -51,6 +51,8 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
         return 1
     # Matrices are small and cores few: more BLAS threads only add delays. Read when numpy loads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Looking for plugins of pydantic, of which none is wanted here, takes a node 40 ms.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # UDP also on one machine: whoever is killed while it holds a lock in shared memory would stop
     # its peers for seconds. Fast DDS reads this where the discovery range is not LOCALHOST.
     os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")

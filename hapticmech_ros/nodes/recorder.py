@@ -24,9 +24,9 @@ from std_srvs.srv import Trigger
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.child import tell
+from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
-from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.topic import Topic

@@ -19,6 +19,9 @@ POSITION_MM, ROTATION_DEG = 0.5, 0.5
 TRIES = 3
 # A command held for longer than this leads away from the session, as it would a real device.
 LONGEST_PAUSE_S = 0.012
+# At 500 Hz, half the scenes' rate, the constraint's damper changes sign with every sample and grows
+# by half each time (docs/nodes.md): a graph starved so for 30 ms need not follow the session.
+SLOWEST_RATE_HZ = 400.0
 
 
 def run(scene: str, out: Path, composed: bool) -> dict[str, Any]:
@@ -34,12 +37,9 @@ def was_given_time(summary: dict[str, Any]) -> bool:
     nodes = summary["graph"]["nodes"]
     unbroken = nodes["haptic_device"]["times_held"] == 1 and summary["coverage"]["complete"]
     unbroken = unbroken and nodes["teleoperation_controller"]["engagements"] == 1
-    pause = summary["coverage"]["groups"]["device and point"]["longest_pause_s"]
-    unbroken = unbroken and pause < LONGEST_PAUSE_S
-    return unbroken and min(nodes[n]["achieved_rate_hz"] for n in CLOCKED) > 600.0
-
-
-CLOCKED = ("haptic_device", "mechanism_simulator")
+    motion = summary["coverage"]["groups"]["device and point"]
+    even = motion["longest_pause_s"] < LONGEST_PAUSE_S
+    return unbroken and even and motion["slowest_rate_hz"] >= SLOWEST_RATE_HZ
 
 
 @pytest.mark.parametrize(

@@ -26,8 +26,8 @@ from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.nodes.bags.bag_prefetch import Prefetch
 from hapticmech_ros.nodes.bags.bag_qos import adapted_offer
 from hapticmech_ros.nodes.bags.keyboard import Keyboard
+from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.nodes.message_class import message_class
-from hapticmech_ros.nodes.runtime import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.times import NANOSECONDS
 
 CLOCK = "/clock"

@@ -19,14 +19,14 @@ from rclpy.signals import SignalHandlerOptions
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.bench.bare_examples import TYPES, Example, Examples
-from hapticmech_ros.nodes.messages import set_stamp, stamp_ns
-from hapticmech_ros.nodes.period_clock import PeriodClock
-from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, LATCHED, STREAM_PUBLISHER
-from hapticmech_ros.nodes.runtime import (
+from hapticmech_ros.nodes.loop import (
     StopRequest,
     run_until,
     wake_up_in_time,
 )
+from hapticmech_ros.nodes.messages import set_stamp, stamp_ns
+from hapticmech_ros.nodes.period_clock import PeriodClock
+from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, LATCHED, STREAM_PUBLISHER
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.times import NANOSECONDS
