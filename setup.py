@@ -83,6 +83,8 @@ setup(
         "rosbags>=0.11",
         "ruamel.yaml",
         "scipy",
+        # Numba links the library of kernels with it.
+        "setuptools",
         "typer",
     ],
     extras_require={

@@ -4,52 +4,90 @@ The calls of NumPy and SciPy that a tick makes cost a microsecond each and compu
 nanoseconds. A kernel does a tick's worth of them in one call. Every kernel has an implementation
 in plain NumPy beside it, which says what it computes and is what tests compare it with.
 
-What is compiled is kept in the user's cache folder (``NUMBA_CACHE_DIR``, or ``hapticmech_ros`` in
-``XDG_CACHE_HOME``; see :mod:`~hapticmech_ros.kernel_cache`). Rounding is the same in every run:
-nothing is reordered, fused or run in parallel.
+All kernels are compiled together into a library (:mod:`~hapticmech_ros.kernel_library`), which
+loads in a millisecond and without Numba. Where that cannot be built, or where the environment says
+``HAPTICMECH_ROS_KERNELS=jit``, each process compiles its own with Numba, or loads what another one
+compiled, which takes it a second. Rounding is the same in every run: nothing is reordered, fused or
+run in parallel.
+
+A kernel in the library does not look at the type of an array, nor at its strides: whoever calls it
+gives it float64 or int64 arrays of its own, in C order unless the signature says otherwise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar, cast
-
-import numba
+from typing import Any, NamedTuple, TypeVar, cast
 
 from hapticmech_ros.kernel_cache import folder
+from hapticmech_ros.kernel_library import library
 
 Function = TypeVar("Function", bound=Callable[..., object])
 # Division by zero gives what NumPy gives; no operation is reordered or fused.
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False}
+
+
+class Kernel(NamedTuple):
+    """A function to be compiled for these argument types, and its name in the library."""
+
+    name: str
+    signature: str
+    function: Callable[..., object]
+
+
+class _Collection:
+    """Kernels found so far, where they are collected in order to be compiled together."""
+
+    kernels: list[Kernel] | None = None
+
+
+def collect() -> list[Kernel]:
+    """Return a list to which every kernel of modules imported from now on is added, uncompiled."""
+    found: list[Kernel] = []
+    _Collection.kernels = found
+    return found
 
 
 def inner(function: Function) -> Function:
     """Return a function that kernels call; compiled as part of each of them."""
-    return cast(Function, numba.njit(**_OPTIONS)(function))
+    if _Collection.kernels is None and library() is not None:
+        return function
+    import numba
+
+    return cast(Function, numba.njit(**OPTIONS)(function))
 
 
 def kernel(signature: str) -> Callable[[Function], Function]:
-    """Return a decorator that compiles a function for these argument types, or loads it.
+    """Return a decorator that finds a function in the library, or else compiles or loads it."""
 
-    Where no folder can be written, every process compiles for itself, which takes seconds.
-    """
+    def compiled(function: Function) -> Function:
+        module = function.__module__.removeprefix("hapticmech_ros.").replace(".", "_")
+        name = f"{module}_{function.__name__}"
+        if _Collection.kernels is not None:
+            _Collection.kernels.append(Kernel(name, signature, function))
+            return function
+        found = getattr(library(), name, None)
+        return _just_in_time(signature, function) if found is None else cast(Function, found)
 
-    def compile_or_load(function: Function) -> Function:
-        try:
-            with _cache_folder():
-                return cast(Function, numba.njit(signature, cache=True, **_OPTIONS)(function))
-        except (OSError, RuntimeError):
-            return cast(Function, numba.njit(signature, **_OPTIONS)(function))
+    return compiled
 
-    return compile_or_load
+
+def _just_in_time(signature: str, function: Function) -> Function:
+    """Compile a function or load it; where no folder can be written, compile it each time."""
+    import numba
+
+    try:
+        with _cache_folder(numba.config):
+            return cast(Function, numba.njit(signature, cache=True, **OPTIONS)(function))
+    except (OSError, RuntimeError):
+        return cast(Function, numba.njit(signature, **OPTIONS)(function))
 
 
 @contextmanager
-def _cache_folder() -> Iterator[None]:
-    config: Any = numba.config
+def _cache_folder(config: Any) -> Iterator[None]:
     before = config.CACHE_DIR
-    config.CACHE_DIR = str(folder(before))
+    config.CACHE_DIR = str(folder())
     try:
         yield
     finally:

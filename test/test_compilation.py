@@ -1,14 +1,16 @@
 """Where compiled kernels are kept, and that a change in any of their files is seen."""
 
 import ast
+import os
 import subprocess
+import sys
 from pathlib import Path
 
 import numba
 import pytest
 
 import hapticmech_ros
-from hapticmech_ros import kernel_cache
+from hapticmech_ros import kernel_cache, kernel_library
 from hapticmech_ros.compilation import kernel
 
 PACKAGE = Path(hapticmech_ros.__file__).parent
@@ -20,16 +22,31 @@ def doubled(x: float) -> float:
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    # Loaded before, it is not built once more in the folder.
+    kernel_library.library()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     return tmp_path
 
 
-def test_kernels_are_kept_in_the_folder_that_was_chosen(folder):
+@pytest.fixture
+def alone(folder, monkeypatch):
+    """Let every question for the library be asked anew, in a folder of its own."""
+    kernel_library.library.cache_clear()
+    yield folder
+    kernel_library.library.cache_clear()
+
+
+def refuse(command, **options):
+    raise AssertionError(f"nothing must be started, but: {command}")
+
+
+def test_what_is_not_in_the_library_is_kept_in_the_folder_that_was_chosen(folder):
+    chosen = numba.config.CACHE_DIR
     assert kernel("float64(float64)")(doubled)(3.0) == 6.0
     kept = list(folder.rglob("*doubled*.nbi"))
     assert len(kept) == 1
     assert kept[0].relative_to(folder).parts[0].startswith("kernels-")
-    assert str(folder) == numba.config.CACHE_DIR
+    assert chosen == numba.config.CACHE_DIR
 
 
 def test_a_second_start_compiles_nothing(folder):
@@ -47,9 +64,10 @@ def test_another_content_has_another_folder(folder, monkeypatch):
     assert len(list(folder.iterdir())) == 2
 
 
-def test_a_folder_that_cannot_be_written_is_no_error(tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "file"))
+def test_a_folder_that_cannot_be_written_is_no_error(alone, monkeypatch, capfd):
+    (alone / "file").write_text("")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(alone / "file"))
+    assert kernel_library.library() is None
     assert kernel("float64(float64)")(doubled)(3.0) == 6.0
 
 
@@ -62,8 +80,83 @@ def test_without_any_folder_kernels_are_compiled_each_time(monkeypatch, folder):
 
 
 def test_the_users_folder_is_the_default(monkeypatch, tmp_path):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert kernel_cache.folder().parent == tmp_path / "hapticmech_ros"
+
+
+PROCESS = """
+import os, sys
+import numpy as np
+from hapticmech_ros.wire.kernels import stamp_if_sound
+from hapticmech_ros.saturation_kernels import limit
+values = np.zeros(27)
+values[0], values[1], values[5] = 3.0, 7.0, 1.0
+print(stamp_if_sound(values, 5, 1e-6), "numba" in sys.modules, type(limit).__name__)
+"""
+
+
+def in_process(kernels):
+    done = subprocess.run(
+        [sys.executable, "-c", PROCESS],
+        check=False,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "HAPTICMECH_ROS_KERNELS": kernels},
+        timeout=120.0,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+def test_the_library_needs_no_numba_and_gives_what_numba_gives():
+    kernel_library.compile_ahead()
+    if kernel_library.library() is None:
+        pytest.skip("no compiler or headers here: the library cannot be built")
+    assert in_process("library") == ["3000000007", "False", "function"]
+    assert in_process("jit") == ["3000000007", "True", "CPUDispatcher"]
+
+
+def test_without_a_compiler_numba_is_used(alone, monkeypatch):
+    monkeypatch.setattr(kernel_library, "_can_build", lambda: False)
+    monkeypatch.setattr(kernel_library.subprocess, "run", refuse)
+    assert kernel_library.library() is None
+
+
+def test_a_build_that_fails_is_told_and_not_repeated(alone, monkeypatch, capfd):
+    started = []
+
+    def run(command, **options):
+        started.append(command)
+        return subprocess.CompletedProcess(command, 1, "", "no such instruction")
+
+    monkeypatch.setattr(kernel_library, "_can_build", lambda: True)
+    monkeypatch.setattr(kernel_library.subprocess, "run", run)
+    assert kernel_library.library() is None
+    reason = kernel_library.library_path().with_suffix(".failed")
+    assert reason.read_text() == "no such instruction"
+    assert str(reason) in capfd.readouterr().err
+    kernel_library.library.cache_clear()
+    assert kernel_library.library() is None
+    assert len(started) == 1
+
+
+def test_a_build_that_hangs_is_given_up(alone, monkeypatch):
+    def run(command, **options):
+        raise subprocess.TimeoutExpired(command, options["timeout"])
+
+    monkeypatch.setattr(kernel_library, "_can_build", lambda: True)
+    monkeypatch.setattr(kernel_library.subprocess, "run", run)
+    assert kernel_library.library() is None
+    assert "not done" in kernel_library.library_path().with_suffix(".failed").read_text()
+
+
+def test_a_library_that_cannot_be_loaded_is_told(alone, monkeypatch, capfd):
+    path = kernel_library.library_path()
+    path.parent.mkdir(parents=True)
+    path.write_bytes(b"this is no library")
+    assert kernel_library.library() is None
+    assert str(path) in capfd.readouterr().err
 
 
 def decorators(module):
@@ -85,22 +178,23 @@ def test_every_file_that_becomes_part_of_a_kernel_counts():
             names = {n.module for n in ast.walk(module) if isinstance(n, ast.ImportFrom)}
             own = {name.split(".", 1)[1] for name in names if name.startswith("hapticmech_ros.")}
             parts |= {name.replace(".", "/") + ".py" for name in own}
-    # The model gives kernels nothing but the name of a type.
+    # The builder says how; the model gives kernels nothing but the name of a type.
+    parts.add("kernel_builder.py")
     assert parts - {"mechanism/model.py"} == set(kernel_cache._SOURCES)
 
 
-def test_compiling_ahead_is_done_once(tmp_path, monkeypatch):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+def test_compiling_ahead_without_a_library_is_done_once(folder, monkeypatch):
+    monkeypatch.setenv("HAPTICMECH_ROS_KERNELS", "jit")
     started = []
 
     def run(command, **options):
         started.append(command)
-        kernel_cache.folder(str(tmp_path)).mkdir(exist_ok=True)
+        kernel_cache.folder().mkdir(exist_ok=True)
         return subprocess.CompletedProcess(command, len(started) == 1)
 
-    monkeypatch.setattr(kernel_cache.subprocess, "run", run)
-    kernel_cache.compile_ahead()
+    monkeypatch.setattr(kernel_library.subprocess, "run", run)
+    kernel_library.compile_ahead()
     # The first one failed, so it is tried again; the second is remembered.
-    kernel_cache.compile_ahead()
-    kernel_cache.compile_ahead()
+    kernel_library.compile_ahead()
+    kernel_library.compile_ahead()
     assert len(started) == 2

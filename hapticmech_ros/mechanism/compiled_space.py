@@ -55,7 +55,9 @@ class CompiledSpace(ConstraintSpace):
     def correction(self, rows: Array) -> Array:
         """Return D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ rows: of all changes with W change = rows the smallest."""
         change = np.empty(self.nv)
-        correct(self.packed, self.nv, self.m, self.rank, np.ascontiguousarray(rows), change)
+        correct(
+            self.packed, self.nv, self.m, self.rank, np.ascontiguousarray(rows, dtype=float), change
+        )
         return change
 
     def closed_rates(self, rates: Array) -> Array:

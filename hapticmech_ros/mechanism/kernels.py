@@ -18,6 +18,13 @@ from hapticmech_ros.mechanism.constraint_space import (
     DRIFT_FACTOR,
     SOLVER_RANK_TOLERANCE,
 )
+from hapticmech_ros.mechanism.many_rows import (
+    FEW_ROWS,
+    first_directions,
+    pseudo_inverse_transposed,
+    solve_lower_columns,
+    triangularise,
+)
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.small_matrices import (
     cholesky,
@@ -114,19 +121,56 @@ def factor(
         residual_of(kind, space.poses, a, b, first, space.residual)
         support = tables.support
         jacobian_of(kind, space.poses, a, b, support, joint_jacobian, first, space.jacobian)
-    scaled, turn = np.empty((m, nv)), np.empty((m, m))
     worst, drift = 0.0, 0.0
     for i in range(m):
-        length = tables.lengths[i]
         worst = max(worst, abs(space.residual[i]))
-        drift = max(drift, abs(space.residual[i] / length))
+        drift = max(drift, abs(space.residual[i] / tables.lengths[i]))
+    tolerance = max(SOLVER_RANK_TOLERANCE, min(DRIFT_FACTOR * drift, DRIFT_CAP))
+    if m > FEW_ROWS:
+        rank = _resolve_many(tables.lengths, tolerance, space)
+    else:
+        rank = _resolve_few(tables.lengths, tolerance, space)
+    space.tail[0], space.tail[1] = worst, max(rank, 0)
+    return rank
+
+
+@inner
+def _resolve_few(lengths: Array, tolerance: float, space: Packed) -> int:
+    """Fill basis, σ and rows by an SVD; return the rank, or NO_SVD."""
+    m, nv = space.jacobian.shape
+    scaled, turn = np.empty((m, nv)), np.empty((m, m))
+    for i in range(m):
         for c in range(nv):
-            scaled[i, c] = space.jacobian[i, c] / length
+            scaled[i, c] = space.jacobian[i, c] / lengths[i]
         solve_lower(space.factor, scaled[i])
     if not orthogonalise(scaled, turn):
         return NO_SVD
-    rank = _keep(scaled, turn, tables.lengths, drift, space)
-    space.tail[0], space.tail[1] = worst, rank
+    return _keep(scaled, turn, lengths, tolerance, space)
+
+
+@inner
+def _resolve_many(lengths: Array, tolerance: float, space: Packed) -> int:
+    """Fill basis and rows as an SVD does, but for a rotation of both; σ are R's diagonal."""
+    m, nv = space.jacobian.shape
+    most = space.sigma.size
+    scaled = np.empty((nv, m))
+    for c in range(nv):
+        for i in range(m):
+            scaled[c, i] = space.jacobian[i, c] / lengths[i]
+            if not np.isfinite(scaled[c, i]):
+                return NO_SVD
+    solve_lower_columns(space.factor, scaled)
+    order, reflectors = np.empty(m, dtype=np.int64), np.empty((most, nv))
+    rank = triangularise(scaled, most, tolerance, order, reflectors)
+    directions = first_directions(reflectors, rank, nv)
+    inverse = pseudo_inverse_transposed(scaled, rank)
+    for i in range(rank):
+        sigma = abs(scaled[i, i])
+        space.sigma[i] = sigma
+        for c in range(nv):
+            space.basis[i, c] = directions[c, i]
+        for j in range(m):
+            space.rows[i, order[j]] = inverse[i, j] * sigma / lengths[order[j]]
     return rank
 
 
@@ -149,9 +193,8 @@ def _place_frames(tables: Tables, joint_poses: Array, poses: Array) -> None:
 
 
 @inner
-def _keep(scaled: Array, turn: Array, lengths: Array, drift: float, space: Packed) -> int:
+def _keep(scaled: Array, turn: Array, lengths: Array, tolerance: float, space: Packed) -> int:
     """Keep the directions that carry force, and return their number."""
-    tolerance = max(SOLVER_RANK_TOLERANCE, min(DRIFT_FACTOR * drift, DRIFT_CAP))
     longest = np.sqrt(dot_rows(scaled, 0, 0))
     rank = 0
     for i in range(space.sigma.size):

@@ -59,17 +59,24 @@ def cross(a: Array, b: Array, out: Array) -> None:
 
 @inner
 def cholesky(lower: Array, factor: Array) -> int:
-    """Fill ``factor`` with L of L Lᵀ given the lower triangle; return the first bad row, or -1."""
+    """Fill ``factor`` with L of L Lᵀ given the lower triangle; return the first bad row, or -1.
+
+    Zeros at a row's beginning, where D couples nothing, stay zeros of L.
+    """
     size = lower.shape[0]
     for i in range(size):
-        for j in range(i):
+        start = 0
+        while start < i and lower[i, start] == 0.0:
+            factor[i, start] = factor[start, i] = 0.0
+            start += 1
+        for j in range(start, i):
             total = lower[i, j]
-            for k in range(j):
+            for k in range(start, j):
                 total -= factor[i, k] * factor[j, k]
             factor[i, j] = total / factor[j, j]
             factor[j, i] = 0.0
         total = lower[i, i]
-        for k in range(i):
+        for k in range(start, i):
             total -= factor[i, k] * factor[i, k]
         if not total > 0.0:
             return i

@@ -37,7 +37,7 @@ class CompiledAnalysis:
         parts = (metric.point_to_link, metric.factor, metric.dual_factor)
         self._constants = np.concatenate([limits, *(part.ravel() for part in parts)])
         self._details = np.empty(rows.size * (1 + 2 * rows.size))
-        self._position = np.empty(mechanism.nq)
+        self._position, self._rates = np.empty(mechanism.nq), np.empty(mechanism.nv)
 
     @staticmethod
     def understands(terms: Evaluation) -> bool:
@@ -79,13 +79,14 @@ class CompiledAnalysis:
         mechanism.place(q)
         pin.nonLinearEffects(mechanism.model, mechanism.data, q, v)
         self._position[:] = q
+        self._rates[:] = v
         code = see_point(
             *chosen.constants,
             *mechanism.placed,
             chosen.scratch,
             mechanism.bias_force,
             self._position,
-            v,
+            self._rates,
             self._index,
             self._constants,
             self._rows,
