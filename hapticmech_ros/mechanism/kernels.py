@@ -106,7 +106,7 @@ def factor(
     tables: Tables, inertia: Array, joint_jacobian: Array, joint_poses: Array, space: Packed
 ) -> int:
     """Fill ``space`` at a configuration; see :func:`factor_closures`."""
-    nv, m = tables.nv, tables.m
+    m = tables.m
     bad = cholesky(inertia, space.factor)
     if bad >= 0:
         return SINGULAR - bad

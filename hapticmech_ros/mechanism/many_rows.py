@@ -14,7 +14,8 @@ import numpy as np
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.model import Array
 
-# With more rows than this, QR takes less time; hapticmech bench accuracy shows both sides.
+# QR takes less time from some eight rows on. Up to this many the SVD is worth its time: what it
+# drops at a tolerance is the least that can be dropped.
 FEW_ROWS = 16
 
 
@@ -34,7 +35,9 @@ def solve_lower_columns(factor: Array, columns: Array) -> None:
 
 
 @inner
-def triangularise(matrix: Array, most: int, tolerance: float, order: Array, reflectors: Array) -> int:
+def triangularise(
+    matrix: Array, most: int, tolerance: float, order: Array, reflectors: Array
+) -> int:
     """Replace (n, m) A by R of A P = Q R, rows below the rank left undefined; return the rank.
 
     Args:

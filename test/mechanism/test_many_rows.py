@@ -1,0 +1,129 @@
+"""Closures of many rows: what QR gives is what the SVD of the readable implementation gives."""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.bench.accuracy.n_four_bar import n_four_bar
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.many_rows import (
+    FEW_ROWS,
+    first_directions,
+    pseudo_inverse_transposed,
+    solve_lower_columns,
+    triangularise,
+)
+from oracles.generator import closed_chain
+from oracles.implementations import apart, condition, pair_of, projector, sample_pair
+
+# As in test_compiled.py.
+ROUNDING = 1e-12
+
+
+def repeated(seed, kind, times):
+    """Return a closed chain whose only closure is written down ``times`` times."""
+    sample = closed_chain(seed, kind)
+    document = copy.deepcopy(sample.document)
+    loop = document["closures"][0]
+    document["closures"] = [{**copy.deepcopy(loop), "name": f"loop{i}"} for i in range(times)]
+    return sample_pair(replace(sample, document=document))
+
+
+def turned(windows, angle):
+    """Return A02's mechanism on its closures, all uprights turned by ``angle`` from where it is."""
+    pair = pair_of(n_four_bar(windows))
+    return replace(pair, q=pair.readable.integrate(pair.q, angle * pair.v))
+
+
+def pairs():
+    for windows in (9, 15, 40):
+        for angle in (0.0, 0.7, -1.3):
+            yield turned(windows, angle)
+    for seed in range(4):
+        yield repeated(seed, "weld", 3)
+        yield repeated(seed, "revolute", 6)
+        yield repeated(seed, "planar_pin", 12)
+
+
+PAIRS = list(pairs())
+
+
+def everything(pair):
+    return (True,) * len(pair.readable.closures)
+
+
+def test_all_have_many_rows_and_some_are_redundant():
+    spaces = [pair.compiled.closing_terms(pair.q, everything(pair)).space for pair in PAIRS]
+    assert all(space.rows.shape[0] > FEW_ROWS for space in spaces)
+    assert sum(space.rank < space.rows.shape[0] for space in spaces) == 12
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_results_are_the_same(pair):
+    expected, found = pair.evaluate(everything(pair))
+    one, other = found.space, expected.space
+    magnified = ROUNDING * condition(other)
+    assert one.rank == other.rank
+    assert apart(one.basis.T @ one.basis, np.eye(one.rank)) < ROUNDING
+    assert apart(projector(one), projector(other), 1.0) < magnified
+    rows = np.cos(np.arange(other.rows.shape[0]))
+    assert apart(one.correction(rows), other.correction(rows)) < magnified
+    assert apart(one.closed_rates(pair.v), other.closed_rates(pair.v), 1.0) < magnified
+    along = np.cos(np.arange(pair.v.size))
+    # Coordinates in U differ by a rotation; what they stand for does not.
+    forces = (space.multipliers(space.basis.T @ along) for space in (one, other))
+    assert apart(*forces) < magnified
+    accelerations = (terms.acceleration(along) for terms in (found, expected))
+    for a, b in zip(*accelerations, strict=True):
+        assert apart(a, b) < magnified
+
+
+@pytest.mark.parametrize("windows", [9, 20])
+def test_all_windows_in_line_lose_one_row_each(windows):
+    pair = turned(windows, np.pi / 2.0)
+    expected, found = (terms.space for terms in pair.evaluate(everything(pair)))
+    assert found.rank == expected.rank == windows
+    assert apart(projector(found), projector(expected), 1.0) < ROUNDING * condition(expected)
+
+
+def test_what_is_not_a_number_is_an_error():
+    pair = turned(9, 0.0)
+    q = pair.q.copy()
+    q[3] = np.nan
+    with pytest.raises(HapticMechError):
+        pair.compiled.closing_terms(q, everything(pair))
+
+
+@pytest.mark.parametrize(("size", "count", "rank"), [(8, 6, 6), (8, 6, 4), (5, 9, 5), (7, 7, 1)])
+def test_factors_of_a_matrix_of_any_rank(size, count, rank):
+    rng = np.random.default_rng([size, count, rank])
+    matrix = rng.normal(size=(size, rank)) @ rng.normal(size=(rank, count))
+    upper, most = matrix.copy(), min(size, count)
+    order, reflectors = np.empty(count, dtype=np.int64), np.empty((most, size))
+    assert triangularise(upper, most, 1e-10, order, reflectors) == rank
+    directions = first_directions(reflectors, rank, size)
+    kept = np.triu(upper[:rank])
+    assert apart(directions.T @ directions, np.eye(rank)) < 1e-14
+    assert apart(directions @ kept, matrix[:, order]) < 1e-14
+    inverse = pseudo_inverse_transposed(upper, rank)
+    assert apart(inverse, np.linalg.pinv(kept.T)) < 1e-14 * np.linalg.cond(kept)
+
+
+def test_diagonal_of_r_never_grows():
+    rng = np.random.default_rng(5)
+    upper = rng.normal(size=(20, 12)) * np.logspace(0, -6, 12)[rng.permutation(12)]
+    triangularise(upper, 12, 1e-12, np.empty(12, dtype=np.int64), np.empty((12, 20)))
+    diagonal = np.abs(np.diag(upper))
+    assert (np.diff(diagonal) <= 0.0).all()
+
+
+def test_zeros_of_a_factor_are_passed_over():
+    rng = np.random.default_rng(2)
+    factor = np.tril(rng.normal(size=(9, 9))) + 4.0 * np.eye(9)
+    factor[3:6, :3] = 0.0
+    columns = rng.normal(size=(9, 5))
+    solved = columns.copy()
+    solve_lower_columns(factor, solved)
+    assert apart(factor @ solved, columns) < 1e-14
