@@ -20,6 +20,7 @@ _SOURCES = (
     "saturation_kernels.py",
     "mechanism/tables.py",
     "mechanism/closure_kernels.py",
+    "mechanism/packed.py",
     "mechanism/kernels.py",
     "mechanism/element_kernels.py",
     "mechanism/motion_kernels.py",

@@ -17,16 +17,11 @@ from hapticmech_ros.mechanism.compiled_space import CompiledClosing, CompiledSpa
 from hapticmech_ros.mechanism.constraint_space import singular_inertia, singular_joint
 from hapticmech_ros.mechanism.elements import Elements
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation, PointKinematics
-from hapticmech_ros.mechanism.kernels import (
-    NO_SVD,
-    SINGULAR,
-    factor_closures,
-    packed_size,
-    solve_motion,
-)
+from hapticmech_ros.mechanism.kernels import NO_SVD, SINGULAR, factor_closures, solve_motion
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array, TreeModel
 from hapticmech_ros.mechanism.motion_kernels import move_frames
+from hapticmech_ros.mechanism.packed import packed_size
 from hapticmech_ros.mechanism.tables import Tables, fold
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Joint

@@ -6,8 +6,9 @@ import numpy as np
 
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
 from hapticmech_ros.mechanism.evaluation import Closing
-from hapticmech_ros.mechanism.kernels import correct, keep_closed, views_of
+from hapticmech_ros.mechanism.kernels import correct, keep_closed
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.packed import ERROR, LEAST, RANK, RESOLVED_RANK, views_of
 
 
 class CompiledSpace(ConstraintSpace):
@@ -30,7 +31,17 @@ class CompiledSpace(ConstraintSpace):
     @property
     def rank(self) -> int:
         """Number r of independent closure rows."""
-        return int(self.packed[-1])
+        return int(self.packed.item(RANK))
+
+    @property
+    def least(self) -> float:
+        """Smallest σ that is more than rounding over the largest; 1 without closures."""
+        return float(self.packed.item(LEAST))
+
+    @property
+    def resolved(self) -> int:
+        """Number of rows that differ by more than rounding."""
+        return int(self.packed.item(RESOLVED_RANK))
 
     @property
     def factor(self) -> Array:
@@ -99,7 +110,22 @@ class CompiledClosing(Closing):
     @property
     def error(self) -> float:
         """Largest |φ|, m or rad; 0 without closures."""
-        return float(self.packed[-2])
+        return float(self.packed.item(ERROR))
+
+    @property
+    def rank(self) -> int:
+        """Number r of independent rows."""
+        return int(self.packed.item(RANK))
+
+    @property
+    def least(self) -> float:
+        """Smallest σ that is more than rounding over the largest; 1 without closures."""
+        return float(self.packed.item(LEAST))
+
+    @property
+    def resolved(self) -> int:
+        """Number of rows that differ by more than rounding."""
+        return int(self.packed.item(RESOLVED_RANK))
 
 
 def _fill(made: CompiledSpace | CompiledClosing, packed: Array, nv: int, m: int) -> None:

@@ -15,6 +15,7 @@ from hapticmech_ros.mechanism.implicit_kernels import advance_implicit_stage, sp
 from hapticmech_ros.mechanism.integrator import local_rate
 from hapticmech_ros.mechanism.kernels import NOT_FINITE
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.packed import ERROR
 from hapticmech_ros.mechanism.projection import (
     BAUMGARTE_FAILURE,
     PROJECTION_FAILURE,
@@ -132,7 +133,7 @@ class CompiledStepper(Stepper):
         if code != SETTLED:
             self._refuse(code, packed, active)
         elif self._plan.baumgarte_rate > 0.0:
-            refuse_open(mechanism, float(packed[-2]), active, BAUMGARTE_FAILURE)
+            refuse_open(mechanism, packed.item(ERROR), active, BAUMGARTE_FAILURE)
         return packed
 
     def _refuse(self, code: int, packed: Array, active: Active) -> None:

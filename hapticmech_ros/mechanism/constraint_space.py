@@ -19,6 +19,9 @@ from hapticmech_ros.mechanism.model import Array, TreeModel
 # Singular values of A below this fraction of the largest carry no force: redundant closures.
 # This is a numerical tolerance; which directions a user feels as rigid is another question.
 SOLVER_RANK_TOLERANCE = 1e-8
+# Below this fraction of the largest one a singular value is the rounding of rows that follow from
+# others. One between the two says that a singular position is near.
+RESOLVED = 1e-11
 # Off the closures by a residual δ (relative to the mechanism's length), as the inner stages of a
 # step are, rows that depend on each other on the closures differ by the order of δ: 0.2 δ was
 # measured on duplicated spatial loops. Singular values below this many δ say nothing; the cap keeps
@@ -50,12 +53,16 @@ class ConstraintSpace:
         basis: (nv, r) U, orthonormal basis of range(L⁻¹Wᵀ).
         sigma: (r,) singular values kept, of rows scaled by ``row_lengths``.
         rows: (m, r) V / row length: maps coordinates in U back to the rows of W.
+        least: smallest σ that is more than rounding, be it kept or not, over the largest.
+        resolved: number of those; above r next to a singular position.
     """
 
     factor: Array
     basis: Array
     sigma: Array
     rows: Array
+    least: float = 1.0
+    resolved: int = 0
 
     @property
     def rank(self) -> int:
@@ -71,6 +78,10 @@ class ConstraintSpace:
     def from_mass_metric(self, rate: Array) -> Array:
         """Return L⁻ᵀ rate for (nv,): joint rates from coordinates of the mass metric."""
         return np.asarray(dtrsv(self.factor, rate, lower=1, trans=1))
+
+    def size(self, change: Array) -> float:
+        """Return |Lᵀ change| for (nv,): the length of a change in the mass metric."""
+        return float(np.linalg.norm(self.factor.T @ change))
 
     def without_closure_part(self, columns: Array) -> Array:
         """Return (1 - U Uᵀ) columns: what the closures leave free."""
@@ -186,8 +197,7 @@ def constraint_space(
         residual: (m,) φ, which bounds how far the rows can be trusted.
     """
     nv = factor.shape[0]
-    rows = jacobian.shape[0]
-    if rows == 0:
+    if jacobian.shape[0] == 0:
         return ConstraintSpace(factor, np.zeros((nv, 0)), np.zeros(0), np.zeros((0, 0)))
     scaled = solve_lower(factor, (jacobian / row_lengths[:, None]).T)
     left, sigma, right, info = dgesdd(scaled, full_matrices=0)
@@ -196,6 +206,7 @@ def constraint_space(
     drift = DRIFT_FACTOR * float(np.abs(residual / row_lengths).max())
     tolerance = max(SOLVER_RANK_TOLERANCE, min(drift, DRIFT_CAP))
     rank = int((sigma > tolerance * sigma[0]).sum()) if sigma[0] > 0.0 else 0
-    return ConstraintSpace(
-        factor, left[:, :rank], sigma[:rank], right[:rank].T / row_lengths[:, None]
-    )
+    resolved = int((sigma > RESOLVED * sigma[0]).sum()) if sigma[0] > 0.0 else 0
+    least = float(sigma[resolved - 1] / sigma[0]) if resolved else 1.0
+    rows = right[:rank].T / row_lengths[:, None]
+    return ConstraintSpace(factor, left[:, :rank], sigma[:rank], rows, least, resolved)

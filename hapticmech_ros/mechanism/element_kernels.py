@@ -8,8 +8,8 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.closure_kernels import gap_rates
-from hapticmech_ros.mechanism.kernels import Packed
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.packed import Packed
 from hapticmech_ros.mechanism.tables import Tables
 
 # Columns of ``Tables.element_values``, and of ``Tables.spring_values``.

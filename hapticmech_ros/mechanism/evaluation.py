@@ -27,6 +27,21 @@ class Closing:
         """Largest |φ|, m or rad; 0 without closures."""
         return float(np.abs(self.residual).max()) if self.residual.size else 0.0
 
+    @property
+    def rank(self) -> int:
+        """Number r of independent rows."""
+        return self.space.rank
+
+    @property
+    def least(self) -> float:
+        """Smallest σ that is more than rounding over the largest; 1 without closures."""
+        return self.space.least
+
+    @property
+    def resolved(self) -> int:
+        """Number of rows that differ by more than rounding."""
+        return self.space.resolved
+
 
 class PointKinematics(NamedTuple):
     """An operational point at a state, axes of the world, origin at the point.

@@ -9,8 +9,9 @@ import numpy as np
 from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.mechanism.element_kernels import element_slopes
 from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED
-from hapticmech_ros.mechanism.kernels import NOT_FINITE, SINGULAR, Packed, factor, unpack
+from hapticmech_ros.mechanism.kernels import NOT_FINITE, SINGULAR, factor
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.packed import Packed, unpack
 from hapticmech_ros.mechanism.small_matrices import (
     cholesky,
     dot,

@@ -2,12 +2,10 @@
 
 Every kernel takes the mechanism's constants as ``numbers`` and ``values`` (see
 :mod:`~hapticmech_ros.mechanism.tables`), and what is known of a configuration as one array
-``packed`` (see :class:`Packed`).
+``packed`` (see :mod:`~hapticmech_ros.mechanism.packed`).
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +14,7 @@ from hapticmech_ros.mechanism.closure_kernels import jacobian_of, residual_of
 from hapticmech_ros.mechanism.constraint_space import (
     DRIFT_CAP,
     DRIFT_FACTOR,
+    RESOLVED,
     SOLVER_RANK_TOLERANCE,
 )
 from hapticmech_ros.mechanism.many_rows import (
@@ -26,6 +25,7 @@ from hapticmech_ros.mechanism.many_rows import (
     triangularise,
 )
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.packed import Packed, unpack
 from hapticmech_ros.mechanism.small_matrices import (
     cholesky,
     copy_matrix,
@@ -41,64 +41,7 @@ from hapticmech_ros.mechanism.tables import Tables, unfold
 # What a kernel returns that could not do its work; below SINGULAR: D is not positive definite at
 # degree of freedom SINGULAR - code.
 NO_SVD, NOT_FINITE, SINGULAR = -1, -2, -3
-
-
-class Packed(NamedTuple):
-    """A configuration's terms; k = min(m, nv), and of k directions the first ``rank`` are filled.
-
-    Attributes:
-        factor: (nv, nv) lower Cholesky factor L of D.
-        residual: (m,) φ.
-        jacobian: (m, nv) W.
-        basis: (k, nv) Uᵀ.
-        sigma: (k,) σ.
-        rows: (k, m) (V / row length)ᵀ.
-        joint_jacobian: (nv, 6) columns of all joints, world axes, at the world's origin.
-        poses: (frames, 12) each frame's axes in the world, then its origin.
-        tail: (2,) largest |φ|, and the rank.
-    """
-
-    factor: Array
-    residual: Array
-    jacobian: Array
-    basis: Array
-    sigma: Array
-    rows: Array
-    joint_jacobian: Array
-    poses: Array
-    tail: Array
-
-
-def packed_size(nv: int, m: int, frames: int) -> int:
-    """Return the length of a packed array."""
-    return nv * nv + m * (nv + 1) + min(m, nv) * (nv + m + 1) + 6 * nv + 12 * frames + 2
-
-
-def views_of(packed: Array, nv: int, m: int) -> Packed:
-    """Return the parts of a packed array, as views."""
-    k = min(m, nv)
-    at = nv * nv
-    factor = packed[:at].reshape(nv, nv)
-    residual = packed[at : at + m]
-    at += m
-    jacobian = packed[at : at + m * nv].reshape(m, nv)
-    at += m * nv
-    basis = packed[at : at + k * nv].reshape(k, nv)
-    at += k * nv
-    sigma = packed[at : at + k]
-    at += k
-    rows = packed[at : at + k * m].reshape(k, m)
-    at += k * m
-    joint_jacobian = packed[at : at + 6 * nv].reshape(nv, 6)
-    at += 6 * nv
-    last = packed.size - 2
-    poses = packed[at:last].reshape((last - at) // 12, 12)
-    return Packed(
-        factor, residual, jacobian, basis, sigma, rows, joint_jacobian, poses, packed[last:]
-    )
-
-
-unpack = inner(views_of)
+UNDECIDED = -1_000_000
 
 
 @inner
@@ -112,7 +55,7 @@ def factor(
         return SINGULAR - bad
     copy_matrix(joint_jacobian, space.joint_jacobian)
     _place_frames(tables, joint_poses, space.poses)
-    space.tail[0], space.tail[1] = 0.0, 0.0
+    space.tail[0], space.tail[1], space.tail[2], space.tail[3] = 0.0, 0.0, 1.0, 0.0
     if m == 0:
         return 0
     for index in range(tables.closures.shape[0]):
@@ -126,9 +69,10 @@ def factor(
         worst = max(worst, abs(space.residual[i]))
         drift = max(drift, abs(space.residual[i] / tables.lengths[i]))
     tolerance = max(SOLVER_RANK_TOLERANCE, min(DRIFT_FACTOR * drift, DRIFT_CAP))
+    rank = UNDECIDED
     if m > FEW_ROWS:
         rank = _resolve_many(tables.lengths, tolerance, space)
-    else:
+    if rank == UNDECIDED:
         rank = _resolve_few(tables.lengths, tolerance, space)
     space.tail[0], space.tail[1] = worst, max(rank, 0)
     return rank
@@ -150,7 +94,11 @@ def _resolve_few(lengths: Array, tolerance: float, space: Packed) -> int:
 
 @inner
 def _resolve_many(lengths: Array, tolerance: float, space: Packed) -> int:
-    """Fill basis and rows as an SVD does, but for a rotation of both; σ are R's diagonal."""
+    """Fill basis and rows as an SVD does, but for a rotation of both; σ are R's diagonal.
+
+    Return the rank; NO_SVD; or UNDECIDED where more than rounding has to be cut, off the closures
+    or next to a singular position: only an SVD cuts no more than needs be.
+    """
     m, nv = space.jacobian.shape
     most = space.sigma.size
     scaled = np.empty((nv, m))
@@ -161,17 +109,22 @@ def _resolve_many(lengths: Array, tolerance: float, space: Packed) -> int:
                 return NO_SVD
     solve_lower_columns(space.factor, scaled)
     order, reflectors = np.empty(m, dtype=np.int64), np.empty((most, nv))
-    rank = triangularise(scaled, most, tolerance, order, reflectors)
-    directions = first_directions(reflectors, rank, nv)
-    inverse = pseudo_inverse_transposed(scaled, rank)
-    for i in range(rank):
+    resolved = triangularise(scaled, most, RESOLVED, order, reflectors)
+    if resolved > 0 and not abs(scaled[resolved - 1, resolved - 1]) > tolerance * abs(scaled[0, 0]):
+        return UNDECIDED
+    if resolved > 0:
+        space.tail[2] = abs(scaled[resolved - 1, resolved - 1] / scaled[0, 0])
+    space.tail[3] = resolved
+    directions = first_directions(reflectors, resolved, nv)
+    inverse = pseudo_inverse_transposed(scaled, resolved)
+    for i in range(resolved):
         sigma = abs(scaled[i, i])
         space.sigma[i] = sigma
         for c in range(nv):
             space.basis[i, c] = directions[c, i]
         for j in range(m):
             space.rows[i, order[j]] = inverse[i, j] * sigma / lengths[order[j]]
-    return rank
+    return resolved
 
 
 @inner
@@ -199,8 +152,11 @@ def _keep(scaled: Array, turn: Array, lengths: Array, tolerance: float, space: P
     rank = 0
     for i in range(space.sigma.size):
         length = np.sqrt(dot_rows(scaled, i, i))
-        if not length > tolerance * longest:
+        if not length > RESOLVED * longest:
             break
+        space.tail[2], space.tail[3] = length / longest, i + 1
+        if not length > tolerance * longest:
+            continue
         space.sigma[i] = length
         for c in range(scaled.shape[1]):
             space.basis[i, c] = scaled[i, c] / length

@@ -183,6 +183,10 @@ class Mechanism:
         """Return q ⊕ change on the configuration manifold."""
         return np.asarray(pin.integrate(self.model, q, change))
 
+    def difference(self, start: Array, end: Array) -> Array:
+        """Return the change (nv,) that leads from one configuration (nq,) to another."""
+        return np.asarray(pin.difference(self.model, start, end))
+
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """Return kinetic and potential energy, J; the latter with that of springs and stops."""
         kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)

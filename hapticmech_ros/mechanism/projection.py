@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
 from hapticmech_ros.mechanism.evaluation import Active, Closing
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
@@ -22,6 +21,9 @@ from hapticmech_ros.mechanism.model import Array
 # since close to a singular position, at a relative singular value σ, an error of φ turns the free
 # velocities by φ/σ². On the N-four-bar 1e-11 cost five digits.
 PROJECTION_TOLERANCE = 1e-14
+# Closer still where σ itself is small: φ may turn the free velocities by this much. Below the
+# second number, a fraction of the length as well, all is rounding.
+NEAR_SINGULAR, LEAST_TOLERANCE = 1e-3, 2e-16
 # It also stops where φ is this small and halves no more: rounding, far from the world's origin...
 ROUNDING_TOLERANCE = 1e-11
 # ...and a loop that is still open by this fraction after all iterations has come apart.
@@ -63,7 +65,6 @@ def project(
     Raises:
         ClosureError: the residual stays above 1e-6 of the mechanism's length, or the state jumped.
     """
-    tolerance = PROJECTION_TOLERANCE * mechanism.length
     rounding = ROUNDING_TOLERANCE * mechanism.length
     before, stepped, corrected = np.inf, np.inf, 0.0
     for _ in range(PROJECTION_ITERATIONS):
@@ -72,14 +73,16 @@ def project(
         if not residual.size:
             return Projected(q, v, 0.0, closing)
         worst = closing.error
-        if worst <= tolerance or (worst <= rounding and worst > 0.5 * before):
+        if worst <= tolerance_of(closing) * mechanism.length or (
+            worst <= rounding and worst > 0.5 * before
+        ):
             break
         if change is not None and worst > PROJECTION_FAILURE * mechanism.length:
-            stepped = _size(space, change)
+            stepped = space.size(change)
         before, change = worst, None
         correction = space.correction(residual)
         if np.isfinite(stepped):
-            corrected += _size(space, correction)
+            corrected += space.size(correction)
         q = mechanism.integrate(q, -correction)
     else:
         refuse_open(mechanism, worst, active)
@@ -87,9 +90,9 @@ def project(
     return Projected(q, space.closed_rates(v), worst, closing)
 
 
-def _size(space: ConstraintSpace, change: Array) -> float:
-    """Return |Lᵀ change|, the length of a change in the mass metric, kg^(1/2) m."""
-    return float(np.linalg.norm(space.factor.T @ change))
+def tolerance_of(closing: Closing) -> float:
+    """Return how far φ may be from 0, as a fraction of the length."""
+    return min(PROJECTION_TOLERANCE, max(NEAR_SINGULAR * closing.least**2, LEAST_TOLERANCE))
 
 
 def refuse_open(

@@ -6,16 +6,15 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.mechanism.closure_kernels import REVOLUTE, WELD
-from hapticmech_ros.mechanism.kernels import (
-    NOT_FINITE,
-    Packed,
-    close_rates,
-    correction_of,
-    factor,
-    unpack,
-)
+from hapticmech_ros.mechanism.kernels import NOT_FINITE, close_rates, correction_of, factor
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.projection import JUMP
+from hapticmech_ros.mechanism.packed import Packed, unpack
+from hapticmech_ros.mechanism.projection import (
+    JUMP,
+    LEAST_TOLERANCE,
+    NEAR_SINGULAR,
+    PROJECTION_TOLERANCE,
+)
 from hapticmech_ros.mechanism.small_matrices import dot
 from hapticmech_ros.mechanism.step_kernels import step_parts
 from hapticmech_ros.mechanism.tables import Tables, unfold
@@ -35,6 +34,13 @@ def _size(space: Packed, change: Array) -> float:
             along += space.factor[k, i] * change[k]
         total += along * along
     return float(np.sqrt(total))
+
+
+@inner
+def _share_of_tolerance(least: float) -> float:
+    """Return what is left of the tolerance near a singular position; see ``tolerance_of``."""
+    needed = max(NEAR_SINGULAR * least * least, LEAST_TOLERANCE)
+    return float(min(1.0, needed / PROJECTION_TOLERANCE))
 
 
 @inner
@@ -82,7 +88,7 @@ def settle(
         return FLIPPED if _is_flipped(tables, space) else SETTLED
     worst, before = space.tail[0], account[2]
     rounding = worst <= settings[3] and worst > 0.5 * before
-    if worst <= settings[2] or rounding:
+    if worst <= settings[2] * _share_of_tolerance(space.tail[2]) or rounding:
         close_rates(space, rank, parts.v)
         if account[4] > JUMP * account[3]:
             return JUMPED

@@ -17,13 +17,21 @@ from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.projection import (
     BAUMGARTE_FAILURE,
+    PROJECTION_TOLERANCE,
     Projected,
     project,
     refuse_flipped,
     refuse_open,
 )
 from hapticmech_ros.mechanism.schemes import INTEGRATORS
+from hapticmech_ros.mechanism.singular import nearest_branch
 
+# Leaving a singular position at speed takes so much of a step, and the rest is a step as any other:
+# in that time an acceleration that points off the branch does little harm, and beyond it the
+# closures are well determined.
+SHORT = 0.05
+# A relative σ below this: what rounding leaves of φ turns the closures' rows by 1e-4 and more.
+NEAR = 1e-6
 NOTHING: Mapping[str, Array] = MappingProxyType({})
 
 
@@ -103,16 +111,62 @@ class Stepper:
         if pushes.in_joints is not None:
             _check_joint_forces(pushes.in_joints, self._mechanism.nv)
         if self._plan.substeps == 1:
-            return self._substep(start, pushes)
+            return self._careful_substep(start, pushes)
         work_in, energy_lost = 0.0, 0.0
         for _ in range(self._plan.substeps):
-            stepped = self._substep(start, pushes)
+            stepped = self._careful_substep(start, pushes)
             work_in += stepped.work_in
             energy_lost += stepped.energy_lost
             start = Start(stepped.q, stepped.v, start.active, closing=stepped.closing)
         return stepped._replace(work_in=work_in, energy_lost=energy_lost)
 
+    def _careful_substep(self, start: Start, pushes: Pushes) -> Stepped:
+        """Do a step; with care where branches of the motion cross, or nearly do.
+
+        There closures gain rank in a step, or keep a σ that says little of the direction.
+        """
+        if self._plan.baumgarte_rate > 0.0:
+            return self._substep(start, pushes)
+        known = start.closing if start.terms is None else start.terms.closing
+        closing = known or self._mechanism.closing_terms(start.q, start.active)
+        if closing.least < NEAR:
+            return self._leave(start, pushes) or self._substep(start, pushes)
+        stepped = self._substep(start, pushes)
+        if stepped.closing.resolved <= closing.resolved:
+            return stepped
+        return self._leave(start, pushes) or stepped
+
+    def _leave(self, start: Start, pushes: Pushes) -> Stepped | None:
+        """Step away from a singular position along one branch; None if no branch takes it up."""
+        mechanism, step = self._mechanism, self._plan.period / self._plan.substeps
+        q, v, active = start.q, start.v, start.active
+        motion = _Motion(mechanism, start, pushes, 0.0)
+        first = motion(q, v)
+        away = 0.5 * step * first.acceleration
+        space = mechanism.closing_terms(q, active).space
+        at_speed = space.size(v) > 10.0 * space.size(away)
+        part = SHORT * step if at_speed else step
+        change = part * v + 0.5 * part**2 * first.acceleration
+        branch = nearest_branch(mechanism, q, active, change)
+        if branch is None:
+            return None
+        rates = branch.closed_rates(v + part * first.acceleration)
+        there = mechanism.integrate(q, branch.closed_rates(change))
+        ended = _put(mechanism, there, rates, active)
+        refuse_flipped(mechanism, ended.error, active)
+        last = motion(ended.q, ended.v)
+        work_in = 0.5 * part * (first.power_in + last.power_in)
+        lost = 0.5 * part * (first.power_lost + last.power_lost)
+        if not at_speed:
+            return Stepped(*ended, work_in, lost)
+        rest = Stepper(mechanism, self._plan._replace(period=step - part, substeps=1))
+        stepped = rest._substep(Start(ended.q, ended.v, active, closing=ended.closing), pushes)
+        return stepped._replace(
+            work_in=work_in + stepped.work_in, energy_lost=lost + stepped.energy_lost
+        )
+
     def _substep(self, start: Start, pushes: Pushes) -> Stepped:
+        """Do a step of the integrator, and bring it onto the closures."""
         mechanism, plan = self._mechanism, self._plan
         motion = _Motion(mechanism, start, pushes, plan.baumgarte_rate)
         integrate, step = INTEGRATORS[plan.integrator], plan.period / plan.substeps
@@ -127,6 +181,18 @@ class Stepper:
             ended = project(mechanism, moved.q, moved.v, start.active, moved.change)
         refuse_flipped(mechanism, ended.error, start.active)
         return Stepped(*ended, moved.work_in, moved.energy_lost)
+
+
+def _put(mechanism: Mechanism, q: Array, v: Array, active: Active) -> Projected:
+    """Return a state that was led along a branch, on the closures.
+
+    Next to where branches cross it is on them to rounding, and the closures' rows there say less of
+    the branch's direction than what led it.
+    """
+    closing = mechanism.closing_terms(q, active)
+    if closing.least < NEAR and closing.error <= PROJECTION_TOLERANCE * mechanism.length:
+        return Projected(q, v, closing.error, closing)
+    return project(mechanism, q, v, active)
 
 
 class _Motion:

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
-from hapticmech_ros.mechanism.kernels import Packed, accelerate, unpack
+from hapticmech_ros.mechanism.kernels import accelerate
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.packed import Packed, unpack
 from hapticmech_ros.mechanism.small_matrices import (
     dot,
     dot_rows,

@@ -58,11 +58,10 @@ def test_a_sample_on_a_singular_position_keeps_the_branch(compiled, steps):
     assert max(np.ptp(state.q[UPRIGHTS]) for state in states) < 1e-9
     assert max(state.closure_error for state in states) < CLOSED
     tip = sim.mechanism.frame_pose(states[-1].q, "b0").translation[:2]
-    # For the one stage on it the rank leaves two accelerations free that the branch does not:
-    # an error of the size of gravity for one step, g h^2 in the motion of 2 pi of its own.
+    # As good as passing it between two samples: the step from it is led along the branch.
     off = np.abs(tip - pendulum.windows(2, [2 * half])[0]).max()
-    assert off < 0.1 * period**2
-    assert abs(total_energy(sim, states[-1]) - 35.835) < 3.0 * period**2
+    assert off < 1e-11
+    assert abs(total_energy(sim, states[-1]) - 35.835) < 1e-9
 
 
 @BOTH
@@ -72,8 +71,9 @@ def test_a_start_on_a_singular_position_goes_on_along_its_branch(compiled, speed
     states = run(sim, 0.1)
     assert np.abs(states[0].v[UPRIGHTS] - speed).max() < 1e-12
     assert max(np.ptp(state.q[UPRIGHTS]) for state in states) < 1e-9
-    # The first stage is on it: what it gets wrong for a step is of order h^2, see above.
-    assert np.abs(unaccounted(sim, states)).max() < 3.0 * sim.period**2
+    # A twentieth of the first step is a Taylor series of order 2.
+    kinetic = 0.5 * 3.0 * speed**2
+    assert np.abs(unaccounted(sim, states)).max() < 1e-8 * kinetic
 
 
 @BOTH
@@ -103,16 +103,18 @@ def pushed_off(count, compiled, force):
 @BOTH
 @pytest.mark.parametrize("count", [1, 2, 3])
 @pytest.mark.parametrize("force", [1.0, -30.0, 1e3])
-def test_pushed_off_a_singular_position_it_stays_closed_and_gains_no_energy(count, compiled, force):
+def test_pushed_off_a_singular_position_it_stays_closed_and_keeps_its_energy(
+    count, compiled, force
+):
     """Which branch it leaves by is open: first-order mobility says so before anything moves."""
     sim, states = pushed_off(count, compiled, force)
     assert redundancy(sim.mechanism, states[0].q, states[0].active).mobility == count + 1
     assert max(state.closure_error for state in states) < CLOSED
     assert all(np.isfinite(state.q).all() for state in states)
-    balance = unaccounted(sim, states)
-    assert balance.max() < 1e-12 * max(states[-1].account.work_in, 1.0)
-    # The speed of the first step across the branch is lost: (F h)^2 over an inertia of 2 kg m^2.
-    assert balance.min() > -0.5 * (force * sim.period) ** 2
+    # The first step's Taylor series is good to 1e-6 of what it gains; the rest is rk4's, which at
+    # 1000 N sees the uprights turn by more than 0.02 a step.
+    work = [abs(state.account.work_in) for state in states]
+    assert np.abs(unaccounted(sim, states)).max() < 1e-6 * work[1] + 1e-8 * max(work)
 
 
 @pytest.mark.parametrize("force", [1.0, -30.0, 1e3])
@@ -125,15 +127,25 @@ def test_one_window_pushed_off_its_singular_position_swings(force):
     assert abs(travel) > 0.9 * shorter
 
 
-@pytest.mark.xfail(
-    reason="near a singular position rows whose singular value is below the square root of what "
-    "the projection leaves open say nothing true, and lock it"
-)
 @BOTH
-@pytest.mark.parametrize("force", [1.0, -30.0, 1e3])
+@pytest.mark.parametrize("force", [1e-2, 1.0, -30.0, 1e3])
 def test_two_windows_pushed_off_their_singular_position_swing(compiled, force):
-    _, states = pushed_off(2, compiled, force)
-    assert abs(states[-1].q[0]) > 1e-3
+    """Only with all uprights parallel does the first tip yield; which branch that is decides Gauss.
+
+    Three uprights of 1/3 kg m^2 and two tops of 1 kg on a radius of 1 m: 3 kg m^2.
+    """
+    sim, states = pushed_off(2, compiled, force)
+    # φ is right to 1e-14, and says where the branch is with a σ of 1e-6 at the least.
+    assert max(np.ptp(state.q[UPRIGHTS]) for state in states) < 3e-8
+    balance = unaccounted(sim, states)
+    assert np.abs(balance).max() < 5e-6 * np.abs(states[-1].account.work_in) + 1e-12
+    first = np.array([state.q[0] for state in states[:20]])
+    times = sim.period * np.arange(20)
+    # cos of the angle lessens the torque, by half of the angle's square.
+    share = 1.0 - 0.5 * first[-1] ** 2
+    expected = 0.5 * force / 3.0 * times**2
+    assert (np.abs(first) <= np.abs(expected) * 1.001 + 1e-15).all()
+    assert (np.abs(first) >= np.abs(expected) * share * 0.999 - 1e-15).all()
 
 
 def test_two_windows_keep_their_branch_for_ten_seconds():

@@ -88,6 +88,16 @@ def test_all_windows_in_line_lose_one_row_each(windows):
     assert apart(projector(found), projector(expected), 1.0) < ROUNDING * condition(expected)
 
 
+@pytest.mark.parametrize("away", [1e-9, 1e-6, 1e-3])
+def test_off_the_closures_what_is_cut_is_what_an_svd_cuts(away):
+    pair = repeated(3, "weld", 3)
+    change = away * np.cos(np.arange(pair.v.size))
+    pair = replace(pair, q=pair.readable.integrate(pair.q, change))
+    expected, found = (terms.space for terms in pair.evaluate(everything(pair)))
+    assert found.rank == expected.rank
+    assert apart(projector(found), projector(expected), 1.0) < ROUNDING * condition(expected)
+
+
 def test_what_is_not_a_number_is_an_error():
     pair = turned(9, 0.0)
     q = pair.q.copy()

@@ -1,0 +1,103 @@
+"""The step that leaves a singular position: which branch it takes, and with what speed.
+
+Where closures lose rank, several branches of the mechanism's motion cross, and to first order it is
+free to move between them as well. An acceleration found there leads off all of them; put back onto
+the closures row by row, the mechanism may end on a branch that no force drives, or stop where the
+branches meet. Of all branches Gauss's principle of least constraint picks the one that the free
+motion is nearest to in the mass metric (T10 of docs/derivations.md): what is along it stays, and so
+the work done is the energy gained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hapticmech_ros.errors import ClosureError
+from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
+from hapticmech_ros.mechanism.evaluation import Active
+from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.projection import project
+
+# How far from the singular position branches are looked for, rad or m: far enough that their
+# closures are well determined, near enough that they are straight.
+REACH = 1e-3
+# A direction that the closures change by less than this share is a branch's.
+STRAIGHT = 0.02
+# A branch that takes up this share of the free motion is the one the mechanism is on already.
+SURE = 0.999
+# Branches are looked for in the direction of the free motion, and in so many others for each
+# direction that is free. The same ones each time: results repeat to the bit.
+TRIES = 8
+MOST_TRIES = 64
+# Corrections of the direction towards the nearest one on its branch.
+ROUNDS = 4
+
+
+def nearest_branch(
+    mechanism: Mechanism, q: Array, active: Active, change: Array
+) -> ConstraintSpace | None:
+    """Return the closures' terms on the branch through q that ``change`` is nearest to.
+
+    Args:
+        mechanism: whose closures.
+        q: (nq,) a singular position.
+        active: which closures are closed.
+        change: (nv,) the free motion, rad or m.
+
+    Returns:
+        What ``closed_rates`` of gives the part of a motion along that branch; None where no branch
+        takes up any of the change.
+    """
+    space = mechanism.closing_terms(q, active).space
+    whole = space.size(change)
+    best, found = 1e-6 * whole, None
+    for start in _directions(space, change):
+        along = start
+        for _ in range(ROUNDS):
+            tried = _branch_towards(mechanism, q, active, space, along)
+            if tried is None:
+                break
+            branch, is_on_it = tried
+            size = space.size(along)
+            if is_on_it and along is not start and size > best:
+                best, found = size, branch
+            along = branch.closed_rates(change)
+            if not space.size(along) > 1e-6 * whole:
+                break
+        if best > SURE * whole:
+            break
+    return found
+
+
+def _directions(space: ConstraintSpace, change: Array) -> Iterator[Array]:
+    """Yield directions (nv,) that are free to first order, the change itself first."""
+    yield change
+    size = change.size
+    # No two of them are alike, and none is singled out by the mechanism.
+    for k in range(1, 1 + min(TRIES * (size - space.rank), MOST_TRIES)):
+        anywhere = np.cos(np.sqrt(2.0) * k * np.arange(1.0, size + 1.0) ** 2)
+        yield space.from_mass_metric(space.without_closure_part(anywhere))
+
+
+def _branch_towards(
+    mechanism: Mechanism, q: Array, active: Active, space: ConstraintSpace, direction: Array
+) -> tuple[ConstraintSpace, bool] | None:
+    """Return the closures' terms where a small motion that way is put back onto the closures.
+
+    Also return whether it was nearly on them before: where a branch keeps to a singular position,
+    directions seem free that it does not have.
+    """
+    largest = np.abs(direction).max()
+    if not largest > 0.0:
+        return None
+    away = direction * (REACH / largest)
+    there = mechanism.integrate(q, away)
+    try:
+        put_back = project(mechanism, there, np.zeros(direction.size), active)
+    except ClosureError:
+        return None
+    moved = mechanism.difference(there, put_back.q)
+    return put_back.closing.space, space.size(moved) < STRAIGHT * space.size(away)
