@@ -11,22 +11,20 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.packed import ERROR, LEAST, RANK, RESOLVED_RANK, views_of
 
 
-class CompiledSpace(ConstraintSpace):
-    """A :class:`ConstraintSpace` in one array; its parts are views made when asked for.
+class _InOneArray:
+    """What a factorisation and its closures have in common: the array, and what its tail says."""
 
-    Attributes:
-        packed: see :class:`~hapticmech_ros.mechanism.kernels.Packed`.
-        nv: number of rates.
-        m: number of closure rows.
-    """
-
-    __slots__ = ("m", "nv", "packed")
+    __slots__ = ()
     packed: Array
     nv: int
     m: int
 
     def __init__(self, packed: Array, nv: int, m: int) -> None:
-        _fill(self, packed, nv, m)
+        # Parents are frozen.
+        write = object.__setattr__
+        write(self, "packed", packed)
+        write(self, "nv", nv)
+        write(self, "m", m)
 
     @property
     def rank(self) -> int:
@@ -42,6 +40,18 @@ class CompiledSpace(ConstraintSpace):
     def resolved(self) -> int:
         """Number of rows that differ by more than rounding."""
         return int(self.packed.item(RESOLVED_RANK))
+
+
+class CompiledSpace(_InOneArray, ConstraintSpace):
+    """A :class:`ConstraintSpace` in one array; its parts are views made when asked for.
+
+    Attributes:
+        packed: see :class:`~hapticmech_ros.mechanism.packed.Packed`.
+        nv: number of rates.
+        m: number of closure rows.
+    """
+
+    __slots__ = ("m", "nv", "packed")
 
     @property
     def factor(self) -> Array:
@@ -78,16 +88,10 @@ class CompiledSpace(ConstraintSpace):
         return kept
 
 
-class CompiledClosing(Closing):
+class CompiledClosing(_InOneArray, Closing):
     """φ, W, and what kernels made of them and of D, in one array."""
 
     __slots__ = ("m", "nv", "packed")
-    packed: Array
-    nv: int
-    m: int
-
-    def __init__(self, packed: Array, nv: int, m: int) -> None:
-        _fill(self, packed, nv, m)
 
     @property
     def space(self) -> CompiledSpace:
@@ -111,26 +115,3 @@ class CompiledClosing(Closing):
     def error(self) -> float:
         """Largest |φ|, m or rad; 0 without closures."""
         return float(self.packed.item(ERROR))
-
-    @property
-    def rank(self) -> int:
-        """Number r of independent rows."""
-        return int(self.packed.item(RANK))
-
-    @property
-    def least(self) -> float:
-        """Smallest σ that is more than rounding over the largest; 1 without closures."""
-        return float(self.packed.item(LEAST))
-
-    @property
-    def resolved(self) -> int:
-        """Number of rows that differ by more than rounding."""
-        return int(self.packed.item(RESOLVED_RANK))
-
-
-def _fill(made: CompiledSpace | CompiledClosing, packed: Array, nv: int, m: int) -> None:
-    """Set the attributes of an object whose parent is frozen."""
-    write = object.__setattr__
-    write(made, "packed", packed)
-    write(made, "nv", nv)
-    write(made, "m", m)
