@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
 from hapticmech_ros.mechanism.implicit import Springs
 from hapticmech_ros.mechanism.integrator import Rates
@@ -150,9 +151,8 @@ class Stepper:
         branch = nearest_branch(mechanism, q, active, change)
         if branch is None:
             return None
-        rates = branch.closed_rates(v + part * first.acceleration)
         there = mechanism.integrate(q, branch.closed_rates(change))
-        ended = _put(mechanism, there, rates, active)
+        ended = _put(mechanism, there, v + part * first.acceleration, active, branch)
         refuse_flipped(mechanism, ended.error, active)
         last = motion(ended.q, ended.v)
         work_in = 0.5 * part * (first.power_in + last.power_in)
@@ -183,7 +183,9 @@ class Stepper:
         return Stepped(*ended, moved.work_in, moved.energy_lost)
 
 
-def _put(mechanism: Mechanism, q: Array, v: Array, active: Active) -> Projected:
+def _put(
+    mechanism: Mechanism, q: Array, v: Array, active: Active, branch: ConstraintSpace
+) -> Projected:
     """Return a state that was led along a branch, on the closures.
 
     Next to where branches cross it is on them to rounding, and the closures' rows there say less of
@@ -191,7 +193,7 @@ def _put(mechanism: Mechanism, q: Array, v: Array, active: Active) -> Projected:
     """
     closing = mechanism.closing_terms(q, active)
     if closing.least < NEAR and closing.error <= PROJECTION_TOLERANCE * mechanism.length:
-        return Projected(q, v, closing.error, closing)
+        return Projected(q, branch.closed_rates(v), closing.error, closing)
     return project(mechanism, q, v, active)
 
 
