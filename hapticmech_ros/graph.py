@@ -13,8 +13,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
+from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.kernel_library import compile_ahead
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.share import shared
 

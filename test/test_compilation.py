@@ -10,8 +10,7 @@ import numba
 import pytest
 
 import hapticmech_ros
-from hapticmech_ros import kernel_cache, kernel_library
-from hapticmech_ros.compilation import kernel
+from hapticmech_ros.compilation import cache, kernel, library
 
 PACKAGE = Path(hapticmech_ros.__file__).parent
 
@@ -23,7 +22,7 @@ def doubled(x: float) -> float:
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     # Loaded before, it is not built once more in the folder.
-    kernel_library.library()
+    library.library()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     return tmp_path
 
@@ -31,9 +30,9 @@ def folder(tmp_path, monkeypatch):
 @pytest.fixture
 def alone(folder, monkeypatch):
     """Let every question for the library be asked anew, in a folder of its own."""
-    kernel_library.library.cache_clear()
+    library.library.cache_clear()
     yield folder
-    kernel_library.library.cache_clear()
+    library.library.cache_clear()
 
 
 def refuse(command, **options):
@@ -59,7 +58,7 @@ def test_a_second_start_compiles_nothing(folder):
 
 def test_another_content_has_another_folder(folder, monkeypatch):
     kernel("float64(float64)")(doubled)
-    monkeypatch.setattr(kernel_cache, "_FINGERPRINT", "0" * 16)
+    monkeypatch.setattr(cache, "_FINGERPRINT", "0" * 16)
     assert kernel("float64(float64)")(doubled).stats.cache_misses
     assert len(list(folder.iterdir())) == 2
 
@@ -67,7 +66,7 @@ def test_another_content_has_another_folder(folder, monkeypatch):
 def test_a_folder_that_cannot_be_written_is_no_error(alone, monkeypatch, capfd):
     (alone / "file").write_text("")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(alone / "file"))
-    assert kernel_library.library() is None
+    assert library.library() is None
     assert kernel("float64(float64)")(doubled)(3.0) == 6.0
 
 
@@ -82,7 +81,7 @@ def test_without_any_folder_kernels_are_compiled_each_time(monkeypatch, folder):
 def test_the_users_folder_is_the_default(monkeypatch, tmp_path):
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert kernel_cache.folder().parent == tmp_path / "hapticmech_ros"
+    assert cache.folder().parent == tmp_path / "hapticmech_ros"
 
 
 PROCESS = """
@@ -110,17 +109,17 @@ def in_process(kernels):
 
 
 def test_the_library_needs_no_numba_and_gives_what_numba_gives():
-    kernel_library.compile_ahead()
-    if kernel_library.library() is None:
+    library.compile_ahead()
+    if library.library() is None:
         pytest.skip("no compiler or headers here: the library cannot be built")
     assert in_process("library") == ["3000000007", "False", "function"]
     assert in_process("jit") == ["3000000007", "True", "CPUDispatcher"]
 
 
 def test_without_a_compiler_numba_is_used(alone, monkeypatch):
-    monkeypatch.setattr(kernel_library, "_can_build", lambda: False)
-    monkeypatch.setattr(kernel_library.subprocess, "run", refuse)
-    assert kernel_library.library() is None
+    monkeypatch.setattr(library, "_can_build", lambda: False)
+    monkeypatch.setattr(library.subprocess, "run", refuse)
+    assert library.library() is None
 
 
 def test_a_build_that_fails_is_told_and_not_repeated(alone, monkeypatch, capfd):
@@ -130,14 +129,14 @@ def test_a_build_that_fails_is_told_and_not_repeated(alone, monkeypatch, capfd):
         started.append(command)
         return subprocess.CompletedProcess(command, 1, "", "no such instruction")
 
-    monkeypatch.setattr(kernel_library, "_can_build", lambda: True)
-    monkeypatch.setattr(kernel_library.subprocess, "run", run)
-    assert kernel_library.library() is None
-    reason = kernel_library.library_path().with_suffix(".failed")
+    monkeypatch.setattr(library, "_can_build", lambda: True)
+    monkeypatch.setattr(library.subprocess, "run", run)
+    assert library.library() is None
+    reason = library.library_path().with_suffix(".failed")
     assert reason.read_text() == "no such instruction"
     assert str(reason) in capfd.readouterr().err
-    kernel_library.library.cache_clear()
-    assert kernel_library.library() is None
+    library.library.cache_clear()
+    assert library.library() is None
     assert len(started) == 1
 
 
@@ -145,17 +144,17 @@ def test_a_build_that_hangs_is_given_up(alone, monkeypatch):
     def run(command, **options):
         raise subprocess.TimeoutExpired(command, options["timeout"])
 
-    monkeypatch.setattr(kernel_library, "_can_build", lambda: True)
-    monkeypatch.setattr(kernel_library.subprocess, "run", run)
-    assert kernel_library.library() is None
-    assert "not done" in kernel_library.library_path().with_suffix(".failed").read_text()
+    monkeypatch.setattr(library, "_can_build", lambda: True)
+    monkeypatch.setattr(library.subprocess, "run", run)
+    assert library.library() is None
+    assert "not done" in library.library_path().with_suffix(".failed").read_text()
 
 
 def test_a_library_that_cannot_be_loaded_is_told(alone, monkeypatch, capfd):
-    path = kernel_library.library_path()
+    path = library.library_path()
     path.parent.mkdir(parents=True)
     path.write_bytes(b"this is no library")
-    assert kernel_library.library() is None
+    assert library.library() is None
     assert str(path) in capfd.readouterr().err
 
 
@@ -178,9 +177,9 @@ def test_every_file_that_becomes_part_of_a_kernel_counts():
             names = {n.module for n in ast.walk(module) if isinstance(n, ast.ImportFrom)}
             own = {name.split(".", 1)[1] for name in names if name.startswith("hapticmech_ros.")}
             parts |= {name.replace(".", "/") + ".py" for name in own}
-    # The builder says how; the model gives kernels nothing but the name of a type.
-    parts.add("kernel_builder.py")
-    assert parts - {"mechanism/model.py"} == set(kernel_cache._SOURCES)
+    # Builder and decorators say how; the model gives kernels nothing but the name of a type.
+    parts |= {"compilation/builder.py", "compilation/decorators.py"}
+    assert parts - {"mechanism/model.py", "compilation.py"} == set(cache._SOURCES)
 
 
 def test_compiling_ahead_without_a_library_is_done_once(folder, monkeypatch):
@@ -189,12 +188,12 @@ def test_compiling_ahead_without_a_library_is_done_once(folder, monkeypatch):
 
     def run(command, **options):
         started.append(command)
-        kernel_cache.folder().mkdir(exist_ok=True)
+        cache.folder().mkdir(exist_ok=True)
         return subprocess.CompletedProcess(command, len(started) == 1)
 
-    monkeypatch.setattr(kernel_library.subprocess, "run", run)
-    kernel_library.compile_ahead()
+    monkeypatch.setattr(library.subprocess, "run", run)
+    library.compile_ahead()
     # The first one failed, so it is tried again; the second is remembered.
-    kernel_library.compile_ahead()
-    kernel_library.compile_ahead()
+    library.compile_ahead()
+    library.compile_ahead()
     assert len(started) == 2

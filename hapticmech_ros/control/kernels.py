@@ -19,8 +19,8 @@ import numpy as np
 from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.control.flat import DEVICE_SIZE, RENDERED_SIZE
 from hapticmech_ros.control.pose_kernels import tied_error
+from hapticmech_ros.mechanism.compiled.small_matrices import dot
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.small_matrices import dot
 from hapticmech_ros.saturation_kernels import limit
 
 ENGAGED = 34

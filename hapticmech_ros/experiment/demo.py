@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.experiment.agreement import compare
 from hapticmech_ros.experiment.from_bag import record_from_bag
@@ -15,7 +16,6 @@ from hapticmech_ros.experiment.from_session import run_session
 from hapticmech_ros.experiment.health import health_from_bag
 from hapticmech_ros.experiment.run import write_results
 from hapticmech_ros.graph import Graph, private_environment, start_process, stop_process, told_by
-from hapticmech_ros.kernel_library import compile_ahead
 from hapticmech_ros.scene import load_scene
 
 RECORDER = "hapticmech_ros.nodes.recorder"

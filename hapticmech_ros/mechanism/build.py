@@ -21,7 +21,7 @@ def build(scene: Scene, compiled: bool = True) -> Mechanism:
     if not compiled:
         return Mechanism(scene)
     # Here, so that only what runs a mechanism waits for Numba.
-    from hapticmech_ros.mechanism.compiled import CompiledMechanism
+    from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
 
     return CompiledMechanism(scene)
 
@@ -31,8 +31,8 @@ def build_stepper(mechanism: Mechanism) -> Stepper:
     plan = plan_of(mechanism.scene.simulation)
     if not mechanism.compiled:
         return Stepper(mechanism, plan)
-    from hapticmech_ros.mechanism.compiled import CompiledMechanism
-    from hapticmech_ros.mechanism.compiled_stepping import CompiledStepper
+    from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
+    from hapticmech_ros.mechanism.compiled.stepping import CompiledStepper
 
     return CompiledStepper(cast(CompiledMechanism, mechanism), plan)
 

@@ -8,8 +8,12 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism.compiled import CompiledEvaluation, CompiledMechanism, failure
-from hapticmech_ros.mechanism.compiled_space import CompiledSpace
+from hapticmech_ros.mechanism.compiled.mechanism import (
+    CompiledEvaluation,
+    CompiledMechanism,
+    failure,
+)
+from hapticmech_ros.mechanism.compiled.space import CompiledSpace
 from hapticmech_ros.mechanism.evaluation import Active, Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array

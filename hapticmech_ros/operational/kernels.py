@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
-from hapticmech_ros.mechanism.kernels import accelerate
-from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.packed import Packed, unpack
-from hapticmech_ros.mechanism.small_matrices import (
+from hapticmech_ros.mechanism.compiled.kernels import accelerate
+from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
+from hapticmech_ros.mechanism.compiled.small_matrices import (
     dot,
     dot_rows,
     dot_with_row,
@@ -18,6 +17,7 @@ from hapticmech_ros.mechanism.small_matrices import (
     remove,
     solve_lower,
 )
+from hapticmech_ros.mechanism.model import Array
 
 # Length of an analysis; of it, squares are at 6:114.
 ANALYSIS_SIZE = 120

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import kernel
-from hapticmech_ros.mechanism.element_kernels import element_forces
-from hapticmech_ros.mechanism.kernels import factor
+from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
+from hapticmech_ros.mechanism.compiled.kernels import factor
+from hapticmech_ros.mechanism.compiled.motion_kernels import closure_bias, move_joints, move_point
+from hapticmech_ros.mechanism.compiled.packed import unpack
+from hapticmech_ros.mechanism.compiled.tables import unfold
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.motion_kernels import closure_bias, move_joints, move_point
-from hapticmech_ros.mechanism.packed import unpack
-from hapticmech_ros.mechanism.tables import unfold
 from hapticmech_ros.operational.kernels import ANALYSIS_SIZE, analyse_motion, metric_of
 from hapticmech_ros.rotation_kernels import quaternion_of
 

@@ -5,7 +5,7 @@ import pytest
 
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism import Simulator
-from hapticmech_ros.mechanism.compiled_stepping import CompiledStepper
+from hapticmech_ros.mechanism.compiled.stepping import CompiledStepper
 from hapticmech_ros.mechanism.projection import BAUMGARTE_FAILURE
 from hapticmech_ros.mechanism.schemes import INTEGRATORS
 from hapticmech_ros.mechanism.stepping import Plan, Pushes, Start, Stepper

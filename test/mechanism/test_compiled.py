@@ -7,11 +7,11 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import ClosureError, HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism, Simulator, build
-from hapticmech_ros.mechanism.compiled import CompiledMechanism
+from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
+from hapticmech_ros.mechanism.compiled.small_matrices import orthogonalise
 from hapticmech_ros.mechanism.constraint_space import SingularInertiaError
-from hapticmech_ros.mechanism.many_rows import FEW_ROWS
 from hapticmech_ros.mechanism.projection import project
-from hapticmech_ros.mechanism.small_matrices import orthogonalise
 from hapticmech_ros.scene import scene_from_document, shipped_scenes
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition, pair_of, projector, sample_pair

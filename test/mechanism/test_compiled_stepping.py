@@ -10,7 +10,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.errors import ClosureError, InvalidInputError
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.build import build_stepper
-from hapticmech_ros.mechanism.compiled_stepping import CompiledStepper
+from hapticmech_ros.mechanism.compiled.stepping import CompiledStepper
 from hapticmech_ros.mechanism.constraint_space import SingularInertiaError
 from hapticmech_ros.mechanism.schemes import INTEGRATORS, SCHEMES
 from hapticmech_ros.mechanism.stepping import Plan, Pushes, Start, Stepper

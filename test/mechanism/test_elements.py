@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hapticmech_ros.mechanism.element_kernels import element_slopes
+from hapticmech_ros.mechanism.compiled.element_kernels import element_slopes
+from hapticmech_ros.mechanism.compiled.packed import unpack
+from hapticmech_ros.mechanism.compiled.tables import unfold
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
-from hapticmech_ros.mechanism.packed import unpack
-from hapticmech_ros.mechanism.tables import unfold
 from hapticmech_ros.scene import scene_from_document
 from oracles.differences import columns, relative
 from oracles.generator import blank, random_inertial, random_mechanism, random_origin

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import SceneError
-from hapticmech_ros.mechanism.compiled import CompiledMechanism
+from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
 from hapticmech_ros.mechanism.constraint_space import SingularInertiaError, cholesky_of_upper
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.compiled import CompiledMechanism
+from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
 from hapticmech_ros.operational.analysis import Analyser
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import random_mechanism

@@ -2,7 +2,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from hapticmech_ros.kernel_library import compile_ahead
+from hapticmech_ros.compilation.library import compile_ahead
 from ros.harness import Peer, next_domain
 
 

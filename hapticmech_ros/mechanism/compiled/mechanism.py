@@ -12,17 +12,22 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism.closure_kernels import KINDS
-from hapticmech_ros.mechanism.compiled_space import CompiledClosing, CompiledSpace
+from hapticmech_ros.mechanism.compiled.closure_kernels import KINDS
+from hapticmech_ros.mechanism.compiled.kernels import (
+    NO_SVD,
+    SINGULAR,
+    factor_closures,
+    solve_motion,
+)
+from hapticmech_ros.mechanism.compiled.motion_kernels import move_frames
+from hapticmech_ros.mechanism.compiled.packed import packed_size
+from hapticmech_ros.mechanism.compiled.space import CompiledClosing, CompiledSpace
+from hapticmech_ros.mechanism.compiled.tables import Tables, fold
 from hapticmech_ros.mechanism.constraint_space import singular_inertia, singular_joint
 from hapticmech_ros.mechanism.elements import Elements
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation, PointKinematics
-from hapticmech_ros.mechanism.kernels import NO_SVD, SINGULAR, factor_closures, solve_motion
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array, TreeModel
-from hapticmech_ros.mechanism.motion_kernels import move_frames
-from hapticmech_ros.mechanism.packed import packed_size
-from hapticmech_ros.mechanism.tables import Tables, fold
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Joint
 

@@ -1,4 +1,4 @@
-"""Compiles all kernels into one library: ``python -m hapticmech_ros.kernel_builder FILE``."""
+"""Compiles all kernels into one library: ``python -m hapticmech_ros.compilation.builder FILE``."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from hapticmech_ros import compilation
-from hapticmech_ros.kernel_library import MODULE
+from hapticmech_ros.compilation import decorators
+from hapticmech_ros.compilation.library import MODULE
 
 # Import every kernel, directly or not.
-_HOMES = ("mechanism.compiled_stepping", "operational.compiled", "control.compiled")
+_HOMES = ("mechanism.compiled.stepping", "operational.compiled", "control.compiled")
 _MORE_HOMES = ("device.compiled", "wire.readings")
 
 
@@ -30,7 +30,7 @@ def build(path: Path, target: str) -> None:
         path: file to be written.
         target: processor to compile for, as LLVM calls it; ``host``: this one.
     """
-    kernels = compilation.collect()
+    kernels = decorators.collect()
     import_all()
     warnings.simplefilter("ignore")
     compiler: Any = importlib.import_module("numba.pycc.compiler")
@@ -40,7 +40,7 @@ def build(path: Path, target: str) -> None:
     def with_options() -> Any:
         # pycc knows no options: division by zero would raise, and the check for it cost time.
         made = flags()
-        for name, value in compilation.OPTIONS.items():
+        for name, value in decorators.OPTIONS.items():
             setattr(made, name, value)
         return made
 

@@ -16,12 +16,12 @@ from types import ModuleType
 
 import numpy as np
 
-from hapticmech_ros.kernel_cache import folder
+from hapticmech_ros.compilation.cache import folder
 
 MODULE = "hapticmech_kernels"
 # A slow machine takes two minutes.
 COMPILE_TIMEOUT_S = 600.0
-_PACKAGE = Path(__file__).parent
+_PACKAGE = Path(__file__).parent.parent
 
 
 @functools.cache
@@ -94,7 +94,13 @@ def _build(path: Path) -> bool:
 def _run_builder(path: Path) -> str:
     """Build the library in a process of its own; return why it failed, or nothing."""
     made = path.with_name(f"{os.getpid()}-{path.name}")
-    command = [sys.executable, "-m", "hapticmech_ros.kernel_builder", str(made), _processor()[0]]
+    command = [
+        sys.executable,
+        "-m",
+        "hapticmech_ros.compilation.builder",
+        str(made),
+        _processor()[0],
+    ]
     try:
         done = _run(command)
     except subprocess.TimeoutExpired:
@@ -113,7 +119,7 @@ def _compile_just_in_time() -> None:
     if done.exists():
         return
     try:
-        compiled = _run([sys.executable, "-m", "hapticmech_ros.kernel_builder"])
+        compiled = _run([sys.executable, "-m", "hapticmech_ros.compilation.builder"])
     except subprocess.TimeoutExpired:
         # Each process then compiles for itself what it needs.
         return

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from hapticmech_ros.compilation import inner
-from hapticmech_ros.mechanism.closure_kernels import gap_rates
+from hapticmech_ros.mechanism.compiled.closure_kernels import gap_rates
+from hapticmech_ros.mechanism.compiled.packed import Packed
+from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.packed import Packed
-from hapticmech_ros.mechanism.tables import Tables
 
 # Columns of ``Tables.element_values``, and of ``Tables.spring_values``.
 STIFFNESS, REST, FRICTION, FRICTION_SPEED, LOWER, UPPER, STOP, STOP_DAMPING, DEPTH = range(9)

@@ -8,14 +8,16 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.compiled import CompiledMechanism, failure
-from hapticmech_ros.mechanism.compiled_space import CompiledClosing, CompiledSpace
+from hapticmech_ros.mechanism.compiled.implicit_kernels import advance_implicit_stage, springs_size
+from hapticmech_ros.mechanism.compiled.kernels import NOT_FINITE
+from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism, failure
+from hapticmech_ros.mechanism.compiled.packed import ERROR
+from hapticmech_ros.mechanism.compiled.settle_kernels import OFF, SETTLED, settle
+from hapticmech_ros.mechanism.compiled.space import CompiledClosing, CompiledSpace
+from hapticmech_ros.mechanism.compiled.step_kernels import advance_stage, parts_of, work_size
 from hapticmech_ros.mechanism.evaluation import Active
-from hapticmech_ros.mechanism.implicit_kernels import advance_implicit_stage, springs_size
 from hapticmech_ros.mechanism.integrator import local_rate
-from hapticmech_ros.mechanism.kernels import NOT_FINITE
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.packed import ERROR
 from hapticmech_ros.mechanism.projection import (
     BAUMGARTE_FAILURE,
     PROJECTION_FAILURE,
@@ -27,8 +29,6 @@ from hapticmech_ros.mechanism.projection import (
     refuse_open,
 )
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.mechanism.settle_kernels import OFF, SETTLED, settle
-from hapticmech_ros.mechanism.step_kernels import advance_stage, parts_of, work_size
 from hapticmech_ros.mechanism.stepping import Plan, Pushes, Start, Stepped, Stepper, not_finite
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.mechanism.compiled.kernels import correct, keep_closed
+from hapticmech_ros.mechanism.compiled.packed import ERROR, LEAST, RANK, RESOLVED_RANK, views_of
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
 from hapticmech_ros.mechanism.evaluation import Closing
-from hapticmech_ros.mechanism.kernels import correct, keep_closed
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.packed import ERROR, LEAST, RANK, RESOLVED_RANK, views_of
 
 
 class _InOneArray:
@@ -46,7 +46,7 @@ class CompiledSpace(_InOneArray, ConstraintSpace):
     """A :class:`ConstraintSpace` in one array; its parts are views made when asked for.
 
     Attributes:
-        packed: see :class:`~hapticmech_ros.mechanism.packed.Packed`.
+        packed: see :class:`~hapticmech_ros.mechanism.compiled.packed.Packed`.
         nv: number of rates.
         m: number of closure rows.
     """

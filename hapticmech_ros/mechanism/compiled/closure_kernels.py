@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from hapticmech_ros.compilation import inner
+from hapticmech_ros.mechanism.compiled.small_matrices import cross, dot
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.small_matrices import cross, dot
 
 SPHERICAL, REVOLUTE, WELD, PLANAR_PIN, ROD = range(5)
 KINDS = {

@@ -9,26 +9,26 @@ import hashlib
 import os
 from pathlib import Path
 
-_PACKAGE = Path(__file__).parent
+_PACKAGE = Path(__file__).parent.parent
 # All files whose functions or constants become part of a kernel.
 _SOURCES = (
-    "compilation.py",
-    "kernel_builder.py",
+    "compilation/decorators.py",
+    "compilation/builder.py",
     "mechanism/constraint_space.py",
-    "mechanism/small_matrices.py",
-    "mechanism/many_rows.py",
+    "mechanism/compiled/small_matrices.py",
+    "mechanism/compiled/many_rows.py",
     "saturation_kernels.py",
-    "mechanism/tables.py",
-    "mechanism/closure_kernels.py",
-    "mechanism/packed.py",
-    "mechanism/kernels.py",
-    "mechanism/element_kernels.py",
-    "mechanism/motion_kernels.py",
+    "mechanism/compiled/tables.py",
+    "mechanism/compiled/closure_kernels.py",
+    "mechanism/compiled/packed.py",
+    "mechanism/compiled/kernels.py",
+    "mechanism/compiled/element_kernels.py",
+    "mechanism/compiled/motion_kernels.py",
     "mechanism/implicit.py",
     "mechanism/projection.py",
-    "mechanism/step_kernels.py",
-    "mechanism/implicit_kernels.py",
-    "mechanism/settle_kernels.py",
+    "mechanism/compiled/step_kernels.py",
+    "mechanism/compiled/implicit_kernels.py",
+    "mechanism/compiled/settle_kernels.py",
     "operational/kernels.py",
     "operational/point_kernels.py",
     "rotation_kernels.py",

@@ -4,7 +4,7 @@ The calls of NumPy and SciPy that a tick makes cost a microsecond each and compu
 nanoseconds. A kernel does a tick's worth of them in one call. Every kernel has an implementation
 in plain NumPy beside it, which says what it computes and is what tests compare it with.
 
-All kernels are compiled together into a library (:mod:`~hapticmech_ros.kernel_library`), which
+All kernels are compiled together into a library (:mod:`~hapticmech_ros.compilation.library`), which
 loads in a millisecond and without Numba. Where that cannot be built, or where the environment says
 ``HAPTICMECH_ROS_KERNELS=jit``, each process compiles its own with Numba, or loads what another one
 compiled, which takes it a second. Rounding is the same in every run: nothing is reordered, fused or
@@ -20,8 +20,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeVar, cast
 
-from hapticmech_ros.kernel_cache import folder
-from hapticmech_ros.kernel_library import library
+from hapticmech_ros.compilation.cache import folder
+from hapticmech_ros.compilation.library import library
 
 Function = TypeVar("Function", bound=Callable[..., object])
 # Division by zero gives what NumPy gives; no operation is reordered or fused.

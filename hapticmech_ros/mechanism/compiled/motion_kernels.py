@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
-from hapticmech_ros.mechanism.closure_kernels import bias_of
-from hapticmech_ros.mechanism.element_kernels import element_forces
+from hapticmech_ros.mechanism.compiled.closure_kernels import bias_of
+from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
+from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
+from hapticmech_ros.mechanism.compiled.tables import Tables, unfold
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.packed import Packed, unpack
-from hapticmech_ros.mechanism.tables import Tables, unfold
 
 
 @inner

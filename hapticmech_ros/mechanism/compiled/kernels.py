@@ -1,8 +1,8 @@
 """Kernels of Eq. 1 at a configuration: factorisation of D and W, accelerations, projections.
 
 Every kernel takes the mechanism's constants as ``numbers`` and ``values`` (see
-:mod:`~hapticmech_ros.mechanism.tables`), and what is known of a configuration as one array
-``packed`` (see :mod:`~hapticmech_ros.mechanism.packed`).
+:mod:`~hapticmech_ros.mechanism.compiled.tables`), and what is known of a configuration as one array
+``packed`` (see :mod:`~hapticmech_ros.mechanism.compiled.packed`).
 """
 
 from __future__ import annotations
@@ -10,23 +10,16 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
-from hapticmech_ros.mechanism.closure_kernels import jacobian_of, residual_of
-from hapticmech_ros.mechanism.constraint_space import (
-    DRIFT_CAP,
-    DRIFT_FACTOR,
-    RESOLVED,
-    SOLVER_RANK_TOLERANCE,
-)
-from hapticmech_ros.mechanism.many_rows import (
+from hapticmech_ros.mechanism.compiled.closure_kernels import jacobian_of, residual_of
+from hapticmech_ros.mechanism.compiled.many_rows import (
     FEW_ROWS,
     first_directions,
     pseudo_inverse_transposed,
     solve_lower_columns,
     triangularise,
 )
-from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.packed import Packed, unpack
-from hapticmech_ros.mechanism.small_matrices import (
+from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
+from hapticmech_ros.mechanism.compiled.small_matrices import (
     cholesky,
     copy_matrix,
     dot_rows,
@@ -36,7 +29,14 @@ from hapticmech_ros.mechanism.small_matrices import (
     solve_lower,
     solve_lower_transposed,
 )
-from hapticmech_ros.mechanism.tables import Tables, unfold
+from hapticmech_ros.mechanism.compiled.tables import Tables, unfold
+from hapticmech_ros.mechanism.constraint_space import (
+    DRIFT_CAP,
+    DRIFT_FACTOR,
+    RESOLVED,
+    SOLVER_RANK_TOLERANCE,
+)
+from hapticmech_ros.mechanism.model import Array
 
 # What a kernel returns that could not do its work; below SINGULAR: D is not positive definite at
 # degree of freedom SINGULAR - code.

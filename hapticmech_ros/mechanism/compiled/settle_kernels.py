@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
-from hapticmech_ros.mechanism.closure_kernels import REVOLUTE, WELD
-from hapticmech_ros.mechanism.kernels import NOT_FINITE, close_rates, correction_of, factor
+from hapticmech_ros.mechanism.compiled.closure_kernels import REVOLUTE, WELD
+from hapticmech_ros.mechanism.compiled.kernels import NOT_FINITE, close_rates, correction_of, factor
+from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
+from hapticmech_ros.mechanism.compiled.small_matrices import dot
+from hapticmech_ros.mechanism.compiled.step_kernels import step_parts
+from hapticmech_ros.mechanism.compiled.tables import Tables, unfold
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.packed import Packed, unpack
 from hapticmech_ros.mechanism.projection import (
     JUMP,
     LEAST_TOLERANCE,
     NEAR_SINGULAR,
     PROJECTION_TOLERANCE,
 )
-from hapticmech_ros.mechanism.small_matrices import dot
-from hapticmech_ros.mechanism.step_kernels import step_parts
-from hapticmech_ros.mechanism.tables import Tables, unfold
 
 # What a round says: on the closures; to be moved by ``work.theta`` and seen again; on the closures,
 # but after a jump, or with axes the other way.

@@ -7,12 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
-from hapticmech_ros.mechanism.element_kernels import element_slopes
-from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED
-from hapticmech_ros.mechanism.kernels import NOT_FINITE, SINGULAR, factor
-from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.packed import Packed, unpack
-from hapticmech_ros.mechanism.small_matrices import (
+from hapticmech_ros.mechanism.compiled.element_kernels import element_slopes
+from hapticmech_ros.mechanism.compiled.kernels import NOT_FINITE, SINGULAR, factor
+from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
+from hapticmech_ros.mechanism.compiled.small_matrices import (
     cholesky,
     dot,
     dot_with_row,
@@ -20,14 +18,16 @@ from hapticmech_ros.mechanism.small_matrices import (
     solve_lower,
     solve_lower_transposed,
 )
-from hapticmech_ros.mechanism.step_kernels import (
+from hapticmech_ros.mechanism.compiled.step_kernels import (
     MOST_STAGES,
     Work,
     find_rates,
     start_step,
     step_parts,
 )
-from hapticmech_ros.mechanism.tables import unfold
+from hapticmech_ros.mechanism.compiled.tables import unfold
+from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED
+from hapticmech_ros.mechanism.model import Array
 
 
 class Springs(NamedTuple):

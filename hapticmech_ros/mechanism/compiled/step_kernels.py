@@ -11,13 +11,17 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
-from hapticmech_ros.mechanism.element_kernels import element_forces
-from hapticmech_ros.mechanism.kernels import NOT_FINITE, accelerate, factor
+from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
+from hapticmech_ros.mechanism.compiled.kernels import NOT_FINITE, accelerate, factor
+from hapticmech_ros.mechanism.compiled.motion_kernels import (
+    add_point_forces,
+    closure_bias,
+    move_joints,
+)
+from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
+from hapticmech_ros.mechanism.compiled.small_matrices import dot, dot_with_row
+from hapticmech_ros.mechanism.compiled.tables import Tables, unfold
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.motion_kernels import add_point_forces, closure_bias, move_joints
-from hapticmech_ros.mechanism.packed import Packed, unpack
-from hapticmech_ros.mechanism.small_matrices import dot, dot_with_row
-from hapticmech_ros.mechanism.tables import Tables, unfold
 
 MOST_STAGES = 4
 _SETTINGS, _ACCOUNT = 6, 5

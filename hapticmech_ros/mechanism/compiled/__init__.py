@@ -1,0 +1,1 @@
+"""The mechanism by kernels: what is readable beside this folder, at a fraction of the time."""
