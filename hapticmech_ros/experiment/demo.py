@@ -21,7 +21,7 @@ from hapticmech_ros.scene import load_scene
 RECORDER = "hapticmech_ros.nodes.recorder"
 
 # A simulated hand comes to no harm: stalls of a busy machine are waited for rather than answered by
-# letting go, which would make another experiment of it. Before a real hand, 15 ms is the default.
+# letting go, which would make another experiment of it. Before a real hand, 12 ms is the default.
 PATIENCE = {"haptic_device.command_timeout": 0.05, "teleoperation_controller.input_timeout": 0.05}
 
 # (stage, share done or None while unknown)

@@ -74,7 +74,7 @@ class DeviceParameters(NodeParameters):
     """Parameters of the simulated haptic device."""
 
     command_timeout: float = number(
-        0.015, "servo_cf older than this counts as lost: actuators at zero", "s", 0.001, 1.0
+        0.012, "servo_cf older than this counts as lost: actuators at zero", "s", 0.001, 1.0
     )
     hand: Literal["scene", "commanded"] = text(
         "scene", "scene: its hand holds the device; commanded: hand_cf alone moves it"
@@ -108,7 +108,7 @@ class ControllerParameters(NodeParameters):
     """Parameters of the teleoperation controller."""
 
     input_timeout: float = number(
-        0.015, "an input older than this counts as lost: disengaged", "s", 0.001, 1.0
+        0.012, "an input older than this counts as lost: disengaged", "s", 0.001, 1.0
     )
 
 
