@@ -15,8 +15,8 @@ INTEGRATOR_NAMES: tuple[IntegratorName, ...] = get_args(IntegratorName)
 # Multiples of the step that a case's scene has, which a squeezer in hundredths of a second and a
 # pendulum in seconds can share.
 MULTIPLES = (4.0, 2.0, 1.0, 0.5, 0.25)
-# A step of a large case takes as long as a second of a small one.
-LARGE_MULTIPLES = (4.0, 2.0)
+# A step of a large case takes as long as many of a small one.
+LARGE_MULTIPLES = (8.0, 4.0, 2.0)
 QUICK_MULTIPLES = (2.0, 1.0)
 LARGE = "large"
 # Scenes step by 1 ms or less, and the schema takes no more than 100 ms.
