@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from hapticmech_ros.cli import bag, bench, experiment, graph, replay
+from hapticmech_ros.cli import analyse, bag, bench, experiment, graph, replay
 from hapticmech_ros.cli.console import console, errors
 from hapticmech_ros.errors import HapticMechError
 
@@ -38,6 +38,7 @@ def _options(
 
 for command in (graph.run, experiment.demo, experiment.experiment, graph.topics, graph.parameters):
     app.command()(command)
+app.command()(analyse.analyse)
 app.add_typer(bench.app, name="bench")
 bag.app.command()(replay.replay)
 app.add_typer(bag.app, name="bag")

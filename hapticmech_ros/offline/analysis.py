@@ -1,0 +1,123 @@
+"""Λ_h⁻¹, its spectrum and the count of joint constraints at many states of a mechanism."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.offline.states import RecordedStates
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.operational.counter import first_count, next_count
+from hapticmech_ros.times import NANOSECONDS
+
+# Told of the progress after so many states.
+TOLD = 1000
+_SEEN = 133
+
+Show = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysedStates:
+    """What a user holding an operational point would have felt at each of n states.
+
+    Attributes:
+        stamps_ns: (n,) times they stand for, ns.
+        times: (n,) since the first, s.
+        count: (n,) joint constraints reported, with hysteresis and dwell as the analyser node has.
+        s: (n, t) √μ of each direction of the task space, largest first; 0 is rigid.
+        inverse_inertia: (n, 6, 6) X = Λ_h⁻¹, axes of the world, 1/kg, 1/(kg m) and 1/(kg m²).
+        constraint_projector: (n, 6, 6) P_c, whose range the constraint wrenches span.
+        balanced_share: (n, 6, 6) Π.
+        free_acceleration: (n, 6) a_0, m/s² and rad/s².
+        position: (n, 3) of the point, m.
+        quaternion: (n, 4) x, y, z, w.
+        twist: (n, 6) m/s and rad/s.
+    """
+
+    stamps_ns: npt.NDArray[np.int64]
+    times: Array
+    count: npt.NDArray[np.int64]
+    s: Array
+    inverse_inertia: Array
+    constraint_projector: Array
+    balanced_share: Array
+    free_acceleration: Array
+    position: Array
+    quaternion: Array
+    twist: Array
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write all arrays under their names as a NumPy archive, and return its path."""
+        target = Path(path)
+        with target.open("wb") as file:
+            np.savez(file, **{field.name: getattr(self, field.name) for field in fields(self)})
+        return target
+
+
+def analyse_states(
+    mechanism: Mechanism,
+    states: RecordedStates,
+    point: str = "",
+    show: Show = lambda done, total: None,
+) -> AnalysedStates:
+    """Analyse an operational point at every state.
+
+    Args:
+        mechanism: that was in these states.
+        states: in order of time.
+        point: name of the operational point; the scene's first one if empty.
+        show: told of states done, and of all there are.
+
+    Raises:
+        InvalidInputError: no such point.
+        HapticMechError: a state cannot be analysed; says which.
+    """
+    analyser = Analyser(mechanism, point)
+    total, t = states.stamps_ns.size, analyser.rows.size
+    seen = np.empty((total, _SEEN))
+    closed = [tuple(row) for row in states.active.tolist()]
+    for index in range(total):
+        try:
+            analyser.see(states.q[index], states.v[index], closed[index], seen[index])
+        except HapticMechError as error:
+            raise HapticMechError(f"state {index} of {total}: {error}") from error
+        if (index + 1) % TOLD == 0:
+            show(index + 1, total)
+    show(total, total)
+    times = (states.stamps_ns - states.stamps_ns[:1]) / NANOSECONDS
+    squares = seen[:, 6:114].reshape(total, 3, 6, 6)
+    return AnalysedStates(
+        stamps_ns=states.stamps_ns,
+        times=times,
+        count=_counts(mechanism, seen[:, :t], times),
+        s=seen[:, :t].copy(),
+        inverse_inertia=squares[:, 0].copy(),
+        constraint_projector=squares[:, 1].copy(),
+        balanced_share=squares[:, 2].copy(),
+        free_acceleration=seen[:, 114:120].copy(),
+        position=seen[:, 120:123].copy(),
+        quaternion=seen[:, 123:127].copy(),
+        twist=seen[:, 127:].copy(),
+    )
+
+
+def _counts(mechanism: Mechanism, s: Array, times: Array) -> npt.NDArray[np.int64]:
+    perception = mechanism.scene.perception
+    counts = np.zeros(times.size, dtype=np.int64)
+    state = None
+    for index, time in enumerate(times.tolist()):
+        if state is None:
+            state = first_count(s[index], perception)
+        else:
+            state = next_count(state, s[index], time, perception)
+        counts[index] = state.count
+    return counts

@@ -1,0 +1,135 @@
+"""States of a mechanism from a bag: its own messages at the control rate, or joint states."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from hapticmech_ros.bag import BagReader
+from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.joints import coordinate_names
+from hapticmech_ros.wire.state import StateLayout, WireState
+from hapticmech_ros.wire.topic import Topic
+from hapticmech_ros.wire.topics import JOINT_STATES, STATE
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedStates:
+    """States in order of their stamps.
+
+    Attributes:
+        stamps_ns: (n,) times they stand for, ns.
+        q: (n, nq) configurations.
+        v: (n, nv) rates.
+        active: (n, closures) whether each closure is closed.
+        topic: where they are from.
+    """
+
+    stamps_ns: npt.NDArray[np.int64]
+    q: Array
+    v: Array
+    active: npt.NDArray[np.bool_]
+    topic: str
+
+
+def states_from_bag(
+    path: str | os.PathLike[str], mechanism: Mechanism, topic: str = "", namespace: str = ""
+) -> RecordedStates:
+    """Return the states of a mechanism that were recorded into a bag.
+
+    Args:
+        path: rosbag2 folder, or one ``.mcap`` or ``.db3`` file.
+        mechanism: what moved.
+        topic: of joint states of any graph. If empty ``mechanism/state`` is read, which has every
+            sample and says which loops were closed, or else ``mechanism/measured_js``. Joint states
+            say nothing of loops: they are taken as the scene starts.
+        namespace: of the graph.
+
+    Raises:
+        BagError: no bag, damaged, no such topic or nothing in it, or messages of another mechanism.
+    """
+    with BagReader(path) as bag:
+        name = topic or _name(bag, namespace)
+        if name not in bag.topics or bag.topics[name].count == 0:
+            raise BagError(f"bag {bag.path}: no messages on {name}")
+        kind = bag.topics[name].type
+        try:
+            if kind == STATE.type:
+                return _own_states(bag, name, mechanism)
+            if kind == JOINT_STATES.type:
+                return _joint_states(bag, name, mechanism)
+        except InvalidInputError as error:
+            raise BagError(f"bag {bag.path}, {name}: {error}") from error
+    raise BagError(f"bag {path}, {name}: is {kind}, should be {STATE.type} or {JOINT_STATES.type}")
+
+
+def _name(bag: BagReader, namespace: str) -> str:
+    prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+
+    def full(topic: Topic) -> str:
+        return f"{prefix}/{topic.name}"
+
+    found = bag.topics.get(full(STATE))
+    return full(STATE) if found is not None and found.count else full(JOINT_STATES)
+
+
+def _own_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStates:
+    layout = StateLayout(mechanism)
+    decode = FlatArray(layout.fields).decode
+    states: list[WireState] = [layout.unpack(decode(d)) for _, _, d in bag.serialized(name)]
+    return _ordered(
+        [state.stamp_ns for state in states],
+        [state.q for state in states],
+        [state.v for state in states],
+        [state.active for state in states],
+        name,
+    )
+
+
+def _joint_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStates:
+    neutral, names = pin.neutral(mechanism.model), coordinate_names(mechanism)
+    stamps, configurations, rates = [], [], []
+    for item in bag.messages(name):
+        stamp = item.message.header.stamp
+        stamps.append(int(stamp.sec) * NANOSECONDS + int(stamp.nanosec))
+        positions = _by_name(item.message, "position", names)
+        configurations.append(mechanism.integrate(neutral, positions))
+        given = len(item.message.velocity) > 0
+        rates.append(_by_name(item.message, "velocity", names) if given else np.zeros(len(names)))
+    active = [mechanism.initially_active] * len(stamps)
+    return _ordered(stamps, configurations, rates, active, name)
+
+
+def _by_name(message: Any, what: str, names: tuple[str, ...]) -> Array:
+    values = getattr(message, what)
+    if len(values) != len(message.name):
+        rule = f"must be as many as names ({len(message.name)})"
+        raise InvalidInputError(f"number of {what}s", len(values), rule)
+    known = dict(zip(message.name, values, strict=True))
+    missing = [name for name in names if name not in known]
+    if missing:
+        raise InvalidInputError("joints", list(message.name), f"must name {', '.join(missing)}")
+    found = np.array([known[name] for name in names], dtype=float)
+    if not np.isfinite(found).all():
+        raise InvalidInputError(what, found.tolist(), "must be finite")
+    return found
+
+
+def _ordered(
+    stamps: list[int], q: list[Array], v: list[Array], active: list[tuple[bool, ...]], topic: str
+) -> RecordedStates:
+    times = np.array(stamps, dtype=np.int64)
+    order = np.argsort(times, kind="stable")
+    closed = np.array(active, dtype=bool).reshape(len(stamps), -1)
+    return RecordedStates(
+        times[order], np.array(q)[order], np.array(v)[order], closed[order], topic
+    )
