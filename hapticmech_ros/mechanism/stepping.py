@@ -106,9 +106,13 @@ class Stepper:
     def __init__(self, mechanism: Mechanism, plan: Plan) -> None:
         self._mechanism = mechanism
         self._plan = plan
+        self._shape = (len(mechanism.point_names), 6)
 
     def advance(self, start: Start, pushes: Pushes) -> Stepped:
         """Advance by one period with pushes held; see ``Simulator.step``."""
+        if pushes.wrenches.shape != self._shape:
+            rule = f"must have shape {self._shape}"
+            raise InvalidInputError("wrenches", pushes.wrenches.shape, rule)
         if pushes.in_joints is not None:
             _check_joint_forces(pushes.in_joints, self._mechanism.nv)
         if self._plan.substeps == 1:

@@ -208,6 +208,11 @@ class TestErrors:
         with pytest.raises(InvalidInputError, match=f"mechanism {what}: must stay finite"):
             sim.step(state, wrenches)
 
+    def test_wrenches_of_another_shape_are_refused(self, compiled):
+        sim, state, wrenches = self.start(compiled)
+        with pytest.raises(InvalidInputError, match="wrenches: must have shape"):
+            sim.step(state, wrenches[0])
+
     def test_an_unknown_link_is_refused(self, compiled):
         sim, state, wrenches = self.start(compiled)
         with pytest.raises(InvalidInputError, match="nothing"):

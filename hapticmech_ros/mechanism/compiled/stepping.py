@@ -7,7 +7,6 @@ from typing import cast
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.compiled.implicit_kernels import advance_implicit_stage, springs_size
 from hapticmech_ros.mechanism.compiled.kernels import NOT_FINITE
 from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism, failure
@@ -57,9 +56,6 @@ class CompiledStepper(Stepper):
 
     def _substep(self, start: Start, pushes: Pushes) -> Stepped:
         parts = self._parts
-        if pushes.wrenches.shape != parts.wrenches.shape:
-            rule = f"must have shape {parts.wrenches.shape}"
-            raise InvalidInputError("wrenches", pushes.wrenches.shape, rule)
         parts.q0[:] = start.q
         parts.v0[:] = start.v
         parts.wrenches[:] = pushes.wrenches
