@@ -39,6 +39,7 @@ def _options(
 for command in (graph.run, experiment.demo, experiment.experiment, graph.topics, graph.parameters):
     app.command()(command)
 app.command()(analyse.analyse)
+app.command()(analyse.sweep)
 app.add_typer(bench.app, name="bench")
 bag.app.command()(replay.replay)
 app.add_typer(bag.app, name="bag")

@@ -1,15 +1,20 @@
-"""``hapticmech analyse``: what a recording felt like, over all its samples."""
+"""``hapticmech analyse`` and ``sweep``: what is felt over a recording, or over a motion."""
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 
-from hapticmech_ros.cli.console import OutOption, console, progress
+from hapticmech_ros.cli.console import OutOption, SceneArgument, console, progress
+from hapticmech_ros.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from hapticmech_ros.offline import Led
 
 
 def analyse(
@@ -53,3 +58,56 @@ def analyse(
         highlight=False,
     )
     console.print(f"{table}\n{picture}", highlight=False)
+
+
+def sweep(
+    scene: SceneArgument,
+    joint: Annotated[
+        list[str], typer.Option(help="NAME=FROM:TO:NUMBER, rad or m; once for each joint led")
+    ],
+    point: Annotated[
+        str, typer.Option(help="operational point", show_default="the scene's first")
+    ] = "",
+    processes: Annotated[int, typer.Option(help="that share the work", min=1)] = 2,
+    out: OutOption = Path("sweep"),
+) -> None:
+    """Lead joints over a grid, loops closed, and compute what is felt there: a table and a plot."""
+    from hapticmech_ros.experiment.figure_style import save
+    from hapticmech_ros.offline import sweep as run_sweep
+    from hapticmech_ros.offline.figure import sweep_figure
+    from hapticmech_ros.scene import load_scene
+
+    led = [_led(text) for text in joint]
+    begun = time.perf_counter()
+    places = math.prod(len(one.values) for one in led)
+    with progress() as bar:
+        task = bar.add_task("sweeping", total=places)
+        found = run_sweep(
+            load_scene(scene), led, point, processes, lambda done: bar.update(task, completed=done)
+        )
+    taken = time.perf_counter() - begun
+    out.mkdir(parents=True, exist_ok=True)
+    table = found.save(out / "sweep.npz")
+    picture = save(sweep_figure(found, led), out / "sweep.png")
+    console.print(
+        f"{found.count.size} of {places} places reached and analysed in {taken:.2f} s",
+        highlight=False,
+    )
+    console.print(f"{table}\n{picture}", highlight=False)
+
+
+def _led(text: str) -> Led:
+    """Return what ``NAME=FROM:TO:NUMBER`` says.
+
+    Raises:
+        InvalidInputError: it does not.
+    """
+    from hapticmech_ros.offline import Led
+
+    name, _, way = text.partition("=")
+    try:
+        first, last, number = way.split(":")
+        values = np.linspace(float(first), float(last), int(number))
+    except ValueError:
+        raise InvalidInputError("--joint", text, "must be NAME=FROM:TO:NUMBER") from None
+    return Led(name, tuple(values.tolist()))

@@ -1,6 +1,22 @@
-"""Analysis after the fact: Λ_h⁻¹, spectrum and count over a whole recording, without ROS."""
+"""Λ_h⁻¹, spectrum and count over a whole recording, or over a mechanism's motion; without ROS."""
 
-from hapticmech_ros.offline.analysis import AnalysedStates, analyse_states
+from hapticmech_ros.offline.analysis import (
+    AnalysedStates,
+    FeltStates,
+    analyse_states,
+    felt_states,
+)
 from hapticmech_ros.offline.states import RecordedStates, states_from_bag
+from hapticmech_ros.offline.sweep import Led, SweptStates, sweep
 
-__all__ = ["AnalysedStates", "RecordedStates", "analyse_states", "states_from_bag"]
+__all__ = [
+    "AnalysedStates",
+    "FeltStates",
+    "Led",
+    "RecordedStates",
+    "SweptStates",
+    "analyse_states",
+    "felt_states",
+    "states_from_bag",
+    "sweep",
+]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.evaluation import Active
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.offline.states import RecordedStates
 from hapticmech_ros.operational import Analyser
@@ -26,13 +27,10 @@ Show = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True)
-class AnalysedStates:
-    """What a user holding an operational point would have felt at each of n states.
+class FeltStates:
+    """What a user holding an operational point feels at each of n states.
 
     Attributes:
-        stamps_ns: (n,) times they stand for, ns.
-        times: (n,) since the first, s.
-        count: (n,) joint constraints reported, with hysteresis and dwell as the analyser node has.
         s: (n, t) √μ of each direction of the task space, largest first; 0 is rigid.
         inverse_inertia: (n, 6, 6) X = Λ_h⁻¹, axes of the world, 1/kg, 1/(kg m) and 1/(kg m²).
         constraint_projector: (n, 6, 6) P_c, whose range the constraint wrenches span.
@@ -43,9 +41,6 @@ class AnalysedStates:
         twist: (n, 6) m/s and rad/s.
     """
 
-    stamps_ns: npt.NDArray[np.int64]
-    times: Array
-    count: npt.NDArray[np.int64]
     s: Array
     inverse_inertia: Array
     constraint_projector: Array
@@ -63,17 +58,36 @@ class AnalysedStates:
         return target
 
 
-def analyse_states(
+@dataclass(frozen=True, slots=True)
+class AnalysedStates(FeltStates):
+    """What was felt during a recording.
+
+    Attributes:
+        stamps_ns: (n,) times that the states stand for, ns.
+        times: (n,) since the first, s.
+        count: (n,) joint constraints reported, with hysteresis and dwell as the analyser node has.
+    """
+
+    stamps_ns: npt.NDArray[np.int64]
+    times: Array
+    count: npt.NDArray[np.int64]
+
+
+def felt_states(
     mechanism: Mechanism,
-    states: RecordedStates,
+    q: Array,
+    v: Array,
+    active: Sequence[Active],
     point: str = "",
     show: Show = lambda done, total: None,
-) -> AnalysedStates:
-    """Analyse an operational point at every state.
+) -> FeltStates:
+    """Analyse an operational point at n states.
 
     Args:
-        mechanism: that was in these states.
-        states: in order of time.
+        mechanism: that is in these states.
+        q: (n, nq) configurations.
+        v: (n, nv) rates.
+        active: n times which closures are closed.
         point: name of the operational point; the scene's first one if empty.
         show: told of states done, and of all there are.
 
@@ -82,23 +96,18 @@ def analyse_states(
         HapticMechError: a state cannot be analysed; says which.
     """
     analyser = Analyser(mechanism, point)
-    total, t = states.stamps_ns.size, analyser.rows.size
+    total, t = len(active), analyser.rows.size
     seen = np.empty((total, _SEEN))
-    closed = [tuple(row) for row in states.active.tolist()]
     for index in range(total):
         try:
-            analyser.see(states.q[index], states.v[index], closed[index], seen[index])
+            analyser.see(q[index], v[index], active[index], seen[index])
         except HapticMechError as error:
             raise HapticMechError(f"state {index} of {total}: {error}") from error
         if (index + 1) % TOLD == 0:
             show(index + 1, total)
     show(total, total)
-    times = (states.stamps_ns - states.stamps_ns[:1]) / NANOSECONDS
     squares = seen[:, 6:114].reshape(total, 3, 6, 6)
-    return AnalysedStates(
-        stamps_ns=states.stamps_ns,
-        times=times,
-        count=_counts(mechanism, seen[:, :t], times),
+    return FeltStates(
         s=seen[:, :t].copy(),
         inverse_inertia=squares[:, 0].copy(),
         constraint_projector=squares[:, 1].copy(),
@@ -108,6 +117,21 @@ def analyse_states(
         quaternion=seen[:, 123:127].copy(),
         twist=seen[:, 127:].copy(),
     )
+
+
+def analyse_states(
+    mechanism: Mechanism,
+    states: RecordedStates,
+    point: str = "",
+    show: Show = lambda done, total: None,
+) -> AnalysedStates:
+    """Analyse an operational point at every recorded state; see :func:`felt_states`."""
+    active = [tuple(row) for row in states.active.tolist()]
+    felt = felt_states(mechanism, states.q, states.v, active, point, show)
+    times = (states.stamps_ns - states.stamps_ns[:1]) / NANOSECONDS
+    arrays = {field.name: getattr(felt, field.name) for field in fields(felt)}
+    count = _counts(mechanism, felt.s, times)
+    return AnalysedStates(**arrays, stamps_ns=states.stamps_ns, times=times, count=count)
 
 
 def _counts(mechanism: Mechanism, s: Array, times: Array) -> npt.NDArray[np.int64]:

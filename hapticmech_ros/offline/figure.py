@@ -1,8 +1,12 @@
-"""A picture of an analysed recording: felt inertia, spectrum and count over time."""
+"""Pictures of what is felt: over a recording's time, or over the motion of one or two joints."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+import numpy.typing as npt
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from hapticmech_ros.experiment.figure_style import (
@@ -14,12 +18,18 @@ from hapticmech_ros.experiment.figure_style import (
     legend,
     new_figure,
 )
-from hapticmech_ros.offline.analysis import AnalysedStates
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.offline.analysis import AnalysedStates, FeltStates
+from hapticmech_ros.offline.sweep import Led, SweptStates
 
-CAPTION = (
+WHAT = (
     "Mass felt along each axis of the world, 1 / X_ii (top; none is drawn above {largest:g} kg, "
     "where a direction is next to rigid), s = √μ of every direction of the task space (middle: 0 "
     "is rigid, 1 as free as the link alone), and joint constraints felt (bottom)."
+)
+WHERE = (
+    "Mass felt along x and y of the world, 1 / X_ii (kg, no more than {largest:g}), and the "
+    "smallest s = √μ that is not rigid (right). White: the mechanism cannot come there."
 )
 LARGEST_KG = 1e3
 # s below this is drawn at the lower edge: zero but for rounding.
@@ -27,27 +37,67 @@ LOWEST_S = 1e-3
 
 
 def analysis_figure(found: AnalysedStates, largest: float = LARGEST_KG) -> Figure:
-    """Return the figure."""
-    figure = new_figure(8.0, 6.4, CAPTION.format(largest=largest))
+    """Return the figure of a recording."""
+    return _lines(found, found.count, found.times, "time since the first sample (s)", largest)
+
+
+def sweep_figure(found: SweptStates, led: Sequence[Led], largest: float = LARGEST_KG) -> Figure:
+    """Return the figure of a sweep: lines over one joint, maps over the last two of several."""
+    if len(led) == 1:
+        return _lines(found, found.count, found.places[:, 0], led[0].joint, largest)
+    return _maps(found, led, largest)
+
+
+def _lines(
+    found: FeltStates, count: npt.NDArray[np.int64], over: Array, label: str, largest: float
+) -> Figure:
+    figure = new_figure(8.0, 6.4, WHAT.format(largest=largest))
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(1.3, 1.2, 0.8))
     for axis, (name, colour) in enumerate(AXIS_COLOURS.items()):
-        mobility = found.inverse_inertia[:, axis, axis]
-        felt = np.full(mobility.size, np.nan)
-        moves = mobility > 1.0 / largest
-        felt[moves] = 1.0 / mobility[moves]
-        if moves.any():
-            top.plot(found.times, felt, color=colour, linewidth=1.4, label=f"along {name}")
+        felt = _mass(found, axis, largest)
+        if not np.isnan(felt).all():
+            top.plot(over, felt, color=colour, linewidth=1.4, label=f"along {name}")
     if top.lines:
         top.set_yscale("log")
         legend(top, 3)
     dress(top, "", "mass felt (kg)")
     for direction in range(found.s.shape[1]):
-        drawn = np.maximum(found.s[:, direction], LOWEST_S)
-        middle.plot(found.times, drawn, color=BLUE, linewidth=1.2)
+        middle.plot(over, np.maximum(found.s[:, direction], LOWEST_S), color=BLUE, linewidth=1.2)
     middle.set_yscale("log")
     dress(middle, "", "s")
-    bottom.step(found.times, found.count, where="post", color=VERMILION, linewidth=1.8)
-    bottom.set_ylim(-0.15, int(found.count.max(initial=0)) + 0.6)
-    dress(bottom, "time since the first sample (s)", "constraints")
-    bottom.tick_params(labelsize=SMALL)
+    bottom.step(over, count, where="post", color=VERMILION, linewidth=1.8)
+    bottom.set_ylim(-0.15, int(count.max(initial=0)) + 0.6)
+    dress(bottom, label, "constraints")
     return figure
+
+
+def _maps(found: SweptStates, led: Sequence[Led], largest: float) -> Figure:
+    figure = new_figure(11.0, 4.0, WHERE.format(largest=largest))
+    rigid = found.s <= LOWEST_S
+    smallest = np.where(rigid, np.inf, found.s).min(axis=1)
+    smallest[np.isinf(smallest)] = np.nan
+    shown = (
+        ("mass along x (kg)", _mass(found, 0, largest)),
+        ("mass along y (kg)", _mass(found, 1, largest)),
+        ("smallest s", smallest),
+    )
+    across, up = led[-1], led[-2]
+    # Of further joints the first place of each is shown.
+    kept = (found.grid[:, :-2] == found.grid[0, :-2]).all(axis=1)
+    for axes, (title, values) in zip(figure.subplots(1, 3, sharey=True), shown, strict=True):
+        grid = np.full((len(up.values), len(across.values)), np.nan)
+        grid[found.grid[kept, -2], found.grid[kept, -1]] = values[kept]
+        drawn = axes.pcolormesh(across.values, up.values, grid, norm=LogNorm(), shading="nearest")
+        figure.colorbar(drawn, ax=axes, shrink=0.9)
+        axes.set_title(title, fontsize=SMALL)
+        dress(axes, across.joint, up.joint if title == shown[0][0] else "")
+    return figure
+
+
+def _mass(found: FeltStates, axis: int, largest: float) -> Array:
+    """Return 1 / X_ii (kg), NaN above ``largest``."""
+    mobility = found.inverse_inertia[:, axis, axis]
+    felt = np.full(mobility.size, np.nan)
+    moves = mobility > 1.0 / largest
+    felt[moves] = 1.0 / mobility[moves]
+    return felt

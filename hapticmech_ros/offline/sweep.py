@@ -1,0 +1,264 @@
+"""What is felt over the motion of a mechanism: joints led over a grid, loops kept closed."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, fields
+from multiprocessing import get_context
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism import Mechanism, build
+from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.offline.analysis import FeltStates, felt_states
+from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.scene import Scene
+
+# The led joints move in steps no longer than this (rad or m), so that loops stay on their branch.
+LONGEST_STEP = 0.02
+# Loops are closed to this fraction of the mechanism's length, or cannot be.
+CLOSED, ROUNDS = 1e-12, 20
+
+# Of the places nearest to the start so many are tried before the grid is given up.
+MOST_STARTS = 50
+# With fewer places to be reached at once, telling another process takes longer than going there.
+WORTH_SHARING = 16
+
+Show = Callable[[int], None]
+Place = tuple[int, ...]
+Goal = tuple[Array, list[float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Led:
+    """A joint that is led.
+
+    Attributes:
+        joint: name of a joint with one degree of freedom.
+        values: coordinates to visit, rad or m.
+    """
+
+    joint: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SweptStates(FeltStates):
+    """What is felt at every place of a grid that the mechanism can reach.
+
+    Attributes:
+        places: (n, joints) coordinates of the led joints, rad or m.
+        grid: (n, joints) number of each place along each joint.
+        q: (n, nq) configurations.
+        count: (n,) joint constraints felt there, at rest.
+    """
+
+    places: Array
+    grid: npt.NDArray[np.int64]
+    q: Array
+    count: npt.NDArray[np.int64]
+
+
+def sweep(
+    scene: Scene,
+    led: Sequence[Led],
+    point: str = "",
+    processes: int = 2,
+    show: Show = lambda done: None,
+) -> SweptStates:
+    """Lead joints over a grid, from where the scene starts, and analyse a point at each place.
+
+    Loops that are closed at the scene's start stay closed, by the joints that are not led. Found is
+    every place that can be reached from one beside it, beginning with the one nearest to the start.
+
+    Args:
+        scene: with the mechanism.
+        led: the joints.
+        point: name of the operational point; the scene's first one if empty.
+        processes: how many share the work; it changes no bit of the result.
+        show: told of the number of places reached.
+
+    Raises:
+        InvalidInputError: no joint, no such joint or one with several degrees of freedom, one named
+            twice, no values or such that are not finite, or nothing that can be reached.
+    """
+    mechanism = build(scene)
+    columns = _columns(mechanism, led)
+    mechanism.point_index(point)
+    reached = dict([_first(mechanism, led, columns)])
+    front = list(reached)
+    with _Workers(scene, mechanism, columns, processes) as workers:
+        while front:
+            wanted = _beside(front, reached, led)
+            goals = [
+                (reached[parent], [one.values[k] for one, k in zip(led, place, strict=True)])
+                for place, parent in wanted.items()
+            ]
+            found = zip(wanted, workers.lead(goals), strict=True)
+            front = []
+            for place, q in found:
+                if q is not None:
+                    reached[place] = q
+                    front.append(place)
+            show(len(reached))
+    return _felt(mechanism, led, sorted(reached.items(), key=lambda item: item[0]), point)
+
+
+def _first(
+    mechanism: Mechanism, led: Sequence[Led], columns: list[int]
+) -> tuple[tuple[int, ...], Array]:
+    """Return the place nearest to the scene's start, and the configuration there."""
+    q, _ = consistent_initial_state(mechanism)
+    here = _coordinates(mechanism, q)[columns]
+    grids = np.meshgrid(*(one.values for one in led), indexing="ij")
+    places = np.stack([grid.ravel() for grid in grids], axis=1)
+    shape = tuple(len(one.values) for one in led)
+    nearest = np.argsort(np.abs(places - here).max(axis=1), kind="stable")[:MOST_STARTS]
+    for index in nearest.tolist():
+        there = _lead(mechanism, q, columns, places[index].tolist())
+        if there is not None:
+            return tuple(int(k) for k in np.unravel_index(index, shape)), there
+    rule = "must hold a place that the mechanism can reach"
+    raise InvalidInputError("led joints", [one.joint for one in led], rule)
+
+
+def _beside(
+    front: list[Place], reached: Mapping[Place, Array], led: Sequence[Led]
+) -> dict[Place, Place]:
+    """Return the places beside the front that are not reached yet, and from where to go there."""
+    wanted: dict[Place, Place] = {}
+    for place in front:
+        for axis, step in itertools.product(range(len(led)), (-1, 1)):
+            there = (*place[:axis], place[axis] + step, *place[axis + 1 :])
+            if 0 <= there[axis] < len(led[axis].values) and there not in reached:
+                wanted.setdefault(there, place)
+    return wanted
+
+
+class _Workers:
+    """Leads a mechanism to places, in this process or, where there are many, in several."""
+
+    def __init__(
+        self, scene: Scene, mechanism: Mechanism, columns: list[int], processes: int
+    ) -> None:
+        self._scene, self._mechanism = scene, mechanism
+        self._columns, self._processes = columns, processes
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> _Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def lead(self, goals: list[Goal]) -> list[Array | None]:
+        """Return for each (q, goal) the configuration there, or None."""
+        if self._processes == 1 or len(goals) < WORTH_SHARING:
+            return [_lead(self._mechanism, q, self._columns, goal) for q, goal in goals]
+        if self._pool is None:
+            # Forked, a process would lack the threads that this one has.
+            self._pool = ProcessPoolExecutor(
+                self._processes,
+                mp_context=get_context("spawn"),
+                initializer=_prepare,
+                initargs=(self._scene, self._columns),
+            )
+        size = math.ceil(len(goals) / self._processes)
+        return list(self._pool.map(_lead_prepared, goals, chunksize=size))
+
+
+_PREPARED: list[tuple[Mechanism, list[int]]] = []
+
+
+def _prepare(scene: Scene, columns: list[int]) -> None:
+    _PREPARED.append((build(scene), columns))
+
+
+def _lead_prepared(goal: Goal) -> Array | None:
+    ((mechanism, columns),) = _PREPARED
+    return _lead(mechanism, goal[0], columns, goal[1])
+
+
+def _felt(
+    mechanism: Mechanism,
+    led: Sequence[Led],
+    reached: list[tuple[Place, Array]],
+    point: str,
+) -> SweptStates:
+    grid = np.array([place for place, _ in reached], dtype=np.int64)
+    q = np.array([configuration for _, configuration in reached])
+    active = [mechanism.initially_active] * len(reached)
+    felt = felt_states(mechanism, q, np.zeros((len(reached), mechanism.nv)), active, point)
+    places = [[joint.values[k] for joint, k in zip(led, row, strict=True)] for row in grid.tolist()]
+    perception = mechanism.scene.perception
+    count = np.array([first_count(s, perception).count for s in felt.s], dtype=np.int64)
+    arrays = {field.name: getattr(felt, field.name) for field in fields(felt)}
+    return SweptStates(**arrays, places=np.array(places), grid=grid, q=q, count=count)
+
+
+def _columns(mechanism: Mechanism, led: Sequence[Led]) -> list[int]:
+    """Return where the led joints are in v; see :func:`sweep` for what is refused."""
+    tree, columns = mechanism.tree, []
+    names = [joint.joint for joint in led]
+    if not names or len(set(names)) < len(names):
+        raise InvalidInputError("led joints", names, "must be one at least, each named once")
+    for joint in led:
+        if joint.joint not in tree.joint_names:
+            rule = f"must be one of {', '.join(tree.joint_names)}"
+            raise InvalidInputError("led joint", joint.joint, rule)
+        part = tree.velocity_slice(tree.joint_names.index(joint.joint))
+        if part.stop - part.start != 1:
+            raise InvalidInputError("led joint", joint.joint, "must have one degree of freedom")
+        if not joint.values or not all(map(math.isfinite, joint.values)):
+            rule = "must be one number at least, all finite"
+            raise InvalidInputError(f"values of {joint.joint}", joint.values, rule)
+        columns.append(part.start)
+    return columns
+
+
+def _lead(mechanism: Mechanism, q: Array, columns: list[int], goal: list[float]) -> Array | None:
+    """Return q with the led joints at ``goal`` and loops closed; None if it cannot come there."""
+    start = _coordinates(mechanism, q)[columns]
+    way = np.array(goal) - start
+    steps = max(1, math.ceil(float(np.abs(way).max(initial=0.0)) / LONGEST_STEP))
+    for k in range(1, steps + 1):
+        closed = _closed(mechanism, q, columns, start + way * (k / steps))
+        if closed is None:
+            return None
+        q = closed
+    return q
+
+
+def _closed(mechanism: Mechanism, q: Array, columns: list[int], values: Array) -> Array | None:
+    """Put the led joints to their values, and close the loops by the others: Newton."""
+    active = mechanism.initially_active
+    change = np.zeros(mechanism.nv)
+    change[columns] = values - _coordinates(mechanism, q)[columns]
+    q = mechanism.integrate(q, change)
+    others = np.setdiff1d(np.arange(mechanism.nv), columns)
+    for _ in range(ROUNDS):
+        closing = mechanism.closing_terms(q, active)
+        if closing.error <= CLOSED * mechanism.length:
+            return q
+        rows = closing.jacobian[:, others]
+        move, *_ = np.linalg.lstsq(rows, -closing.residual, rcond=1e-10)
+        # A longer move than the led joints' says that the loops let go here.
+        if np.abs(move).max(initial=0.0) > 20.0 * LONGEST_STEP:
+            return None
+        change[:] = 0.0
+        change[others] = move
+        q = mechanism.integrate(q, change)
+    return None
+
+
+def _coordinates(mechanism: Mechanism, q: Array) -> Array:
+    """Return (nv,) positions of all degrees of freedom as seen from the neutral ones."""
+    return mechanism.difference(pin.neutral(mechanism.model), q)
