@@ -32,6 +32,9 @@ class FeltStates:
 
     Attributes:
         s: (n, t) √μ of each direction of the task space, largest first; 0 is rigid.
+        wrenches: (n, 6, t) columns n_i of these directions, axes of the world at the point, scaled
+            by the link's inertia; the last ones, as many as joint constraints are felt, are the
+            constraint wrenches.
         inverse_inertia: (n, 6, 6) X = Λ_h⁻¹, axes of the world, 1/kg, 1/(kg m) and 1/(kg m²).
         constraint_projector: (n, 6, 6) P_c, whose range the constraint wrenches span.
         balanced_share: (n, 6, 6) Π.
@@ -42,6 +45,7 @@ class FeltStates:
     """
 
     s: Array
+    wrenches: Array
     inverse_inertia: Array
     constraint_projector: Array
     balanced_share: Array
@@ -97,18 +101,21 @@ def felt_states(
     """
     analyser = Analyser(mechanism, point)
     total, t = len(active), analyser.rows.size
-    seen = np.empty((total, _SEEN))
+    seen, wrenches = np.empty((total, _SEEN)), np.empty((total, t, t))
     for index in range(total):
         try:
-            analyser.see(q[index], v[index], active[index], seen[index])
+            analyser.see(q[index], v[index], active[index], seen[index], wrenches[index])
         except HapticMechError as error:
             raise HapticMechError(f"state {index} of {total}: {error}") from error
         if (index + 1) % TOLD == 0:
             show(index + 1, total)
     show(total, total)
     squares = seen[:, 6:114].reshape(total, 3, 6, 6)
+    full = np.zeros((total, 6, t))
+    full[:, analyser.rows] = wrenches
     return FeltStates(
         s=seen[:, :t].copy(),
+        wrenches=full,
         inverse_inertia=squares[:, 0].copy(),
         constraint_projector=squares[:, 1].copy(),
         balanced_share=squares[:, 2].copy(),

@@ -94,7 +94,9 @@ class Analyser:
             rows=self.rows,
         )
 
-    def see(self, q: Array, v: Array, active: Active, seen: Array) -> None:
+    def see(
+        self, q: Array, v: Array, active: Active, seen: Array, wrenches: Array | None = None
+    ) -> None:
         """Fill an array with what a controller needs of the point at a state.
 
         Args:
@@ -104,12 +106,15 @@ class Analyser:
             seen: (133,) to fill: s (6,), X, P_c and Π (6, 6 each), a_0 (6,), zero in rows that the
                 task space does not have; the point's position (3,), m, quaternion (4,), x, y, z, w,
                 and twist (6,), m/s and rad/s.
+            wrenches: (t, t) to fill with the columns n_i, in the order of s; or None.
 
         Raises:
             HapticMechError: D is not positive definite, or an SVD did not converge.
         """
         if self._compiled is not None:
             self._compiled.see(q, v, active, seen)
+            if wrenches is not None:
+                wrenches[:] = self._compiled.wrenches
             return
         terms = self.mechanism.evaluate(q, v, active)
         found = self.analyse(terms)
@@ -120,6 +125,8 @@ class Analyser:
         quaternion = pin.Quaternion(point.pose.rotation).coeffs()
         place = (found.free_acceleration, point.pose.translation, quaternion, point.twist)
         seen[:] = np.concatenate((s, *(square.ravel() for square in squares), *place))
+        if wrenches is not None:
+            wrenches[:] = found.spectrum.wrenches
 
     def _load(self) -> CompiledAnalysis:
         # Here, so that only a compiled mechanism waits for Numba.

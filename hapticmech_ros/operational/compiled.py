@@ -24,7 +24,11 @@ from hapticmech_ros.scene.rendering import Perception
 
 
 class CompiledAnalysis:
-    """What is constant in the analysis of one operational point."""
+    """What is constant in the analysis of one operational point.
+
+    Attributes:
+        wrenches: (t, t) columns n_i of what :meth:`see` saw last; a view.
+    """
 
     def __init__(
         self,
@@ -40,7 +44,9 @@ class CompiledAnalysis:
         limits = metric.mass, float(perception.s_on), float(perception.s_off)
         parts = (metric.point_to_link, metric.factor, metric.dual_factor)
         self._constants = np.concatenate([limits, *(part.ravel() for part in parts)])
-        self._details = np.empty(rows.size * (1 + 2 * rows.size))
+        t = rows.size
+        self._details = np.empty(t * (1 + 2 * t))
+        self.wrenches: Array = self._details[t : t * (1 + t)].reshape(t, t)
         self._position, self._rates = np.empty(mechanism.nq), np.empty(mechanism.nv)
 
     @staticmethod

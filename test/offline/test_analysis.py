@@ -83,6 +83,12 @@ def test_joint_states_say_the_same(scene, bag):
     assert (joints.active == np.array(mechanism.initially_active)).all()
 
 
+def _embedded(square, rows):
+    full = np.zeros((6, 6))
+    full[np.ix_(rows, rows)] = square
+    return full
+
+
 def test_it_is_the_analysis_of_each_state(scene, samples, bag):
     mechanism, told = build(scene), []
     states = states_from_bag(bag, mechanism, namespace="left")
@@ -105,6 +111,13 @@ def test_it_is_the_analysis_of_each_state(scene, samples, bag):
         )
         for one, other in pairs:
             assert np.abs(one[index] - other).max() < 1e-9 * max(np.abs(other).max(), 1.0)
+        rigid = found.count[index]
+        one, other = (
+            columns[:, columns.shape[1] - rigid :]
+            for columns in (found.wrenches[index], expected.spectrum.wrenches)
+        )
+        apart = one @ np.linalg.pinv(one) - _embedded(other @ np.linalg.pinv(other), expected.rows)
+        assert np.abs(apart).max(initial=0.0) < 1e-7
         assert np.linalg.norm(found.quaternion[index]) == pytest.approx(1.0, abs=1e-12)
     assert found.count.tolist() == [sample.count for sample in samples]
     assert found.times[-1] == pytest.approx((TICKS - 1) * 1e-3, abs=1e-12)
