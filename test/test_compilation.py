@@ -140,6 +140,15 @@ def test_a_build_that_fails_is_told_and_not_repeated(alone, monkeypatch, capfd):
     assert len(started) == 1
 
 
+def test_who_waited_for_a_build_that_failed_does_not_repeat_it(alone, monkeypatch):
+    failed = library.library_path().with_suffix(".failed")
+    monkeypatch.setattr(library, "_can_build", lambda: True)
+    # Another process holds the lock, and fails meanwhile.
+    monkeypatch.setattr(library.fcntl, "flock", lambda lock, kind: failed.write_text("no"))
+    monkeypatch.setattr(library.subprocess, "run", refuse)
+    assert library.library() is None
+
+
 def test_a_build_that_hangs_is_given_up(alone, monkeypatch):
     def run(command, **options):
         raise subprocess.TimeoutExpired(command, options["timeout"])

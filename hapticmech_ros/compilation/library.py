@@ -77,8 +77,9 @@ def _build(path: Path) -> bool:
         path.parent.mkdir(parents=True, exist_ok=True)
         with (path.parent / "lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
-            if path.exists():
-                return True
+            # While this one waited, another may have built it, or failed to.
+            if path.exists() or failed.exists():
+                return path.exists()
             sys.stderr.write("hapticmech_ros: compiling kernels, once: this takes a minute\n")
             sys.stderr.flush()
             reason = _run_builder(path)
