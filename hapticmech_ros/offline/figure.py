@@ -87,10 +87,16 @@ def _maps(found: SweptStates, led: Sequence[Led], largest: float) -> Figure:
     for axes, (title, values) in zip(figure.subplots(1, 3, sharey=True), shown, strict=True):
         grid = np.full((len(up.values), len(across.values)), np.nan)
         grid[found.grid[kept, -2], found.grid[kept, -1]] = values[kept]
-        drawn = axes.pcolormesh(across.values, up.values, grid, norm=LogNorm(), shading="nearest")
-        figure.colorbar(drawn, ax=axes, shrink=0.9)
-        axes.set_title(title, fontsize=SMALL)
-        dress(axes, across.joint, up.joint if title == shown[0][0] else "")
+        if np.isnan(grid).all():
+            # No scale of colours has anything to begin with.
+            axes.set_title(f"{title}: rigid wherever it comes", fontsize=SMALL)
+        else:
+            drawn = axes.pcolormesh(
+                across.values, up.values, grid, norm=LogNorm(), shading="nearest"
+            )
+            figure.colorbar(drawn, ax=axes, shrink=0.9)
+            axes.set_title(title, fontsize=SMALL)
+        dress(axes, across.joint, up.joint if values is shown[0][1] else "")
     return figure
 
 

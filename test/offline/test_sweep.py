@@ -8,7 +8,8 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import build
-from hapticmech_ros.offline import Led, sweep
+from hapticmech_ros.offline import Led, SweptStates, sweep
+from hapticmech_ros.offline.figure import sweep_figure
 from hapticmech_ros.operational import analyse
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import closed_chain
@@ -144,6 +145,23 @@ def test_the_command_writes_a_table_and_a_picture(joints, tmp_path):
         assert table["inverse_inertia"].shape[1:] == (6, 6)
         assert table["places"].shape[1] == len(joints)
     assert (tmp_path / "sweep.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("places", [1, 2])
+def test_a_mechanism_that_is_rigid_everywhere_has_a_picture_too(swept, places):
+    n = places * 2
+    arrays = {name: np.zeros((n, *array.shape[1:])) for name, array in swept.arrays().items()}
+    arrays["grid"] = np.array([(i, k) for i in range(2) for k in range(places)])
+    arrays["count"] = np.full(n, 3)
+    led = [Led("up", (0.0, 1.0)), Led("across", tuple(map(float, range(places))))]
+    figure = sweep_figure(SweptStates(**arrays), led)
+    figure.canvas.draw()
+    said = {axes.get_title().split(": ")[1] for axes in figure.axes}
+    assert said == {"rigid wherever it comes"}
+    arrays["inverse_inertia"][:] = np.eye(6)
+    figure = sweep_figure(SweptStates(**arrays), led)
+    figure.canvas.draw()
+    assert figure.axes[0].get_title() == "mass along x (kg)"
 
 
 @pytest.mark.parametrize("text", ["joint1", "joint1=1:2", "joint1=a:b:c", "joint1=0:1:-3"])
