@@ -63,6 +63,7 @@ class Mechanism:
         refuse_massless(self.tree, self.length)
         self.elements = Elements(self.tree, springs, self.length)
         self._zero = np.zeros(self.model.nv)
+        self._neutral: Array = np.asarray(pin.neutral(self.model))
         self._choices: dict[Active, tuple[list[LoopClosure], Array]] = {}
         self.initially_active: Active = tuple(closure.active for closure in scene.closures)
 
@@ -182,6 +183,15 @@ class Mechanism:
     def integrate(self, q: Array, change: Array) -> Array:
         """Return q ⊕ change on the configuration manifold."""
         return np.asarray(pin.integrate(self.model, q, change))
+
+    def coordinates(self, q: Array) -> Array:
+        """Return (nv,) positions of all degrees of freedom as seen from the neutral ones."""
+        # Where q and v are as long as each other the neutral ones are zero.
+        return q if self.nq == self.nv else self.difference(self._neutral, q)
+
+    def configuration(self, coordinates: Array) -> Array:
+        """Return q (nq,) of such positions."""
+        return coordinates if self.nq == self.nv else self.integrate(self._neutral, coordinates)
 
     def difference(self, start: Array, end: Array) -> Array:
         """Return the change (nv,) that leads from one configuration (nq,) to another."""

@@ -37,7 +37,7 @@ ROUNDS = 4
 
 
 def nearest_branch(
-    mechanism: Mechanism, q: Array, active: Active, change: Array
+    mechanism: Mechanism, q: Array, active: Active, space: ConstraintSpace, change: Array
 ) -> ConstraintSpace | None:
     """Return the closures' terms on the branch through q that ``change`` is nearest to.
 
@@ -45,13 +45,13 @@ def nearest_branch(
         mechanism: whose closures.
         q: (nq,) a singular position.
         active: which closures are closed.
+        space: the closures' terms at q.
         change: (nv,) the free motion, rad or m.
 
     Returns:
         What ``closed_rates`` of gives the part of a motion along that branch; None where no branch
         takes up any of the change.
     """
-    space = mechanism.closing_terms(q, active).space
     whole = space.size(change)
     best, found = 1e-6 * whole, None
     for start in _directions(space, change):

@@ -135,24 +135,24 @@ class Stepper:
         known = start.closing if start.terms is None else start.terms.closing
         closing = known or self._mechanism.closing_terms(start.q, start.active)
         if closing.least < NEAR:
-            return self._leave(start, pushes) or self._substep(start, pushes)
+            return self._leave(start, pushes, closing) or self._substep(start, pushes)
         stepped = self._substep(start, pushes)
         if stepped.closing.resolved <= closing.resolved:
             return stepped
-        return self._leave(start, pushes) or stepped
+        return self._leave(start, pushes, closing) or stepped
 
-    def _leave(self, start: Start, pushes: Pushes) -> Stepped | None:
+    def _leave(self, start: Start, pushes: Pushes, closing: Closing) -> Stepped | None:
         """Step away from a singular position along one branch; None if no branch takes it up."""
         mechanism, step = self._mechanism, self._plan.period / self._plan.substeps
         q, v, active = start.q, start.v, start.active
         motion = _Motion(mechanism, start, pushes, 0.0)
         first = motion(q, v)
         away = 0.5 * step * first.acceleration
-        space = mechanism.closing_terms(q, active).space
+        space = closing.space
         at_speed = space.size(v) > 10.0 * space.size(away)
         part = SHORT * step if at_speed else step
         change = part * v + 0.5 * part**2 * first.acceleration
-        branch = nearest_branch(mechanism, q, active, change)
+        branch = nearest_branch(mechanism, q, active, space, change)
         if branch is None:
             return None
         there = mechanism.integrate(q, branch.closed_rates(change))

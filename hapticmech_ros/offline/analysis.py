@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -54,11 +55,15 @@ class FeltStates:
     quaternion: Array
     twist: Array
 
+    def arrays(self) -> dict[str, Any]:
+        """Return all arrays by their names."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write all arrays under their names as a NumPy archive, and return its path."""
         target = Path(path)
         with target.open("wb") as file:
-            np.savez(file, **{field.name: getattr(self, field.name) for field in fields(self)})
+            np.savez(file, **self.arrays())
         return target
 
 
@@ -136,9 +141,8 @@ def analyse_states(
     active = [tuple(row) for row in states.active.tolist()]
     felt = felt_states(mechanism, states.q, states.v, active, point, show)
     times = (states.stamps_ns - states.stamps_ns[:1]) / NANOSECONDS
-    arrays = {field.name: getattr(felt, field.name) for field in fields(felt)}
     count = _counts(mechanism, felt.s, times)
-    return AnalysedStates(**arrays, stamps_ns=states.stamps_ns, times=times, count=count)
+    return AnalysedStates(**felt.arrays(), stamps_ns=states.stamps_ns, times=times, count=count)
 
 
 def _counts(mechanism: Mechanism, s: Array, times: Array) -> npt.NDArray[np.int64]:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.errors import BagError, InvalidInputError
@@ -96,13 +95,13 @@ def _own_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStat
 
 
 def _joint_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStates:
-    neutral, names = pin.neutral(mechanism.model), coordinate_names(mechanism)
+    names = coordinate_names(mechanism)
     stamps, configurations, rates = [], [], []
     for item in bag.messages(name):
         stamp = item.message.header.stamp
         stamps.append(int(stamp.sec) * NANOSECONDS + int(stamp.nanosec))
         positions = _by_name(item.message, "position", names)
-        configurations.append(mechanism.integrate(neutral, positions))
+        configurations.append(mechanism.configuration(positions))
         given = len(item.message.velocity) > 0
         rates.append(_by_name(item.message, "velocity", names) if given else np.zeros(len(names)))
     active = [mechanism.initially_active] * len(stamps)

@@ -6,12 +6,11 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from multiprocessing import get_context
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism, build
@@ -70,7 +69,7 @@ def sweep(
     scene: Scene,
     led: Sequence[Led],
     point: str = "",
-    processes: int = 2,
+    processes: int = 1,
     show: Show = lambda done: None,
 ) -> SweptStates:
     """Lead joints over a grid, from where the scene starts, and analyse a point at each place.
@@ -82,7 +81,8 @@ def sweep(
         scene: with the mechanism.
         led: the joints.
         point: name of the operational point; the scene's first one if empty.
-        processes: how many share the work; it changes no bit of the result.
+        processes: how many share the work; it changes no bit of the result. With more than one, a
+            script that calls this has to guard it by ``if __name__ == "__main__"``.
         show: told of the number of places reached.
 
     Raises:
@@ -111,12 +111,10 @@ def sweep(
     return _felt(mechanism, led, sorted(reached.items(), key=lambda item: item[0]), point)
 
 
-def _first(
-    mechanism: Mechanism, led: Sequence[Led], columns: list[int]
-) -> tuple[tuple[int, ...], Array]:
+def _first(mechanism: Mechanism, led: Sequence[Led], columns: list[int]) -> tuple[Place, Array]:
     """Return the place nearest to the scene's start, and the configuration there."""
     q, _ = consistent_initial_state(mechanism)
-    here = _coordinates(mechanism, q)[columns]
+    here = mechanism.coordinates(q)[columns]
     grids = np.meshgrid(*(one.values for one in led), indexing="ij")
     places = np.stack([grid.ravel() for grid in grids], axis=1)
     shape = tuple(len(one.values) for one in led)
@@ -200,8 +198,7 @@ def _felt(
     places = [[joint.values[k] for joint, k in zip(led, row, strict=True)] for row in grid.tolist()]
     perception = mechanism.scene.perception
     count = np.array([first_count(s, perception).count for s in felt.s], dtype=np.int64)
-    arrays = {field.name: getattr(felt, field.name) for field in fields(felt)}
-    return SweptStates(**arrays, places=np.array(places), grid=grid, q=q, count=count)
+    return SweptStates(**felt.arrays(), places=np.array(places), grid=grid, q=q, count=count)
 
 
 def _columns(mechanism: Mechanism, led: Sequence[Led]) -> list[int]:
@@ -226,7 +223,7 @@ def _columns(mechanism: Mechanism, led: Sequence[Led]) -> list[int]:
 
 def _lead(mechanism: Mechanism, q: Array, columns: list[int], goal: list[float]) -> Array | None:
     """Return q with the led joints at ``goal`` and loops closed; None if it cannot come there."""
-    start = _coordinates(mechanism, q)[columns]
+    start = mechanism.coordinates(q)[columns]
     way = np.array(goal) - start
     steps = max(1, math.ceil(float(np.abs(way).max(initial=0.0)) / LONGEST_STEP))
     for k in range(1, steps + 1):
@@ -241,7 +238,7 @@ def _closed(mechanism: Mechanism, q: Array, columns: list[int], values: Array) -
     """Put the led joints to their values, and close the loops by the others: Newton."""
     active = mechanism.initially_active
     change = np.zeros(mechanism.nv)
-    change[columns] = values - _coordinates(mechanism, q)[columns]
+    change[columns] = values - mechanism.coordinates(q)[columns]
     q = mechanism.integrate(q, change)
     others = np.setdiff1d(np.arange(mechanism.nv), columns)
     for _ in range(ROUNDS):
@@ -257,8 +254,3 @@ def _closed(mechanism: Mechanism, q: Array, columns: list[int], values: Array) -
         change[others] = move
         q = mechanism.integrate(q, change)
     return None
-
-
-def _coordinates(mechanism: Mechanism, q: Array) -> Array:
-    """Return (nv,) positions of all degrees of freedom as seen from the neutral ones."""
-    return mechanism.difference(pin.neutral(mechanism.model), q)

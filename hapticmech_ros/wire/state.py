@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
@@ -52,9 +51,6 @@ class StateLayout:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
-        self._neutral = pin.neutral(mechanism.model)
-        # Then the neutral configuration is zero, and coordinates are q itself.
-        self._flat = mechanism.nq == mechanism.nv
         self._closures = len(mechanism.closures)
         self._points = len(mechanism.point_names)
         names = coordinate_names(mechanism)
@@ -75,7 +71,7 @@ class StateLayout:
             (
                 *divmod(state.stamp_ns, NANOSECONDS),
                 *state.active,
-                *self.coordinates(state.q).tolist(),
+                *self._mechanism.coordinates(state.q).tolist(),
                 *state.v.tolist(),
                 *state.contacts.ravel().tolist(),
                 *state.commanded,
@@ -98,9 +94,7 @@ class StateLayout:
         flags = (*numbers[2:first], *numbers[-self._points :])
         if not _FLAGS.issuperset(flags):
             raise InvalidInputError("flags", list(flags), "must be 0 or 1")
-        q = values[first : first + nv]
-        if not self._flat:
-            q = np.asarray(pin.integrate(self._mechanism.model, self._neutral, q))
+        q = self._mechanism.configuration(values[first : first + nv])
         return WireState(
             int(numbers[0]) * NANOSECONDS + int(numbers[1]),
             tuple(map(bool, flags[: self._closures])),
@@ -112,6 +106,4 @@ class StateLayout:
 
     def coordinates(self, q: Array) -> Array:
         """Return (nv,) positions of all degrees of freedom as seen from the neutral ones."""
-        if self._flat:
-            return q
-        return np.asarray(pin.difference(self._mechanism.model, self._neutral, q))
+        return self._mechanism.coordinates(q)
