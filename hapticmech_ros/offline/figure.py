@@ -25,7 +25,8 @@ from hapticmech_ros.offline.sweep import Led, SweptStates
 WHAT = (
     "Mass felt along each axis of the world, 1 / X_ii (top; none is drawn above {largest:g} kg, "
     "where a direction is next to rigid), s = √μ of every direction of the task space (middle: 0 "
-    "is rigid, 1 as free as the link alone), and joint constraints felt (bottom)."
+    "is rigid and drawn at the lower edge, 1 as free as the link alone), and joint constraints "
+    "felt (bottom)."
 )
 WHERE = (
     "Mass felt along x and y of the world, 1 / X_ii (kg, no more than {largest:g}), and the "
@@ -44,7 +45,7 @@ def analysis_figure(found: AnalysedStates, largest: float = LARGEST_KG) -> Figur
 def sweep_figure(found: SweptStates, led: Sequence[Led], largest: float = LARGEST_KG) -> Figure:
     """Return the figure of a sweep: lines over one joint, maps over the last two of several."""
     if len(led) == 1:
-        return _lines(found, found.count, found.places[:, 0], led[0].joint, largest)
+        return _lines(found, found.count, found.places[:, 0], _label(led[0]), largest)
     return _maps(found, led, largest)
 
 
@@ -66,7 +67,9 @@ def _lines(
     middle.set_yscale("log")
     dress(middle, "", "s")
     bottom.step(over, count, where="post", color=VERMILION, linewidth=1.8)
-    bottom.set_ylim(-0.15, int(count.max(initial=0)) + 0.6)
+    most = int(count.max(initial=0))
+    bottom.set_ylim(-0.15, most + 0.6)
+    bottom.set_yticks(range(most + 1))
     dress(bottom, label, "constraints")
     return figure
 
@@ -96,8 +99,12 @@ def _maps(found: SweptStates, led: Sequence[Led], largest: float) -> Figure:
             )
             figure.colorbar(drawn, ax=axes, shrink=0.9)
             axes.set_title(title, fontsize=SMALL)
-        dress(axes, across.joint, up.joint if values is shown[0][1] else "")
+        dress(axes, _label(across), _label(up) if values is shown[0][1] else "")
     return figure
+
+
+def _label(led: Led) -> str:
+    return f"{led.joint} (rad or m)"
 
 
 def _mass(found: FeltStates, axis: int, largest: float) -> Array:
