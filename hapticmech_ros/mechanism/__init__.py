@@ -3,6 +3,14 @@
 from hapticmech_ros.mechanism.build import build
 from hapticmech_ros.mechanism.evaluation import Evaluation, PointKinematics
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.simulator import MechanismState, Simulator
+from hapticmech_ros.mechanism.simulator import MechanismState, Simulator, Trajectory
 
-__all__ = ["Evaluation", "Mechanism", "MechanismState", "PointKinematics", "Simulator", "build"]
+__all__ = [
+    "Evaluation",
+    "Mechanism",
+    "MechanismState",
+    "PointKinematics",
+    "Simulator",
+    "Trajectory",
+    "build",
+]
