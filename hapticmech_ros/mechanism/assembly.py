@@ -46,8 +46,9 @@ def assemble(mechanism: Mechanism, q: Array, v: Array, active: Active) -> tuple[
     else:
         worst = float(np.abs(residual).max())
         raise ClosureError("the loops cannot be closed from the authored pose", worst, names)
-    for loop, on in zip(mechanism.closures, active, strict=True):
-        if on and loop.on_wrong_branch(mechanism.data):
+    for index, on in enumerate(active):
+        if on and mechanism.on_wrong_branch(index, q):
             message = "axes of a closure are more than 90 degrees apart; author a nearer pose"
-            raise ClosureError(message, float(np.abs(residual).max()), [loop.name])
+            name = mechanism.closures[index].name
+            raise ClosureError(message, float(np.abs(residual).max()), [name])
     return q, space.closed_rates(v)

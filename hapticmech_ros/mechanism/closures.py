@@ -55,6 +55,11 @@ class LoopClosure:
         """Number m of scalar constraints."""
         return ROWS[self.kind]
 
+    @property
+    def has_axes(self) -> bool:
+        """Whether there are rows of axes, and with them a root of φ that is a branch of its own."""
+        return self.rows > _POINT_ROWS[self.kind]
+
     def row_lengths(self, length: float) -> Array:
         """Return (m,) the unit of each row: ``length`` (m) for points, 1 for axes."""
         points = _POINT_ROWS[self.kind]

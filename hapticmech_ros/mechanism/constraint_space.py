@@ -22,6 +22,9 @@ SOLVER_RANK_TOLERANCE = 1e-8
 # Below this fraction of the largest one a singular value is the rounding of rows that follow from
 # others. One between the two says that a singular position is near.
 RESOLVED = 1e-11
+# Where one is below this share of the largest, what rounding leaves of φ turns the closures' rows
+# by 1e-4 and more.
+NEAR = 1e-6
 # Off the closures by a residual δ (relative to the mechanism's length), as the inner stages of a
 # step are, rows that depend on each other on the closures differ by the order of δ: 0.2 δ was
 # measured on duplicated spatial loops. Singular values below this many δ say nothing; the cap keeps

@@ -143,15 +143,31 @@ class Mechanism:
         rate = residual @ (self.closures[index].jacobian(self.model, self.data) @ v)
         return distance, float(rate) / distance if distance > 0.0 else 0.0
 
-    def link_jacobian(self, q: Array, link: str) -> Array:
-        """Return (6, nv) Jacobian of a link's frame at q: world axes, at the frame's origin.
+    def on_wrong_branch(self, index: int, q: Array) -> bool:
+        """Return whether closure ``index`` has axes more than 90° apart at q."""
+        loop = self.closures[index]
+        if not loop.has_axes:
+            return False
+        pin.framesForwardKinematics(self.model, self.data, q)
+        return loop.on_wrong_branch(self.data)
+
+    def link_place(self, link: str) -> tuple[int, pin.SE3]:
+        """Return the joint that carries a link, and the link's frame in it.
 
         Raises:
             InvalidInputError: no such link.
         """
         if link not in self.tree.link_joint:
             raise InvalidInputError("link", link, f"must be one of {list(self.tree.link_joint)}")
-        joint, placement = self.tree.link_joint[link]
+        return self.tree.link_joint[link]
+
+    def link_jacobian(self, q: Array, link: str) -> Array:
+        """Return (6, nv) Jacobian of a link's frame at q: world axes, at the frame's origin.
+
+        Raises:
+            InvalidInputError: no such link.
+        """
+        joint, placement = self.link_place(link)
         pin.computeJointJacobians(self.model, self.data, q)
         jacobian = pin.getJointJacobian(self.model, self.data, joint, WORLD_AXES)
         x, y, z = self.data.oMi[joint].rotation @ placement.translation

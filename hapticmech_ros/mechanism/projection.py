@@ -104,8 +104,7 @@ def refuse_open(
         ClosureError: it is above this fraction of the mechanism's length.
     """
     if not worst <= most * mechanism.length:
-        names = mechanism.names_of(active)
-        raise ClosureError("a closed loop came apart", worst, names)
+        raise came_apart(worst, mechanism.names_of(active))
 
 
 def refuse_jump(mechanism: Mechanism, stepped: float, corrected: float, active: Active) -> None:
@@ -116,21 +115,30 @@ def refuse_jump(mechanism: Mechanism, stepped: float, corrected: float, active: 
             projection found may be another assembly of the mechanism.
     """
     if corrected > JUMP * stepped:
-        names = mechanism.names_of(active)
-        rule = "a closed loop jumped: the step is too long for this motion"
-        raise ClosureError(rule, corrected / stepped, names)
+        raise jumped(corrected / stepped, mechanism.names_of(active))
 
 
-def refuse_flipped(mechanism: Mechanism, worst: float, active: Active) -> None:
-    """Check that axes still point the same way, after ``closing_terms``.
+def refuse_flipped(mechanism: Mechanism, q: Array, worst: float, active: Active) -> None:
+    """Check that axes still point the same way at q; ``worst`` is |φ| there.
 
     Raises:
         ClosureError: those of a revolute or weld closure are more than 90° apart, where φ = 0 has
             another root.
     """
-    for loop, on in zip(mechanism.closures, active, strict=True):
-        if on and loop.on_wrong_branch(mechanism.data):
-            raise flipped(worst, [loop.name])
+    for index, on in enumerate(active):
+        if on and mechanism.on_wrong_branch(index, q):
+            raise flipped(worst, [mechanism.closures[index].name])
+
+
+def came_apart(worst: float, names: Sequence[str]) -> ClosureError:
+    """Return the error of closures that are left open by ``worst``, m or rad."""
+    return ClosureError("a closed loop came apart", worst, names)
+
+
+def jumped(share: float, names: Sequence[str]) -> ClosureError:
+    """Return the error of a projection that took this share of the step before it."""
+    rule = "a closed loop jumped: the step is too long for this motion"
+    return ClosureError(rule, share, names)
 
 
 def flipped(worst: float, names: Sequence[str]) -> ClosureError:

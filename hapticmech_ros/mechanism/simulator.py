@@ -13,7 +13,7 @@ from hapticmech_ros.mechanism.build import build, build_stepper
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.projection import project
-from hapticmech_ros.mechanism.stepping import NOTHING, Pushes, Start
+from hapticmech_ros.mechanism.stepping import NOTHING, Pushes, Start, Stepped
 from hapticmech_ros.scene.document import Scene
 
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.
@@ -129,20 +129,9 @@ class Simulator:
             InvalidInputError: the state is no longer finite, an unknown link, or joint forces of
                 another size or not finite.
         """
-        known = self._evaluated
-        terms = known[1] if known is not None and known[0] is state else None
-        start = Start(state.q, state.v, state.active, terms, self._closing(state))
         pushes = Pushes(wrenches, on_links, joint_forces)
-        q, v, error, closing, work_in, lost = self._stepper.advance(start, pushes)
-        before = state.account
-        account = EnergyAccount(
-            before.work_in + work_in, before.damping_loss + lost, before.latch_loss
-        )
-        stepped = MechanismState(
-            state.time + self.period, _frozen(q), _frozen(v), state.active, error, account
-        )
-        self._projected = stepped, closing
-        return self._latch(stepped)
+        stepped = self._stepper.advance(self._start(state), pushes)
+        return self._latch(self._ended(state, stepped, 1))
 
     def run(
         self, state: MechanismState, steps: int, wrenches: Array | None = None, every: int = 1
@@ -166,9 +155,33 @@ class Simulator:
         if every < 1:
             raise InvalidInputError("every", every, "must be 1 or more")
         held = np.zeros((len(self.mechanism.point_names), 6)) if wrenches is None else wrenches
+        if self._can_latch and not all(state.active[index] for index in self._can_latch):
+            return self._run_watched(state, steps, held, every)
+        return self._run_free(state, steps, held, every)
+
+    def _run_free(
+        self, state: MechanismState, steps: int, wrenches: Array, every: int
+    ) -> Trajectory:
+        """Run with nothing to watch for on the way."""
+        nq, count = self.mechanism.nq, steps // every
+        samples = np.empty((count + 1, nq + self.mechanism.nv))
+        samples[0] = np.concatenate((state.q, state.v))
+        end = state
+        if steps:
+            stepped = self._stepper.run(
+                self._start(state), Pushes(wrenches), steps, samples[1:], every
+            )
+            end = self._ended(state, stepped, steps)
+        time = state.time + self.period * every * np.arange(count + 1)
+        return Trajectory(time, samples[:, :nq], samples[:, nq:], end)
+
+    def _run_watched(
+        self, state: MechanismState, steps: int, wrenches: Array, every: int
+    ) -> Trajectory:
+        """Run step by step, to see loops that come near."""
         samples = [state]
         for taken in range(1, steps + 1):
-            state = self.step(state, held)
+            state = self.step(state, wrenches)
             if taken % every == 0:
                 samples.append(state)
         return Trajectory(
@@ -192,6 +205,24 @@ class Simulator:
             active[index] = bool(on)
         return self._activated(state, tuple(active))
 
+    def _start(self, state: MechanismState) -> Start:
+        """Return a state as the start of a step, with what is known there."""
+        known = self._evaluated
+        terms = known[1] if known is not None and known[0] is state else None
+        return Start(state.q, state.v, state.active, terms, self._closing(state))
+
+    def _ended(self, state: MechanismState, stepped: Stepped, steps: int) -> MechanismState:
+        """Return the state after some steps, and remember what is known there."""
+        q, v, error, closing, work_in, lost = stepped
+        before = state.account
+        account = EnergyAccount(
+            before.work_in + work_in, before.damping_loss + lost, before.latch_loss
+        )
+        time = state.time + steps * self.period
+        ended = MechanismState(time, _frozen(q), _frozen(v), state.active, error, account)
+        self._projected = ended, closing
+        return ended
+
     def _closing(self, state: MechanismState) -> Closing | None:
         """Return the closures' terms at ``state``, if the last step ended there."""
         known = self._projected
@@ -208,7 +239,7 @@ class Simulator:
             if not active[index] and limit is not None:
                 distance, speed = self.mechanism.distance_of(index, state.q, state.v)
                 near = distance < limit and (speed >= 0.0 or distance < 0.1 * limit)
-                active[index] = near and not loop.on_wrong_branch(self.mechanism.data)
+                active[index] = near and not self.mechanism.on_wrong_branch(index, state.q)
         if tuple(active) == state.active:
             return state
         return self._activated(state, tuple(active))
@@ -226,7 +257,7 @@ class Simulator:
         loop = self.mechanism.closures[index]
         limit = loop.latch_distance or CLOSE_BY_HAND * self.mechanism.length
         distance = self.mechanism.distance_of(index, q, np.zeros(self.mechanism.nv))[0]
-        if distance > limit or loop.on_wrong_branch(self.mechanism.data):
+        if distance > limit or self.mechanism.on_wrong_branch(index, q):
             rule = f"can be closed only within {limit:.4g} (m, rad) of its frames, axes alike"
             raise InvalidInputError(f"distance of closure {loop.name}", distance, rule)
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
+from hapticmech_ros.mechanism.constraint_space import NEAR, ConstraintSpace
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
 from hapticmech_ros.mechanism.implicit import Springs
 from hapticmech_ros.mechanism.integrator import Rates
@@ -31,9 +31,8 @@ from hapticmech_ros.mechanism.singular import nearest_branch
 # in that time an acceleration that points off the branch does little harm, and beyond it the
 # closures are well determined.
 SHORT = 0.05
-# A relative σ below this: what rounding leaves of φ turns the closures' rows by 1e-4 and more.
-NEAR = 1e-6
 NOTHING: Mapping[str, Array] = MappingProxyType({})
+_NO_SAMPLES = np.zeros((0, 0))
 
 
 class Start(NamedTuple):
@@ -110,20 +109,40 @@ class Stepper:
 
     def advance(self, start: Start, pushes: Pushes) -> Stepped:
         """Advance by one period with pushes held; see ``Simulator.step``."""
+        return self.run(start, pushes, 1, _NO_SAMPLES, 0)
+
+    def run(
+        self, start: Start, pushes: Pushes, periods: int, samples: Array, every: int
+    ) -> Stepped:
+        """Advance by many periods with pushes held, and fill samples; see ``Simulator.run``.
+
+        Args:
+            start: where.
+            pushes: from outside.
+            periods: how many, at least one.
+            samples: (periods // every, nq + nv) to fill.
+            every: periods from one sample to the next; 0 for none.
+
+        Returns:
+            The end, with work and loss of all steps.
+        """
+        self._check(pushes)
+        work_in, energy_lost, substeps = 0.0, 0.0, self._plan.substeps
+        for step in range(1, periods * substeps + 1):
+            stepped = self._careful_substep(start, pushes)
+            work_in += stepped.work_in
+            energy_lost += stepped.energy_lost
+            start = Start(stepped.q, stepped.v, start.active, closing=stepped.closing)
+            if every and step % (every * substeps) == 0:
+                samples[step // (every * substeps) - 1] = np.concatenate((stepped.q, stepped.v))
+        return stepped._replace(work_in=work_in, energy_lost=energy_lost)
+
+    def _check(self, pushes: Pushes) -> None:
         if pushes.wrenches.shape != self._shape:
             rule = f"must have shape {self._shape}"
             raise InvalidInputError("wrenches", pushes.wrenches.shape, rule)
         if pushes.in_joints is not None:
             _check_joint_forces(pushes.in_joints, self._mechanism.nv)
-        if self._plan.substeps == 1:
-            return self._careful_substep(start, pushes)
-        work_in, energy_lost = 0.0, 0.0
-        for _ in range(self._plan.substeps):
-            stepped = self._careful_substep(start, pushes)
-            work_in += stepped.work_in
-            energy_lost += stepped.energy_lost
-            start = Start(stepped.q, stepped.v, start.active, closing=stepped.closing)
-        return stepped._replace(work_in=work_in, energy_lost=energy_lost)
 
     def _careful_substep(self, start: Start, pushes: Pushes) -> Stepped:
         """Do a step; with care where branches of the motion cross, or nearly do.
@@ -157,7 +176,7 @@ class Stepper:
             return None
         there = mechanism.integrate(q, branch.closed_rates(change))
         ended = _put(mechanism, there, v + part * first.acceleration, active, branch)
-        refuse_flipped(mechanism, ended.error, active)
+        refuse_flipped(mechanism, ended.q, ended.error, active)
         last = motion(ended.q, ended.v)
         work_in = 0.5 * part * (first.power_in + last.power_in)
         lost = 0.5 * part * (first.power_lost + last.power_lost)
@@ -183,7 +202,7 @@ class Stepper:
             ended = Projected(moved.q, moved.v, closing.error, closing)
         else:
             ended = project(mechanism, moved.q, moved.v, start.active, moved.change)
-        refuse_flipped(mechanism, ended.error, start.active)
+        refuse_flipped(mechanism, ended.q, ended.error, start.active)
         return Stepped(*ended, moved.work_in, moved.energy_lost)
 
 

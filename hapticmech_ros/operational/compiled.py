@@ -5,15 +5,16 @@ from __future__ import annotations
 from typing import cast
 
 import numpy as np
-import pinocchio as pin
 
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.compiled.chosen import Chosen
 from hapticmech_ros.mechanism.compiled.mechanism import (
     CompiledEvaluation,
     CompiledMechanism,
     failure,
 )
-from hapticmech_ros.mechanism.compiled.space import CompiledSpace
+from hapticmech_ros.mechanism.compiled.space import CompiledClosing
 from hapticmech_ros.mechanism.evaluation import Active, Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
@@ -61,12 +62,12 @@ class CompiledAnalysis:
             HapticMechError: the SVD of S did not converge.
         """
         bias_force, passive, _, effort, bias, closing, points = terms
-        space = cast(CompiledSpace, closing.space)
+        known = cast(CompiledClosing, closing)
         pose, jacobian, _, drift = points[self._index]
         analysis, details = np.empty(ANALYSIS_SIZE), np.empty(self._details.size)
         converged = analyse_point(
-            space.packed,
-            space.rank,
+            *known.chosen.constants,
+            known.packed,
             bias_force,
             passive + effort,
             bias,
@@ -85,16 +86,19 @@ class CompiledAnalysis:
     def see(self, q: Array, v: Array, active: Active, seen: Array) -> None:
         """Fill ``seen`` (133,); see :meth:`Analyser.see`."""
         mechanism = self._mechanism
-        chosen = mechanism.chosen(active)
-        mechanism.place(q)
-        pin.nonLinearEffects(mechanism.model, mechanism.data, q, v)
         self._position[:] = q
         self._rates[:] = v
-        code = see_point(
+        chosen = mechanism.chosen(active)
+        code = self._see(chosen, seen)
+        if code == UNDECIDED:
+            code = self._see(chosen.dense, seen)
+        if code:
+            raise _no_spectrum() if code == NO_SPECTRUM else failure(code, mechanism.tree)
+
+    def _see(self, chosen: Chosen, seen: Array) -> int:
+        return see_point(
             *chosen.constants,
-            *mechanism.placed,
             chosen.scratch,
-            mechanism.bias_force,
             self._position,
             self._rates,
             self._index,
@@ -103,8 +107,6 @@ class CompiledAnalysis:
             self._details,
             seen,
         )
-        if code:
-            raise _no_spectrum() if code == NO_SPECTRUM else failure(code, mechanism.tree)
 
 
 def _no_spectrum() -> HapticMechError:

@@ -7,16 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
-from hapticmech_ros.mechanism.compiled.kernels import accelerate
+from hapticmech_ros.mechanism.compiled.metric_kernels import accelerate, free_part, to_metric
 from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
 from hapticmech_ros.mechanism.compiled.small_matrices import (
     dot,
     dot_rows,
     dot_with_row,
     orthogonalise,
-    remove,
-    solve_lower,
 )
+from hapticmech_ros.mechanism.compiled.tables import Tables, unfold
 from hapticmech_ros.mechanism.model import Array
 
 # Length of an analysis; of it, squares are at 6:114.
@@ -78,8 +77,8 @@ def _in_world(metric: Metric, rotation: Array, factors: Array) -> None:
 
 @inner
 def analyse_motion(
+    tables: Tables,
     space: Packed,
-    rank: int,
     bias_force: Array,
     passive: Array,
     bias: Array,
@@ -92,19 +91,19 @@ def analyse_motion(
     details: Array,
 ) -> bool:
     """Analyse a point; see :func:`analyse_point`."""
-    nv, m, t = bias_force.size, bias.size, rows.size
+    nv, m, t = tables.nv, tables.m, rows.size
     analysis[:] = 0.0
     squares = analysis[6:114].reshape(3, 6, 6)
     free = np.zeros(nv + m)
-    accelerate(space, rank, bias_force, passive, bias, free)
+    accelerate(tables, space, bias_force, passive, bias, free)
     for i in range(6):
         analysis[114 + i] = dot_with_row(jacobian, i, free) + drift[i]
     # Rows are the columns of S.
     root = np.empty((t, nv))
     for i in range(t):
         root[i] = jacobian[rows[i]]
-        solve_lower(space.factor, root[i])
-        remove(space.basis, rank, root[i])
+        to_metric(tables, space, root[i])
+        free_part(tables, space, root[i])
     for i in range(t):
         for j in range(i + 1):
             product = dot_rows(root, i, j)
@@ -141,12 +140,14 @@ def analyse_motion(
 
 
 @kernel(
-    "boolean(float64[::1], int64, float64[::1], float64[::1], float64[::1], float64[:,::1],"
-    " float64[::1], float64[::1,:], float64[::1], int64[::1], float64[::1], float64[::1])"
+    "boolean(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
+    " float64[:,::1], float64[::1], float64[::1,:], float64[::1], int64[::1], float64[::1],"
+    " float64[::1])"
 )
 def analyse_point(
+    numbers: Array,
+    values: Array,
     packed: Array,
-    rank: int,
     bias_force: Array,
     passive: Array,
     bias: Array,
@@ -161,8 +162,9 @@ def analyse_point(
     """Analyse one operational point.
 
     Args:
-        packed: terms at the configuration (see mechanism.kernels).
-        rank: rank r of the closures.
+        numbers: constants of the mechanism, whole ones.
+        values: the others; see ``tables.unfold``.
+        packed: terms at the configuration.
         bias_force: (nv,) h.
         passive: (nv,) forces of springs, dampers, friction and stops, and efforts.
         bias: (m,) Ẇv.
@@ -178,10 +180,10 @@ def analyse_point(
     Returns:
         Whether the SVD of S converged.
     """
-    space, metric = unpack(packed, bias_force.size, bias.size), metric_of(constants, rows.size)
+    tables, metric = unfold(numbers, values), metric_of(constants, rows.size)
     return analyse_motion(
-        space,
-        rank,
+        tables,
+        unpack(packed, tables),
         bias_force,
         passive,
         bias,

@@ -10,6 +10,7 @@ from hapticmech_ros.mechanism.compiled.kernels import factor
 from hapticmech_ros.mechanism.compiled.motion_kernels import closure_bias, move_joints, move_point
 from hapticmech_ros.mechanism.compiled.packed import unpack
 from hapticmech_ros.mechanism.compiled.tables import unfold
+from hapticmech_ros.mechanism.compiled.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.kernels import ANALYSIS_SIZE, analyse_motion, metric_of
 from hapticmech_ros.rotation_kernels import quaternion_of
@@ -19,18 +20,13 @@ NO_SPECTRUM = 1
 
 
 @kernel(
-    "int64(int64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1],"
-    " float64[::1], float64[::1], float64[::1], float64[::1], int64, float64[::1], int64[::1],"
-    " float64[::1], float64[::1])"
+    "int64(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64,"
+    " float64[::1], int64[::1], float64[::1], float64[::1])"
 )
 def see_point(
     numbers: Array,
     values: Array,
-    inertia: Array,
-    joint_jacobian: Array,
-    joint_poses: Array,
     packed: Array,
-    bias_force: Array,
     q: Array,
     v: Array,
     index: int,
@@ -44,11 +40,7 @@ def see_point(
     Args:
         numbers: constants of the mechanism, whole ones.
         values: the others; see ``tables.unfold``.
-        inertia: (nv, nv) D, lower triangle.
-        joint_jacobian: (nv, 6) world axes, at the world's origin.
-        joint_poses: (joints, 12).
         packed: to fill.
-        bias_force: (nv,) h.
         q: (nq,) configuration.
         v: (nv,) rates.
         index: number of the operational point.
@@ -63,13 +55,15 @@ def see_point(
     """
     tables = unfold(numbers, values)
     nv, m = tables.nv, tables.m
-    space = unpack(packed, nv, m)
-    rank = factor(tables, inertia, joint_jacobian, joint_poses, space)
-    if rank < 0:
-        return rank
+    space = unpack(packed, tables)
+    code = factor(tables, q, space)
+    if code < 0:
+        return code
     motions = np.empty((tables.joints.shape[0], 12))
-    bias, passive, dissipative = np.empty(m), np.empty(nv), np.empty(nv)
+    bias, bias_force = np.empty(m), np.empty(nv)
+    passive, dissipative = np.empty(nv), np.empty(nv)
     move_joints(tables, space, v, motions)
+    bias_force_of(tables, space, motions, bias_force)
     closure_bias(tables, space, motions, bias)
     element_forces(tables, space, q, v, passive, dissipative)
     for c in range(nv):
@@ -80,8 +74,8 @@ def see_point(
     rotation = pose[:9].reshape(3, 3).T
     metric = metric_of(constants, rows.size)
     converged = analyse_motion(
+        tables,
         space,
-        rank,
         bias_force,
         passive,
         bias,

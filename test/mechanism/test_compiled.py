@@ -1,7 +1,6 @@
 """The compiled mechanism against the readable one: same terms, same motion, same errors."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from hapticmech_ros import load_scene
@@ -116,7 +115,7 @@ def test_known_closing_terms_change_no_bit(pair, active):
     mechanism.evaluate(mechanism.integrate(pair.q, 0.1 * pair.v), pair.v, active)  # other scratch
     once = mechanism.evaluate(pair.q, pair.v, active, closing)
     anew = mechanism.evaluate(pair.q, pair.v, active)
-    assert once.space.packed[: closing.space.nv**2].tobytes() == anew.space.factor.tobytes()
+    assert once.space.factor.tobytes() == anew.space.factor.tobytes()
     for one, other in zip(once[:5], anew[:5], strict=True):
         assert one.tobytes() == other.tobytes()
     for one, other in zip(once.points, anew.points, strict=True):
@@ -154,29 +153,6 @@ def test_states_that_cannot_be_written_are_taken():
     for array in (pair.q, pair.v):
         array.flags.writeable = False
     assert (pair.compiled.evaluate(pair.q, pair.v, (True,)).bias_force == expected).all()
-
-
-@pytest.mark.parametrize("pair", PAIRS[::7])
-def test_views_are_of_what_pinocchio_computes(pair):
-    mechanism = pair.compiled
-    model, data = mechanism.model, mechanism.data
-    for change in (0.1, -0.2):
-        q = mechanism.integrate(pair.q, np.full(mechanism.nv, change))
-        mechanism.place(q)
-        pin.nonLinearEffects(model, data, q, pair.v)
-        fresh = model.createData()
-        inertia = np.triu(np.reshape(pin.crba(model, fresh, q), (mechanism.nv, mechanism.nv)))
-        pin.framesForwardKinematics(model, fresh, q)
-        # In axes of the joints, where the mechanism has it in the world's.
-        assert apart(np.tril(mechanism.placed[0]), inertia.T) < ROUNDING
-        jacobian = pin.computeJointJacobians(model, fresh, q)
-        assert (mechanism.placed[1] == jacobian.reshape(6, mechanism.nv).T).all()
-        assert (mechanism.bias_force == pin.nonLinearEffects(model, fresh, q, pair.v)).all()
-        for row, pose in zip(mechanism.placed[2], fresh.oMi, strict=True):
-            assert (pose.rotation == row[:9].reshape(3, 3).T).all()
-            assert (row[9:] == pose.translation).all()
-    assert np.shares_memory(mechanism.placed[2], data.oMi[0].rotation)
-    assert np.shares_memory(mechanism.bias_force, data.nle)
 
 
 # Both start from the same bits and round differently, 1e-16 of a step's change. On five_bar, which

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.mechanism.compiled.element_kernels import element_slopes
-from hapticmech_ros.mechanism.compiled.packed import unpack
+from hapticmech_ros.mechanism.compiled.packed import views_of
 from hapticmech_ros.mechanism.compiled.tables import unfold
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
@@ -195,7 +195,7 @@ def test_kernels_do_the_same(seed, planar, away):
         chosen = pair.compiled.chosen(active)
         nv = pair.v.size
         stiffness, damping = np.full((nv, nv), np.nan), np.full((nv, nv), np.nan)
-        space = unpack(found.space.packed, nv, chosen.m)
+        space = views_of(found.closing.packed, chosen.tables)
         tables = unfold(*chosen.constants)
         element_slopes(tables, space, pair.q, pair.v, 0.02, stiffness, damping)
         slopes = pair.readable.slopes(pair.q, pair.v, 0.02)

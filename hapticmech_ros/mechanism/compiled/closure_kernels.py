@@ -1,8 +1,7 @@
 """Residual φ, Jacobian W and bias Ẇv of each kind of closure, as :mod:`closures` defines them.
 
-A pose is a row of ``poses``, 12 numbers: a frame's three axes in the world, then its origin. Joint
-Jacobians are rows of 6 per degree of freedom: velocity of what is at the world's origin, then
-angular rate. A rod's length is that of the first axis of its frame a.
+A pose is a row of ``poses``, 12 numbers: a frame's three axes in the world, then its origin. A
+rod's length is that of the first axis of its frame a.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ import math
 import numpy as np
 
 from hapticmech_ros.compilation import inner
+from hapticmech_ros.mechanism.compiled.pair_kernels import pull_between
 from hapticmech_ros.mechanism.compiled.small_matrices import cross, dot
 from hapticmech_ros.mechanism.model import Array
 
@@ -49,28 +49,6 @@ def _rod_length(poses: Array, frame_a: int) -> float:
 
 
 @inner
-def gap_rates(
-    poses: Array,
-    frame_a: int,
-    frame_b: int,
-    support: Array,
-    joint_jacobian: Array,
-    length: float,
-    rates: Array,
-) -> None:
-    """Fill ``rates`` (nv,) with dᵀ(J_a - J_b) / length, d = p_a - p_b, J of the frames' origins."""
-    a, b = poses[frame_a, 9:12], poses[frame_b, 9:12]
-    x, y, z = (a[0] - b[0]) / length, (a[1] - b[1]) / length, (a[2] - b[2]) / length
-    for col in range(support.shape[1]):
-        on_a, on_b = support[frame_a, col], support[frame_b, col]
-        px, py, pz = on_a * a[0] - on_b * b[0], on_a * a[1] - on_b * b[1], on_a * a[2] - on_b * b[2]
-        on, turn = on_a - on_b, joint_jacobian[col, 3:6]
-        rate = x * (on * joint_jacobian[col, 0] + (turn[1] * pz - turn[2] * py))
-        rate += y * (on * joint_jacobian[col, 1] + (turn[2] * px - turn[0] * pz))
-        rates[col] = rate + z * (on * joint_jacobian[col, 2] + (turn[0] * py - turn[1] * px))
-
-
-@inner
 def _residual_of_axes(kind: int, a: Array, b: Array, out: Array) -> None:
     if kind == REVOLUTE:
         out[0], out[1] = dot(b[0:3], a[6:9]), dot(b[3:6], a[6:9])
@@ -84,45 +62,31 @@ def _residual_of_axes(kind: int, a: Array, b: Array, out: Array) -> None:
 
 
 @inner
-def jacobian_of(
-    kind: int,
-    poses: Array,
-    frame_a: int,
-    frame_b: int,
-    support: Array,
-    joint_jacobian: Array,
-    first: int,
-    jacobian: Array,
+def wrenches_of(
+    kind: int, poses: Array, frame_a: int, frame_b: int, first: int, wrenches: Array
 ) -> None:
-    """Fill W of two frames into ``jacobian`` (m, nv), from row ``first`` on.
+    """Fill W of two frames into ``wrenches`` (m, 12), from row ``first`` on, as pairs.
 
-    ``support`` (frames, nv) is 1 where a rate moves a frame, else 0.
+    A row's pair (see ``pair_kernels``) has the row's rate as its power.
     """
+    a, b = poses[frame_a], poses[frame_b]
     if kind == ROD:
-        length, row = _rod_length(poses, frame_a), jacobian[first]
-        gap_rates(poses, frame_a, frame_b, support, joint_jacobian, length, row)
+        pull_between(a, b, _rod_length(poses, frame_a), wrenches[first])
         return
-    for col in range(support.shape[1]):
-        on_a, on_b = support[frame_a, col], support[frame_b, col]
-        x = on_a * poses[frame_a, 9] - on_b * poses[frame_b, 9]
-        y = on_a * poses[frame_a, 10] - on_b * poses[frame_b, 10]
-        z = on_a * poses[frame_a, 11] - on_b * poses[frame_b, 11]
-        a, b, c = joint_jacobian[col, 3], joint_jacobian[col, 4], joint_jacobian[col, 5]
-        on = on_a - on_b
-        jacobian[first, col] = on * joint_jacobian[col, 0] + (b * z - c * y)
-        jacobian[first + 1, col] = on * joint_jacobian[col, 1] + (c * x - a * z)
-        if kind != PLANAR_PIN:
-            jacobian[first + 2, col] = on * joint_jacobian[col, 2] + (a * y - b * x)
+    for i in range(2 if kind == PLANAR_PIN else 3):
+        pair = wrenches[first + i]
+        pair[:] = 0.0
+        pair[i], pair[6 + i] = 1.0, -1.0
+        j, k = (i + 1) % 3, (i + 2) % 3
+        # p × e
+        pair[3 + j], pair[3 + k] = a[9 + k], -a[9 + j]
+        pair[9 + j], pair[9 + k] = -b[9 + k], b[9 + j]
     if kind in (REVOLUTE, WELD):
-        on_a, on_b = support[frame_a], support[frame_b]
-        axes, rows = joint_jacobian[:, 3:], jacobian[first + 3 :]
-        _jacobian_of_axes(kind, poses[frame_a], poses[frame_b], on_a, on_b, axes, rows)
+        _wrenches_of_axes(kind, a, b, wrenches[first + 3 :])
 
 
 @inner
-def _jacobian_of_axes(
-    kind: int, a: Array, b: Array, on_a: Array, on_b: Array, axes: Array, out: Array
-) -> None:
+def _wrenches_of_axes(kind: int, a: Array, b: Array, out: Array) -> None:
     gain_a, gain_b = np.empty((3, 3)), np.empty((3, 3))
     turns = 2
     if kind == REVOLUTE:
@@ -133,10 +97,10 @@ def _jacobian_of_axes(
     else:
         turns = 3
         _weld_gains(a, b, gain_a, gain_b)
-    for col in range(on_a.size):
-        for i in range(turns):
-            by_a, by_b = dot(gain_a[i], axes[col]), dot(gain_b[i], axes[col])
-            out[i, col] = on_a[col] * by_a + on_b[col] * by_b
+    for row in range(turns):
+        for i in range(3):
+            out[row, i], out[row, 6 + i] = 0.0, 0.0
+            out[row, 3 + i], out[row, 9 + i] = gain_a[row, i], gain_b[row, i]
 
 
 @inner

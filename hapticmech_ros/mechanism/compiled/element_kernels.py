@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from hapticmech_ros.compilation import inner
-from hapticmech_ros.mechanism.compiled.closure_kernels import gap_rates
 from hapticmech_ros.mechanism.compiled.packed import Packed
+from hapticmech_ros.mechanism.compiled.pair_kernels import add_pair, pair_power, pull_between
 from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 
@@ -35,18 +35,16 @@ def element_forces(
         passive[rate] += elastic + lossy
     if tables.springs.shape[0] == 0:
         return
-    gradient = np.empty(tables.nv)
+    pair = np.empty(12)
+    joints, axes = tables.joints, space.joint_jacobian
     for row in range(tables.springs.shape[0]):
         values = tables.spring_values[row]
-        length = _stretch(tables, space, row, gradient)
-        rate_of_length = 0.0
-        for c in range(tables.nv):
-            rate_of_length += gradient[c] * v[c]
-        loss = values[PULL_DAMPING] * rate_of_length
+        length = _stretch(tables, space, row, pair)
+        a, b = tables.carriers[tables.springs[row, 0]], tables.carriers[tables.springs[row, 1]]
+        loss = values[PULL_DAMPING] * pair_power(joints, axes, a, b, pair, v)
         tension = values[PULL] * (length - values[REST_LENGTH]) + loss
-        for c in range(tables.nv):
-            dissipative[c] -= loss * gradient[c]
-            passive[c] -= tension * gradient[c]
+        add_pair(joints, axes, a, b, pair, -loss, dissipative)
+        add_pair(joints, axes, a, b, pair, -tension, passive)
 
 
 @inner
@@ -79,9 +77,12 @@ def element_slopes(
                 damping[rate, rate] += values[STOP_DAMPING] * min(deepest / values[DEPTH], 1.0)
     if tables.springs.shape[0] == 0:
         return
-    gradient = np.empty(tables.nv)
+    gradient, pair = np.empty(tables.nv), np.empty(12)
     for row in range(tables.springs.shape[0]):
-        _stretch(tables, space, row, gradient)
+        _stretch(tables, space, row, pair)
+        a, b = tables.carriers[tables.springs[row, 0]], tables.carriers[tables.springs[row, 1]]
+        gradient[:] = 0.0
+        add_pair(tables.joints, space.joint_jacobian, a, b, pair, 1.0, gradient)
         pull, loss = tables.spring_values[row, PULL], tables.spring_values[row, PULL_DAMPING]
         for i in range(tables.nv):
             for j in range(tables.nv):
@@ -116,14 +117,13 @@ def _contact(values: Array, side: int, position: float, rate: float) -> tuple[fl
 
 
 @inner
-def _stretch(tables: Tables, space: Packed, row: int, gradient: Array) -> float:
-    """Return l and fill ``gradient`` (nv,) with ∂l/∂q; 0 where the line has no direction."""
-    a, b = tables.springs[row, 0], tables.springs[row, 1]
-    poses = space.poses
-    x, y, z = poses[a, 9] - poses[b, 9], poses[a, 10] - poses[b, 10], poses[a, 11] - poses[b, 11]
+def _stretch(tables: Tables, space: Packed, row: int, pair: Array) -> float:
+    """Return l and fill ``pair`` (12,), whose power is l̇; 0 where the line has no direction."""
+    a, b = space.poses[tables.springs[row, 0]], space.poses[tables.springs[row, 1]]
+    x, y, z = a[9] - b[9], a[10] - b[10], a[11] - b[11]
     length = math.sqrt(x * x + y * y + z * z)
     if length <= tables.spring_values[row, SHORTEST_LENGTH]:
-        gradient[:] = 0.0
+        pair[:] = 0.0
     else:
-        gap_rates(poses, a, b, tables.support, space.joint_jacobian, length, gradient)
+        pull_between(a, b, length, pair)
     return length

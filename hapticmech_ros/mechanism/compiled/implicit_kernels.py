@@ -1,31 +1,21 @@
-"""A stage of the linearly implicit rule by a kernel: what :mod:`implicit` says in plain NumPy."""
+"""Stages of the linearly implicit rule in a kernel: what :mod:`implicit` says in plain NumPy."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.compiled.element_kernels import element_slopes
-from hapticmech_ros.mechanism.compiled.kernels import NOT_FINITE, SINGULAR, factor
-from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
+from hapticmech_ros.mechanism.compiled.packed import Packed
 from hapticmech_ros.mechanism.compiled.small_matrices import (
     cholesky,
-    dot,
     dot_with_row,
     remove,
     solve_lower,
     solve_lower_transposed,
 )
-from hapticmech_ros.mechanism.compiled.step_kernels import (
-    MOST_STAGES,
-    Work,
-    find_rates,
-    start_step,
-    step_parts,
-)
-from hapticmech_ros.mechanism.compiled.tables import unfold
+from hapticmech_ros.mechanism.compiled.step_kernels import MOST_STAGES, Work, follow
+from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED
 from hapticmech_ros.mechanism.model import Array
 
@@ -60,7 +50,7 @@ def springs_size(nv: int) -> int:
 
 
 @inner
-def _springs(work: Array, nv: int) -> Springs:
+def springs_of(work: Array, nv: int) -> Springs:
     """Return the parts of an array of springs, as views."""
     at = 4 * nv * nv
     squares = work[:at].reshape(4, nv, nv)
@@ -144,10 +134,9 @@ def _respond(space: Packed, parts: Work, springs: Springs, stage: int, rates: Ar
 
 
 @inner
-def _aim(parts: Work, springs: Springs, stage: int) -> None:
+def _aim(tables: Tables, parts: Work, springs: Springs, stage: int) -> None:
     """Set rates and θ of the next stage, or of the end."""
     period, last = parts.settings[0], stage == MOST_STAGES - 1
-    flat = parts.q.size == parts.v.size
     for c in range(parts.v.size):
         turned, gained = 0.0, 0.0
         for j in range(stage + 1):
@@ -156,58 +145,32 @@ def _aim(parts: Work, springs: Springs, stage: int) -> None:
             gained += weight * springs.gains[j, c]
         parts.theta[c] = period * turned
         parts.v[c] = parts.v0[c] + period * gained
-        parts.turn[c] = parts.v[c]
-        if flat:
-            parts.q[c] = parts.q0[c] + parts.theta[c]
+    follow(tables, parts)
 
 
-@kernel(
-    "int64(int64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1],"
-    " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64, boolean)"
-)
-def advance_implicit_stage(
-    numbers: Array,
-    values: Array,
-    inertia: Array,
-    joint_jacobian: Array,
-    joint_poses: Array,
-    bias_force: Array,
-    packed: Array,
-    first: Array,
-    work: Array,
-    spring_work: Array,
-    stage: int,
-    known: bool,
-) -> int:
-    """Find k at a stage, and go on to the next one, or to the end of the step.
+@inner
+def linearise(tables: Tables, space: Packed, parts: Work, spring_work: Array) -> int:
+    """Fill what implicit stages need of the step's start; return the first bad row, or -1."""
+    springs = springs_of(spring_work, tables.nv)
+    step = parts.settings[0]
+    element_slopes(tables, space, parts.q, parts.v, step, springs.stiffness, springs.damping)
+    return _linearise(space, springs, DIAGONAL * step)
 
-    Arguments are those of ``step_kernels.advance_stage``, and ``first``, the terms of stage 0's
-    configuration (``packed`` itself in stage 0), and ``spring_work``, see :class:`Springs`.
 
-    Returns:
-        0, or a negative code; see ``factor_closures``, and NOT_FINITE rates.
+@inner
+def aim_implicitly(
+    tables: Tables, start: Packed, parts: Work, spring_work: Array, stage: int, rates: Array
+) -> None:
+    """Add an implicit stage, and set q, v and θ̇ of the next one, or of the end.
+
+    Args:
+        tables: the mechanism's.
+        start: terms at the step's start.
+        parts: see :class:`Work`.
+        spring_work: see :class:`Springs`.
+        stage: its number.
+        rates: (nv,) v̇.
     """
-    tables = unfold(numbers, values)
-    nv, m = tables.nv, tables.m
-    parts, springs = step_parts(work, tables.nq, nv), _springs(spring_work, nv)
-    if stage == 0:
-        start_step(parts)
-    if not np.isfinite(dot(parts.v, parts.v)):
-        return NOT_FINITE
-    space, start = unpack(packed, nv, m), unpack(first, nv, m)
-    if not known:
-        code = factor(tables, inertia, joint_jacobian, joint_poses, space)
-        if code < 0:
-            return code
-    if stage == 0:
-        step = parts.settings[0]
-        stiffness, damping = springs.stiffness, springs.damping
-        element_slopes(tables, space, parts.q, parts.v, step, stiffness, damping)
-        bad = _linearise(space, springs, DIAGONAL * step)
-        if bad >= 0:
-            return SINGULAR - bad
-    result = np.empty(nv + m)
-    find_rates(tables, space, parts, parts.scheme[stage, 0], bias_force, result)
-    _respond(start, parts, springs, stage, result[:nv])
-    _aim(parts, springs, stage)
-    return 0
+    springs = springs_of(spring_work, tables.nv)
+    _respond(start, parts, springs, stage, rates)
+    _aim(tables, parts, springs, stage)

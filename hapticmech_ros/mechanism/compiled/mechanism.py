@@ -1,7 +1,7 @@
 """The mechanism that runs: :class:`Mechanism` with its terms of Eq. 1 from a few kernels.
 
-Pinocchio computes D, h, joint Jacobians and placements; kernels take them where Pinocchio keeps
-them, without copies. Results equal the parent's to rounding, at a quarter of the time.
+Pinocchio builds the model and says what it holds; kernels evaluate it. Results equal the parent's,
+which are Pinocchio's, to rounding.
 """
 
 from __future__ import annotations
@@ -12,19 +12,16 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.compiled.chosen import Chosen
 from hapticmech_ros.mechanism.compiled.closure_kernels import KINDS
-from hapticmech_ros.mechanism.compiled.kernels import (
-    NO_SVD,
-    SINGULAR,
-    factor_closures,
-    solve_motion,
-)
+from hapticmech_ros.mechanism.compiled.dense_kernels import NO_SVD
+from hapticmech_ros.mechanism.compiled.kernels import SINGULAR, factor_closures, solve_motion
 from hapticmech_ros.mechanism.compiled.motion_kernels import move_frames
-from hapticmech_ros.mechanism.compiled.packed import packed_size
-from hapticmech_ros.mechanism.compiled.space import CompiledClosing, CompiledSpace
-from hapticmech_ros.mechanism.compiled.tables import Tables, fold
+from hapticmech_ros.mechanism.compiled.space import CompiledClosing
+from hapticmech_ros.mechanism.compiled.tables import DENSE, JOINT_COLUMNS, Tables
+from hapticmech_ros.mechanism.compiled.tree_kernels import JOINT_KINDS, joint_row
 from hapticmech_ros.mechanism.constraint_space import singular_inertia, singular_joint
-from hapticmech_ros.mechanism.elements import Elements
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation, PointKinematics
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array, TreeModel
@@ -33,8 +30,6 @@ from hapticmech_ros.scene.mechanism import Joint
 
 # A pose in memory: the columns of its rotation, then its translation.
 _POSE_SIZE = 12
-# In these axes ``crba`` leaves joint Jacobians and joints' poses behind as well.
-_IN_WORLD = pin.Convention.WORLD
 
 
 class CompiledEvaluation(Evaluation):
@@ -45,76 +40,35 @@ class CompiledEvaluation(Evaluation):
     def acceleration(self, joint_force: Array) -> tuple[Array, Array]:
         """Solve Eq. 1 for joint forces; see :meth:`Evaluation.acceleration`."""
         bias_force, passive, _, effort, bias, closing, _ = self
-        space = cast(CompiledSpace, closing.space)
+        # λ is the smallest one only in the dense factorisation.
+        dense = cast(CompiledClosing, closing).dense
         nv = bias_force.size
         result = np.empty(nv + bias.size)
         np.add(joint_force, effort, out=result[:nv])
-        solve_motion(space.packed, space.rank, bias_force, passive, bias, result)
+        solve_motion(*dense.chosen.constants, dense.packed, bias_force, passive, bias, result)
         return result[:nv], result[nv:]
 
 
-class Chosen:
-    """What a set of active closures fixes.
-
-    Attributes:
-        constants: the mechanism's tables with these closures, folded.
-        m: number of closure rows.
-        size: length of a packed array.
-        scratch: a packed array for terms that nobody keeps.
-    """
-
-    def __init__(self, tables: Tables) -> None:
-        self.constants = fold(tables)
-        self.m = tables.m
-        self.size = packed_size(tables.nv, tables.m, tables.carriers.size)
-        self.scratch = np.empty(self.size)
-
-
 class CompiledMechanism(Mechanism):
-    """A scene's tree, closures and operational points, evaluated at states by kernels.
-
-    Attributes:
-        placed: D (lower triangle), joint Jacobians and joints' poses at what :meth:`place` was
-            given: views of what Pinocchio computed.
-        bias_force: (nv,) view of h after ``nonLinearEffects``.
-    """
+    """A scene's tree, closures and operational points, evaluated at states by kernels."""
 
     compiled: ClassVar[bool] = True
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
-        model, data, nv = self.model, self.data, self.nv
-        # Views of what Pinocchio allocated for the life of ``data``, transposed: rows first.
-        self.placed: tuple[Array, Array, Array] = (
-            np.reshape(data.M, (nv, nv), order="F").T,
-            np.reshape(data.J, (6, nv), order="F").T,
-            placement_view(data.oMi),
-        )
-        self.bias_force: Array = np.reshape(data.nle, nv)
         # Copying a pose is a fifth of making one.
         poses = pin.StdVec_SE3([pin.SE3.Identity()] * len(self.point_names))
         self._point_poses = tuple(poses)
         self._point_places = placement_view(poses)
-        self._position, self._rates = np.empty(self.nq), np.empty(nv)
-        carriers = np.array([int(frame.parentJoint) for frame in model.frames])
-        self._without_closures = Tables(
-            self.nq,
-            nv,
-            0,
-            carriers,
-            joints=np.array(
-                [(int(model.parents[i]), *_rates_of(model, i)) for i in range(model.njoints)]
-            ),
-            closures=np.zeros((0, 4)),
-            points=np.array(self._point_frames),
-            damping=np.array(self.tree.damping, dtype=float),
-            lengths=np.zeros(0),
-            support=np.array([self._moved_by(joint) for joint in carriers.tolist()]),
-            placements=self._placements(),
-            **_element_tables(self.elements),
-        )
+        self._all_placements = self._placements()
+        self._carriers = np.array([int(frame.parentJoint) for frame in self.model.frames])
+        self._joint_rows = np.zeros((self.model.njoints, JOINT_COLUMNS))
+        for index, joint in enumerate(self.tree.joints, 1):
+            axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
+            placement = self.model.jointPlacements[index]
+            self._joint_rows[index] = joint_row(placement, axis, self.model.inertias[index])
         self._sets: dict[Active, Chosen] = {}
-        self._single = [self._table([index]) for index in range(len(self.closures))]
+        self._single = [self._choose([index]).dense for index in range(len(self.closures))]
 
     def evaluate(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
@@ -122,16 +76,13 @@ class CompiledMechanism(Mechanism):
         """Evaluate every term of Eq. 1; see :meth:`Mechanism.evaluate`."""
         if closing is None:
             closing = self.closing_terms(q, active)
-        pin.nonLinearEffects(self.model, self.data, q, v)
-        self._position[:] = q
-        self._rates[:] = v
-        nv, chosen = self.nv, self.chosen(active)
+        nv, known = self.nv, cast(CompiledClosing, closing)
+        chosen = known.chosen
         first = 3 * nv + chosen.m
         each = 6 * nv + 12
         terms = np.empty(first + each * len(self._point_frames))
-        packed = cast(CompiledClosing, closing).packed
-        state, poses = (self._position, self._rates), self._point_places
-        move_frames(*chosen.constants, packed, self.bias_force, *state, terms, poses)
+        state = np.array(q, dtype=float), np.array(v, dtype=float)
+        move_frames(*chosen.constants, known.packed, *state, terms, self._point_places)
         points = []
         for at, pose in zip(range(first, terms.size, each), self._point_poses, strict=True):
             moving = at + 6 * nv
@@ -150,49 +101,93 @@ class CompiledMechanism(Mechanism):
 
     def closing_terms(self, q: Array, active: Active) -> Closing:
         """Return φ, W and the factorisation at q: what projections need."""
-        self.place(q)
-        return self._factored(self.chosen(active))
+        return self.factored(self.chosen(active), q)
 
     def distance_of(self, index: int, q: Array, v: Array) -> tuple[float, float]:
         """Return |φ| of closure ``index``, active or not, and the rate at which it grows."""
-        self.place(q)
-        closing = self._factored(self._single[index])
+        closing = self.factored(self._single[index], q)
         residual = closing.residual
         distance = float(np.sqrt(residual @ residual))
         rate = residual @ (closing.jacobian @ v)
         return distance, float(rate) / distance if distance > 0.0 else 0.0
-
-    def place(self, q: Array) -> None:
-        """Compute D, joint Jacobians and joints' poses at q."""
-        pin.crba(self.model, self.data, q, _IN_WORLD)
 
     def chosen(self, active: Active) -> Chosen:
         """Return what a set of closures fixes; found once."""
         found = self._sets.get(active)
         if found is None:
             numbered = zip(enumerate(self.closures), active, strict=True)
-            found = self._table([index for (index, _), on in numbered if on])
+            found = self._choose([index for (index, _), on in numbered if on])
             self._sets[active] = found
         return found
 
-    def _factored(self, chosen: Chosen) -> CompiledClosing:
-        packed = np.empty(chosen.size)
-        code = factor_closures(*chosen.constants, *self.placed, packed)
+    def factored(self, chosen: Chosen, q: Array) -> CompiledClosing:
+        """Return the terms of closures at q; dense where a sparse factorisation cannot decide.
+
+        Raises:
+            HapticMechError: as :meth:`closing_terms`.
+        """
+        packed, position = np.empty(chosen.size), np.array(q, dtype=float)
+        code = factor_closures(*chosen.constants, position, packed)
+        if code == UNDECIDED:
+            return self.factored(chosen.dense, q)
         if code < 0:
             raise failure(code, self.tree)
-        # Closures are asked for their branch next.
-        pin.updateFramePlacements(self.model, self.data)
-        return CompiledClosing(packed, self.nv, chosen.m)
+        return CompiledClosing(self, chosen, packed, position)
 
-    def _table(self, indices: list[int]) -> Chosen:
-        table, lengths, first = np.zeros((len(indices), 4), dtype=np.int64), [np.zeros(0)], 0
-        for row, index in enumerate(indices):
-            loop = self.closures[index]
-            table[row] = KINDS[loop.kind], loop.frame_a, loop.frame_b, first
-            lengths.append(loop.row_lengths(self.length))
-            first += loop.rows
-        fixed = self._without_closures
-        return Chosen(fixed._replace(m=first, closures=table, lengths=np.concatenate(lengths)))
+    def _choose(self, indices: list[int]) -> Chosen:
+        """Return the tables of some closures, with the frames that anything needs."""
+        loops = [self.closures[index] for index in indices]
+        springs = self.elements.springs
+        used = [*self._point_frames, *(f for s in springs for f in (s.frame_a, s.frame_b))]
+        used += [frame for loop in loops for frame in (loop.frame_a, loop.frame_b)]
+        place = {frame: at for at, frame in enumerate(dict.fromkeys(used))}
+        rows = np.array([0, *(loop.rows for loop in loops)], dtype=np.int64).cumsum()
+        closures = [
+            (KINDS[loop.kind], place[loop.frame_a], place[loop.frame_b], first)
+            for loop, first in zip(loops, rows[:-1].tolist(), strict=True)
+        ]
+        lengths = [np.zeros(0), *(loop.row_lengths(self.length) for loop in loops)]
+        frames = list(place)
+        model = self.model
+        dense = Chosen(
+            Tables(
+                self.nq,
+                self.nv,
+                int(rows[-1]),
+                DENSE,
+                0,
+                carriers=self._carriers[frames],
+                joints=np.array([self._joint_numbers(i) for i in range(model.njoints)]),
+                closures=np.array(closures, dtype=np.int64).reshape(-1, 4),
+                points=np.array([place[frame] for frame in self._point_frames]),
+                elements=np.array([(e.rate, e.position) for e in self.elements.joints]),
+                springs=np.array([(place[s.frame_a], place[s.frame_b]) for s in springs]),
+                order=np.zeros(0, dtype=np.int64),
+                sequence=np.zeros((0, 5), dtype=np.int64),
+                damping=np.array(self.tree.damping, dtype=float),
+                lengths=np.concatenate(lengths),
+                placements=self._all_placements[frames],
+                effort=self.elements.effort,
+                element_values=np.array([_joint_values(e.joint) for e in self.elements.joints]),
+                spring_values=np.array(
+                    [
+                        (s.stiffness, s.damping, s.rest_length, self.elements.shortest)
+                        for s in springs
+                    ]
+                ),
+                joint_values=self._joint_rows,
+                gravity=np.array(model.gravity.linear),
+            )
+        )
+        return dense
+
+    def _joint_numbers(self, joint: int) -> tuple[int, int, int, int, int]:
+        """Return a joint's row of ``Tables.joints``; the world's has no rates."""
+        if joint == 0:
+            return (0, 0, 0, 0, 0)
+        model, kind = self.model, JOINT_KINDS[self.tree.joint_types[joint - 1]]
+        first, count, position = model.idx_vs[joint], model.nvs[joint], model.idx_qs[joint]
+        return (int(model.parents[joint]), int(first), int(count), kind, int(position))
 
     def _placements(self) -> Array:
         """Return (frames, 12) frames in their joints; first axes of rods' frames a stretched."""
@@ -201,15 +196,6 @@ class CompiledMechanism(Mechanism):
             if loop.kind == "rod":
                 placements[loop.frame_a, :3] *= loop.rod_length
         return placements
-
-    def _moved_by(self, joint: int) -> Array:
-        """Return (nv,) 1 for the rates of a joint and of those before it, 0 for others."""
-        moves = np.zeros(self.nv)
-        while joint > 0:
-            first, count = _rates_of(self.model, joint)
-            moves[first : first + count] = 1.0
-            joint = int(self.model.parents[joint])
-        return moves
 
 
 def failure(code: int, tree: TreeModel | None = None) -> HapticMechError:
@@ -238,19 +224,6 @@ def placement_view(poses: pin.StdVec_SE3) -> Array:
     return np.lib.stride_tricks.as_strided(rotations[0].T, shape, (stride, 8))
 
 
-def _element_tables(elements: Elements) -> dict[str, Array]:
-    """Return the tables of elements, by name; see :class:`Tables`."""
-    return {
-        "elements": np.array([(e.rate, e.position) for e in elements.joints]).reshape(-1, 2),
-        "springs": np.array([(s.frame_a, s.frame_b) for s in elements.springs]).reshape(-1, 2),
-        "effort": elements.effort,
-        "element_values": np.array([_joint_values(e.joint) for e in elements.joints]),
-        "spring_values": np.array(
-            [(s.stiffness, s.damping, s.rest_length, elements.shortest) for s in elements.springs]
-        ),
-    }
-
-
 def _joint_values(joint: Joint) -> tuple[float, ...]:
     """Return a joint's row of ``Tables.element_values``; no stop is met at infinity."""
     own = (joint.stiffness, joint.rest, joint.friction, joint.friction_speed)
@@ -263,8 +236,3 @@ def _joint_values(joint: Joint) -> tuple[float, ...]:
 def _in_memory(pose: pin.SE3) -> Array:
     """Return (12,) a pose as Pinocchio keeps it."""
     return np.concatenate((pose.rotation.T.ravel(), pose.translation))
-
-
-def _rates_of(model: pin.Model, joint: int) -> tuple[int, int]:
-    """Return the first rate of a joint and their number; none for the world."""
-    return (int(model.idx_vs[joint]), int(model.nvs[joint])) if joint > 0 else (0, 0)

@@ -12,7 +12,9 @@ from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.mechanism.compiled.closure_kernels import bias_of
 from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
 from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
+from hapticmech_ros.mechanism.compiled.pair_kernels import add_pair
 from hapticmech_ros.mechanism.compiled.tables import Tables, unfold
+from hapticmech_ros.mechanism.compiled.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.model import Array
 
 
@@ -82,43 +84,76 @@ def move_point(
     """Fill an operational point's J_h (6, nv), and its J_h v and J̇_h v (12,)."""
     frame = tables.points[index]
     x, y, z = space.poses[frame, 9], space.poses[frame, 10], space.poses[frame, 11]
-    axes = space.joint_jacobian
-    for col in range(tables.nv):
-        on = tables.support[frame, col]
-        a, b, c = axes[col, 3], axes[col, 4], axes[col, 5]
-        jacobian[0, col] = on * (axes[col, 0] + (b * z - c * y))
-        jacobian[1, col] = on * (axes[col, 1] + (c * x - a * z))
-        jacobian[2, col] = on * (axes[col, 2] + (a * y - b * x))
-        jacobian[3, col], jacobian[4, col], jacobian[5, col] = on * a, on * b, on * c
+    axes, joint = space.joint_jacobian, tables.carriers[frame]
+    for row in range(6):
+        for col in range(tables.nv):
+            jacobian[row, col] = 0.0
+    while joint > 0:
+        first = tables.joints[joint, 1]
+        for col in range(first, first + tables.joints[joint, 2]):
+            a, b, c = axes[col, 3], axes[col, 4], axes[col, 5]
+            jacobian[0, col] = axes[col, 0] + (b * z - c * y)
+            jacobian[1, col] = axes[col, 1] + (c * x - a * z)
+            jacobian[2, col] = axes[col, 2] + (a * y - b * x)
+            jacobian[3, col], jacobian[4, col], jacobian[5, col] = a, b, c
+        joint = tables.joints[joint, 0]
     _move_frame(tables, space, motions, frame, motion)
+
+
+@inner
+def add_wrench(
+    tables: Tables, space: Packed, joint: int, origin: Array, wrench: Array, force: Array
+) -> None:
+    """Add Jᵀ F to ``force`` (nv,) for a wrench (6,) on a joint at a point (3,), world axes."""
+    pair = np.zeros(12)
+    x, y, z = origin[0], origin[1], origin[2]
+    fx, fy, fz = wrench[0], wrench[1], wrench[2]
+    pair[0], pair[1], pair[2] = fx, fy, fz
+    pair[3] = wrench[3] + (y * fz - z * fy)
+    pair[4] = wrench[4] + (z * fx - x * fz)
+    pair[5] = wrench[5] + (x * fy - y * fx)
+    add_pair(tables.joints, space.joint_jacobian, joint, 0, pair, 1.0, force)
 
 
 @inner
 def add_point_forces(tables: Tables, space: Packed, wrenches: Array, force: Array) -> None:
     """Add Σ J_hᵀ F to ``force`` (nv,), wrenches (points, 6) given, without any J_h."""
-    axes = space.joint_jacobian
     for index in range(tables.points.size):
         frame = tables.points[index]
-        x, y, z = space.poses[frame, 9], space.poses[frame, 10], space.poses[frame, 11]
-        fx, fy, fz = wrenches[index, 0], wrenches[index, 1], wrenches[index, 2]
-        tx = wrenches[index, 3] + (y * fz - z * fy)
-        ty = wrenches[index, 4] + (z * fx - x * fz)
-        tz = wrenches[index, 5] + (x * fy - y * fx)
-        for col in range(tables.nv):
-            power = axes[col, 0] * fx + axes[col, 1] * fy + axes[col, 2] * fz
-            power += axes[col, 3] * tx + axes[col, 4] * ty + axes[col, 5] * tz
-            force[col] += tables.support[frame, col] * power
+        origin, joint = space.poses[frame, 9:12], tables.carriers[frame]
+        add_wrench(tables, space, joint, origin, wrenches[index], force)
+
+
+@inner
+def add_link_forces(tables: Tables, space: Packed, pushes: Array, force: Array) -> None:
+    """Add Σ Jᵀ F of wrenches on links to ``force`` (nv,).
+
+    Args:
+        tables: the mechanism's.
+        space: filled at a configuration.
+        pushes: (pushes, 10) per wrench the joint that carries the link, the origin of the link in
+            that joint (3,), and the wrench (6,) there, world axes.
+        force: to add to.
+    """
+    origin = np.empty(3)
+    for index in range(pushes.shape[0]):
+        push = pushes[index]
+        joint = int(push[0])
+        place = space.places[joint]
+        for i in range(3):
+            total = place[i] * push[1] + place[3 + i] * push[2] + place[6 + i] * push[3]
+            origin[i] = place[9 + i] + total
+        add_wrench(tables, space, joint, origin, push[4:10], force)
 
 
 @kernel(
     "void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[::1], float64[:,::1])"
+    " float64[:,::1])"
 )
 def move_frames(
     numbers: Array,
     values: Array,
     packed: Array,
-    bias_force: Array,
     q: Array,
     v: Array,
     terms: Array,
@@ -130,7 +165,6 @@ def move_frames(
         numbers: constants of the mechanism, whole ones.
         values: the others; see ``tables.unfold``.
         packed: the configuration's terms.
-        bias_force: (nv,) h.
         q: (nq,) configuration.
         v: (nv,) rates.
         terms: (3 nv + m + points (6 nv + 12),) to fill with h, forces of elements, their
@@ -139,12 +173,11 @@ def move_frames(
     """
     tables = unfold(numbers, values)
     nv, m = tables.nv, tables.m
-    space = unpack(packed, nv, m)
-    for c in range(nv):
-        terms[c] = bias_force[c]
+    space = unpack(packed, tables)
     element_forces(tables, space, q, v, terms[nv : 2 * nv], terms[2 * nv : 3 * nv])
     motions = np.empty((tables.joints.shape[0], 12))
     move_joints(tables, space, v, motions)
+    bias_force_of(tables, space, motions, terms[:nv])
     closure_bias(tables, space, motions, terms[3 * nv : 3 * nv + m])
     at = 3 * nv + m
     for index in range(tables.points.size):

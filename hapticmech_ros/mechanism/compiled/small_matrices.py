@@ -61,7 +61,8 @@ def cross(a: Array, b: Array, out: Array) -> None:
 def cholesky(lower: Array, factor: Array) -> int:
     """Fill ``factor`` with L of L Lᵀ given the lower triangle; return the first bad row, or -1.
 
-    Zeros at a row's beginning, where D couples nothing, stay zeros of L.
+    A row is bad that leaves a pivot no larger than its rounding. ``factor`` may be ``lower``. Zeros
+    at a row's beginning, where D couples nothing, stay zeros of L.
     """
     size = lower.shape[0]
     for i in range(size):
@@ -75,10 +76,11 @@ def cholesky(lower: Array, factor: Array) -> int:
                 total -= factor[i, k] * factor[j, k]
             factor[i, j] = total / factor[j, j]
             factor[j, i] = 0.0
-        total = lower[i, i]
+        own = lower[i, i]
+        total = own
         for k in range(start, i):
             total -= factor[i, k] * factor[i, k]
-        if not total > 0.0:
+        if not total > EPSILON * own:
             return i
         factor[i, i] = np.sqrt(total)
     return -1

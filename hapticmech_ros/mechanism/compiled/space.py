@@ -2,29 +2,91 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from hapticmech_ros.mechanism.compiled.kernels import correct, keep_closed
-from hapticmech_ros.mechanism.compiled.packed import ERROR, LEAST, RANK, RESOLVED_RANK, views_of
+from hapticmech_ros.mechanism.compiled.chosen import Chosen
+from hapticmech_ros.mechanism.compiled.kernels import correct, keep_closed, lift_rates
+from hapticmech_ros.mechanism.compiled.packed import (
+    ERROR,
+    LEAST,
+    RANK,
+    RESOLVED_RANK,
+    Packed,
+    views_of,
+)
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
 from hapticmech_ros.mechanism.evaluation import Closing
 from hapticmech_ros.mechanism.model import Array
 
+if TYPE_CHECKING:
+    from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
 
-class _InOneArray:
-    """What a factorisation and its closures have in common: the array, and what its tail says."""
 
-    __slots__ = ()
+class CompiledClosing(Closing):
+    """φ, W, and what kernels made of them and of D at a configuration, in one array.
+
+    Attributes:
+        packed: see :class:`~hapticmech_ros.mechanism.compiled.packed.Packed`.
+        mechanism: whose.
+        chosen: the closures that are active, and the kind of factorisation.
+        q: (nq,) configuration.
+    """
+
+    __slots__ = ("_twin", "chosen", "mechanism", "packed", "q")
+    mechanism: CompiledMechanism
+    chosen: Chosen
     packed: Array
-    nv: int
-    m: int
+    q: Array
+    _twin: CompiledClosing | None
 
-    def __init__(self, packed: Array, nv: int, m: int) -> None:
-        # Parents are frozen.
+    def __init__(
+        self, mechanism: CompiledMechanism, chosen: Chosen, packed: Array, q: Array
+    ) -> None:
+        # The parent is frozen.
         write = object.__setattr__
+        write(self, "mechanism", mechanism)
+        write(self, "chosen", chosen)
         write(self, "packed", packed)
-        write(self, "nv", nv)
-        write(self, "m", m)
+        write(self, "q", q)
+        write(self, "_twin", None)
+
+    @property
+    def dense(self) -> CompiledClosing:
+        """The same with a dense factorisation, computed when it is asked for."""
+        if not self.chosen.is_sparse:
+            return self
+        twin = self._twin
+        if twin is None:
+            twin = self.mechanism.factored(self.chosen.dense, self.q)
+            object.__setattr__(self, "_twin", twin)
+        return twin
+
+    @property
+    def parts(self) -> Packed:
+        """Views of the array's parts."""
+        return views_of(self.packed, self.chosen.tables)
+
+    @property
+    def space(self) -> CompiledSpace:
+        """The factorisation of D and W."""
+        return CompiledSpace(self)
+
+    @property
+    def residual(self) -> Array:
+        """(m,) φ."""
+        return self.packed[: self.chosen.m]
+
+    @property
+    def jacobian(self) -> Array:
+        """(m, nv) W."""
+        return self.dense.parts.jacobian
+
+    @property
+    def error(self) -> float:
+        """Largest |φ|, m or rad; 0 without closures."""
+        return float(self.packed.item(ERROR))
 
     @property
     def rank(self) -> int:
@@ -42,76 +104,71 @@ class _InOneArray:
         return int(self.packed.item(RESOLVED_RANK))
 
 
-class CompiledSpace(_InOneArray, ConstraintSpace):
-    """A :class:`ConstraintSpace` in one array; its parts are views made when asked for.
+class CompiledSpace(ConstraintSpace):
+    """A :class:`ConstraintSpace` in the array of a closing; parts are views made when asked for.
 
-    Attributes:
-        packed: see :class:`~hapticmech_ros.mechanism.compiled.packed.Packed`.
-        nv: number of rates.
-        m: number of closure rows.
+    A sparse factorisation has another L, with L Lᵀ = D as well, and neither L nor U as a matrix:
+    what is asked for in coordinates of the mass metric is then given by its dense twin.
     """
 
-    __slots__ = ("m", "nv", "packed")
+    __slots__ = ("closing",)
+    closing: CompiledClosing
+
+    def __init__(self, closing: CompiledClosing) -> None:
+        object.__setattr__(self, "closing", closing)
 
     @property
     def factor(self) -> Array:
         """(nv, nv) lower Cholesky factor L of D."""
-        return views_of(self.packed, self.nv, self.m).factor
+        return self.closing.dense.parts.factor
 
     @property
     def basis(self) -> Array:
         """(nv, r) U, orthonormal basis of range(L⁻¹Wᵀ)."""
-        return views_of(self.packed, self.nv, self.m).basis[: self.rank].T
+        return self.closing.dense.parts.basis[: self.rank].T
 
     @property
     def sigma(self) -> Array:
         """(r,) singular values kept, of rows scaled by their unit."""
-        return views_of(self.packed, self.nv, self.m).sigma[: self.rank]
+        return self.closing.dense.parts.sigma[: self.rank]
 
     @property
     def rows(self) -> Array:
         """(m, r) V / row length."""
-        return views_of(self.packed, self.nv, self.m).rows[: self.rank].T
+        return self.closing.dense.parts.rows[: self.rank].T
+
+    @property
+    def rank(self) -> int:
+        """Number r of independent closure rows."""
+        return self.closing.rank
+
+    @property
+    def least(self) -> float:
+        """Smallest σ that is more than rounding over the largest; 1 without closures."""
+        return self.closing.least
+
+    @property
+    def resolved(self) -> int:
+        """Number of rows that differ by more than rounding."""
+        return self.closing.resolved
+
+    def size(self, change: Array) -> float:
+        """Return |Lᵀ change| for (nv,): the length of a change in the mass metric."""
+        lifted = np.array(change, dtype=float)
+        closing = self.closing
+        lift_rates(*closing.chosen.constants, closing.packed, lifted)
+        return float(np.sqrt(lifted @ lifted))
 
     def correction(self, rows: Array) -> Array:
         """Return D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ rows: of all changes with W change = rows the smallest."""
-        change = np.empty(self.nv)
-        correct(
-            self.packed, self.nv, self.m, self.rank, np.ascontiguousarray(rows, dtype=float), change
-        )
+        closing = self.closing
+        change = np.empty(closing.chosen.tables.nv)
+        rows = np.ascontiguousarray(rows, dtype=float)
+        correct(*closing.chosen.constants, closing.packed, rows, change)
         return change
 
     def closed_rates(self, rates: Array) -> Array:
         """Return the rates nearest to ``rates`` in the mass metric that keep the loops closed."""
         kept = np.array(rates, dtype=float)
-        keep_closed(self.packed, self.nv, self.m, self.rank, kept)
+        keep_closed(*self.closing.chosen.constants, self.closing.packed, kept)
         return kept
-
-
-class CompiledClosing(_InOneArray, Closing):
-    """φ, W, and what kernels made of them and of D, in one array."""
-
-    __slots__ = ("m", "nv", "packed")
-
-    @property
-    def space(self) -> CompiledSpace:
-        """The factorisation of D and W."""
-        return CompiledSpace(self.packed, self.nv, self.m)
-
-    @property
-    def residual(self) -> Array:
-        """(m,) φ."""
-        start = self.nv**2
-        return self.packed[start : start + self.m]
-
-    @property
-    def jacobian(self) -> Array:
-        """(m, nv) W."""
-        nv, m = self.nv, self.m
-        start = nv * nv + m
-        return self.packed[start : start + m * nv].reshape(m, nv)
-
-    @property
-    def error(self) -> float:
-        """Largest |φ|, m or rad; 0 without closures."""
-        return float(self.packed.item(ERROR))

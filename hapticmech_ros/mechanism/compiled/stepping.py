@@ -1,34 +1,46 @@
-"""One step of a compiled mechanism: few kernels, with Pinocchio's calls in between."""
+"""Steps of a compiled mechanism, one or many, in a call of one kernel."""
 
 from __future__ import annotations
 
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
-import pinocchio as pin
 
-from hapticmech_ros.mechanism.compiled.implicit_kernels import advance_implicit_stage, springs_size
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.compiled.chosen import Chosen
+from hapticmech_ros.mechanism.compiled.implicit_kernels import springs_size
 from hapticmech_ros.mechanism.compiled.kernels import NOT_FINITE
 from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism, failure
 from hapticmech_ros.mechanism.compiled.packed import ERROR
-from hapticmech_ros.mechanism.compiled.settle_kernels import OFF, SETTLED, settle
-from hapticmech_ros.mechanism.compiled.space import CompiledClosing, CompiledSpace
-from hapticmech_ros.mechanism.compiled.step_kernels import advance_stage, parts_of, work_size
-from hapticmech_ros.mechanism.evaluation import Active
-from hapticmech_ros.mechanism.integrator import local_rate
+from hapticmech_ros.mechanism.compiled.run_kernels import NEEDS_CARE, RATES_NOT_FINITE, advance
+from hapticmech_ros.mechanism.compiled.settle_kernels import FLIPPED, JUMPED, OPEN, SETTLED
+from hapticmech_ros.mechanism.compiled.space import CompiledClosing
+from hapticmech_ros.mechanism.compiled.step_kernels import parts_of, work_size
+from hapticmech_ros.mechanism.evaluation import Active, Closing
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.projection import (
     BAUMGARTE_FAILURE,
     PROJECTION_FAILURE,
-    PROJECTION_ITERATIONS,
     PROJECTION_TOLERANCE,
     ROUNDING_TOLERANCE,
-    refuse_flipped,
-    refuse_jump,
-    refuse_open,
+    came_apart,
+    flipped,
+    jumped,
 )
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.stepping import Plan, Pushes, Start, Stepped, Stepper, not_finite
+
+_NO_SAMPLES = np.zeros((0, 0))
+_NO_PUSHES = np.zeros((0, 10))
+
+
+class _Took(NamedTuple):
+    """What a call of the kernel did: why it ended, how many steps, and their end if there are."""
+
+    code: int
+    steps: int
+    stepped: Stepped | None
 
 
 class CompiledStepper(Stepper):
@@ -39,127 +51,165 @@ class CompiledStepper(Stepper):
         self._compiled = mechanism
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
         scheme = SCHEMES[plan.integrator]
-        self._stages = range(len(scheme.weights))
-        self._pushed = False
-        self._flat = nq == nv
-        self._curved = scheme.corrected and not self._flat
-        self._implicit = scheme.implicit
-        self._springs = np.zeros(springs_size(nv))
+        self._stages, self._implicit = len(scheme.weights), scheme.implicit
+        self._springs = np.zeros(springs_size(nv) if scheme.implicit else 0)
         self._work = np.zeros(work_size(nq, nv, points))
         self._parts = parts = parts_of(self._work, nq, nv)
-        fractions = np.array((PROJECTION_TOLERANCE, ROUNDING_TOLERANCE, PROJECTION_FAILURE))
+        pulled = plan.baumgarte_rate > 0.0
+        self._open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
+        fractions = (PROJECTION_TOLERANCE, ROUNDING_TOLERANCE, PROJECTION_FAILURE)
         parts.settings[:2] = plan.period / plan.substeps, scheme.late
-        parts.settings[2:5] = fractions * mechanism.length
-        parts.settings[5] = plan.baumgarte_rate
+        parts.settings[2:5] = np.array(fractions) * mechanism.length
+        parts.settings[5:7] = plan.baumgarte_rate, self._open * mechanism.length
+        parts.settings[7] = scheme.corrected and nq != nv
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
         parts.scheme[: len(scheme.fractions), 1] = scheme.fractions
+        # States that are pulled are off the closures anyway: no step needs care.
+        self._pulled = pulled
+
+    def advance(self, start: Start, pushes: Pushes) -> Stepped:
+        """Advance by one period with pushes held; see ``Simulator.step``."""
+        return self.run(start, pushes, 1, _NO_SAMPLES, 0)
+
+    def run(
+        self, start: Start, pushes: Pushes, periods: int, samples: Array, every: int
+    ) -> Stepped:
+        """Advance by many periods with pushes held, and fill samples; see :class:`Stepper`."""
+        self._check(pushes)
+        total, apart = periods * self._plan.substeps, every * self._plan.substeps
+        now, done, work_in, lost = start, 0, 0.0, 0.0
+        while True:
+            # After a step that was done alone there may be some before the next sample.
+            since = done % apart if apart else 0
+            count = min(total - done, apart - since) if since else total - done
+            rows = samples[done // apart :] if apart and not since else _NO_SAMPLES
+            took = self._call(self._compiled.chosen(now.active), now, pushes, count, rows, apart)
+            parts = [took.stepped] if took.stepped is not None else []
+            if took.stepped is not None:
+                now = _after(took.stepped, start.active)
+            if took.steps < count:
+                alone = self._alone(took.code, now, pushes)
+                parts.append(alone)
+                now = _after(alone, start.active)
+            done += took.steps + (took.steps < count)
+            for part in parts:
+                work_in, lost = work_in + part.work_in, lost + part.energy_lost
+            if apart and (since or took.steps < count) and done % apart == 0:
+                samples[done // apart - 1] = np.concatenate((now.q, now.v))
+            if done == total:
+                return parts[-1]._replace(work_in=work_in, energy_lost=lost)
+
+    def _alone(self, code: int, start: Start, pushes: Pushes) -> Stepped:
+        """Do the step that the kernel stopped before."""
+        if code == UNDECIDED:
+            dense = self._compiled.chosen(start.active).dense
+            took = self._call(dense, start, pushes, 1, _NO_SAMPLES, 0)
+            if took.stepped is not None:
+                return took.stepped
+        return self._careful_substep(start, pushes)
 
     def _substep(self, start: Start, pushes: Pushes) -> Stepped:
-        parts = self._parts
+        """Do a step whatever it starts at, or leaves."""
+        chosen = self._compiled.chosen(start.active)
+        took = self._call(chosen, start, pushes, 1, _NO_SAMPLES, 0, careful=False)
+        if took.stepped is None:
+            took = self._call(chosen.dense, start, pushes, 1, _NO_SAMPLES, 0, careful=False)
+        return cast(Stepped, took.stepped)
+
+    def _call(
+        self,
+        chosen: Chosen,
+        start: Start,
+        pushes: Pushes,
+        count: int,
+        samples: Array,
+        apart: int,
+        careful: bool = True,
+    ) -> _Took:
+        """Do steps by the kernel until one needs care, or cannot be done sparse.
+
+        Raises:
+            HapticMechError: a step failed.
+        """
+        parts, known = self._parts, _known(start, chosen)
         parts.q0[:] = start.q
         parts.v0[:] = start.v
         parts.wrenches[:] = pushes.wrenches
-        self._integrate_all(start, pushes)
-        packed = self._project_all(start.active)
-        state, nq = parts.state.copy(), self._compiled.nq
-        closing = CompiledClosing(packed, self._compiled.nv, self._compiled.chosen(start.active).m)
-        work_in, lost, *_ = parts.account.tolist()
-        return Stepped(state[:nq], state[nq:], closing.error, closing, work_in, lost)
-
-    def _integrate_all(self, start: Start, pushes: Pushes) -> None:
-        mechanism, parts, chosen = self._compiled, self._parts, self._compiled.chosen(start.active)
-        model, data = mechanism.model, mechanism.data
-        pushed = bool(pushes.on_links) or pushes.in_joints is not None
-        q, v = start.q, start.v
-        packed, bias_force = _known(start)
-        first = packed
-        for stage in self._stages:
-            if pushed or self._pushed:
-                self._push(q, pushes)
-            known = packed is not None
-            if packed is None:
-                mechanism.place(q)
-                # Implicit rules need the terms of the start until the end.
-                packed = np.empty(chosen.size) if self._keeps(stage) else chosen.scratch
-            if first is None:
-                first = packed
-            if bias_force is None:
-                pin.nonLinearEffects(model, data, q, v)
-                bias_force = mechanism.bias_force
-            placed = (*chosen.constants, *mechanism.placed, bias_force, packed)
-            if self._implicit:
-                code = advance_implicit_stage(
-                    *placed, first, self._work, self._springs, stage, known
-                )
-            else:
-                code = advance_stage(*placed, self._work, stage, known)
-            if code < 0:
-                raise (
-                    not_finite("rates", parts.v)
-                    if code == NOT_FINITE
-                    else failure(code, mechanism.tree)
-                )
-            q, v, packed, bias_force = parts.q, parts.v, None, None
-            if not self._flat:
-                q[:] = pin.integrate(model, parts.q0, parts.theta)
-                if self._curved:
-                    parts.turn[:] = local_rate(model, parts.q0, parts.theta, v)
-
-    def _keeps(self, stage: int) -> bool:
-        return self._implicit and stage == 0
-
-    def _project_all(self, active: Active) -> Array:
-        """Move the state onto the closures, and return the terms found there."""
-        mechanism, parts, chosen = self._compiled, self._parts, self._compiled.chosen(active)
-        packed = np.empty(chosen.size)
-        code = OFF
-        for _ in range(PROJECTION_ITERATIONS):
-            mechanism.place(parts.q)
-            code = settle(*chosen.constants, *mechanism.placed, packed, self._work)
-            if code != OFF:
-                break
-            if not self._flat:
-                parts.q[:] = pin.integrate(mechanism.model, parts.q, parts.theta)
-        if code < 0:
-            raise (
-                not_finite("state", parts.q)
-                if code == NOT_FINITE
-                else failure(code, mechanism.tree)
-            )
-        if code != SETTLED:
-            self._refuse(code, packed, active)
-        elif self._plan.baumgarte_rate > 0.0:
-            refuse_open(mechanism, packed.item(ERROR), active, BAUMGARTE_FAILURE)
-        return packed
-
-    def _refuse(self, code: int, packed: Array, active: Active) -> None:
-        """Raise what is wrong with the state that the projection found, if anything is."""
-        mechanism, parts, chosen = self._compiled, self._parts, self._compiled.chosen(active)
-        closing = CompiledClosing(packed, mechanism.nv, chosen.m)
-        if self._plan.baumgarte_rate > 0.0:
-            refuse_open(mechanism, closing.error, active, BAUMGARTE_FAILURE)
+        parts.held[:] = 0.0 if pushes.in_joints is None else pushes.in_joints
+        parts.settings[8] = careful and not self._pulled
+        parts.account[:2] = 0.0
+        parts.account[5] = 0.0
+        end = np.empty(chosen.size)
+        # Others may hold what is known, and many steps use both arrays.
+        first = np.empty(chosen.size) if known is None else known if count == 1 else known.copy()
+        code = advance(
+            *chosen.constants,
+            first,
+            end,
+            chosen.scratch,
+            self._work,
+            self._springs,
+            self._on_links(pushes),
+            samples,
+            np.array((count, apart, self._stages, self._implicit, known is not None)),
+        )
+        work_in, lost, _, stepped, moved, steps = parts.account.tolist()
+        done = int(steps)
+        if code not in (SETTLED, NEEDS_CARE, UNDECIDED):
+            packed = end if done % 2 == 0 else first
+            raise self._failure(code, packed, start.active, stepped, moved)
+        if done == 0:
+            return _Took(code, 0, None)
+        if code == SETTLED:
+            q, v = parts.q.copy(), parts.v.copy()
+            closing: Closing = CompiledClosing(self._compiled, chosen, end, q)
         else:
-            refuse_open(mechanism, closing.error, active)
-            refuse_jump(mechanism, float(parts.account[3]), float(parts.account[4]), active)
-        pin.updateFramePlacements(mechanism.model, mechanism.data)
-        refuse_flipped(mechanism, closing.error, active)
-        parts.v[:] = closing.space.closed_rates(parts.v)
+            q, v = parts.q0.copy(), parts.v0.copy()
+            closing = self._compiled.factored(chosen, q)
+        return _Took(code, done, Stepped(q, v, closing.error, closing, work_in, lost))
 
-    def _push(self, q: Array, pushes: Pushes) -> None:
-        force, on_links, in_joints = self._parts.on_links, pushes.on_links, pushes.in_joints
-        force[:] = 0.0
-        # First, so that what is left by an unknown link is cleared by the next step.
-        self._pushed = bool(on_links) or in_joints is not None
-        if in_joints is not None:
-            force += in_joints
-        for link, wrench in on_links.items():
-            force += wrench @ self._compiled.link_jacobian(q, link)
+    def _failure(
+        self, code: int, packed: Array, active: Active, stepped: float, moved: float
+    ) -> HapticMechError:
+        """Return the error of a step that the kernel could not end."""
+        mechanism, parts, worst = self._compiled, self._parts, float(packed.item(ERROR))
+        names = mechanism.names_of(active)
+        if code == OPEN:
+            return came_apart(worst, names)
+        if code == JUMPED:
+            return jumped(moved / stepped, names)
+        if code == FLIPPED:
+            turned = [i for i, on in enumerate(active) if on and self._turned(i)]
+            return flipped(worst, [mechanism.closures[i].name for i in turned[:1]] or names)
+        if code == RATES_NOT_FINITE:
+            return not_finite("rates", parts.v)
+        if code == NOT_FINITE:
+            return not_finite("state", parts.q)
+        return failure(code, mechanism.tree)
+
+    def _turned(self, index: int) -> bool:
+        return self._compiled.on_wrong_branch(index, self._parts.q)
+
+    def _on_links(self, pushes: Pushes) -> Array:
+        """Return (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``."""
+        if not pushes.on_links:
+            return _NO_PUSHES
+        mechanism, rows = self._compiled, []
+        for link, wrench in pushes.on_links.items():
+            joint, placement = mechanism.link_place(link)
+            rows.append(np.concatenate(([joint], placement.translation, wrench)))
+        return np.array(rows, dtype=float)
 
 
-def _known(start: Start) -> tuple[Array | None, Array | None]:
-    """Return what is known at a step's start: the configuration's terms, and h."""
-    if start.terms is not None:
-        return cast(CompiledSpace, start.terms.space).packed, start.terms.bias_force
-    if start.closing is not None:
-        return cast(CompiledClosing, start.closing).packed, None
-    return None, None
+def _after(stepped: Stepped, active: Active) -> Start:
+    """Return where a step ended as where the next one begins."""
+    return Start(stepped.q, stepped.v, active, closing=stepped.closing)
+
+
+def _known(start: Start, chosen: Chosen) -> Array | None:
+    """Return the terms at a step's start if they are known, and of the same kind."""
+    closing = start.closing if start.terms is None else start.terms.closing
+    if closing is None:
+        return None
+    known = cast(CompiledClosing, closing)
+    return known.packed if known.chosen is chosen else None

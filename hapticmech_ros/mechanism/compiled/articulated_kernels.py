@@ -1,0 +1,162 @@
+"""D = L Lᵀ without D: articulated inertias instead of a Cholesky factor, linear in the joints.
+
+Going from the tips to the world, each rate c leaves its axis S_c, U_c = I S_c and d_c = S_cᵀU_c of
+the articulated inertia I that it carries, and I - U_c U_cᵀ/d_c goes on (Featherstone, Rigid Body
+Dynamics Algorithms, 7.3). The same numbers are a factor of D: Rodriguez, Jain and Kreutz-Delgado
+(1992) call it innovations factorisation. L⁻¹, L⁻ᵀ and Lᵀ are a sweep each. All about the world's
+origin, so that nothing has to be moved from joint to joint.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.compilation import inner
+from hapticmech_ros.mechanism.compiled.packed import Packed
+from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.model import Array
+
+
+@inner
+def dot6(a: Array, b: Array) -> float:
+    """Return the product of the first six entries."""
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
+
+
+@inner
+def articulate(tables: Tables, space: Packed) -> int:
+    """Fill ``space.hinges``; return the first rate that moves no mass, or -1."""
+    joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
+    carried = np.zeros((joints.shape[0], 6, 6))
+    for joint in range(joints.shape[0] - 1, 0, -1):
+        inertia = carried[joint]
+        _add_body(space.bodies[joint], inertia)
+        for row in range(joints[joint, 1] + joints[joint, 2] - 1, joints[joint, 1] - 1, -1):
+            hinge = hinges[row]
+            for i in range(6):
+                hinge[i] = dot6(inertia[i], axes[row])
+            pivot = dot6(axes[row], hinge)
+            if not pivot > 0.0:
+                return int(row)
+            hinge[6] = np.sqrt(pivot)
+            for i in range(6):
+                share = hinge[i] / pivot
+                for j in range(6):
+                    inertia[i, j] -= share * hinge[j]
+        parent = joints[joint, 0]
+        if parent > 0:
+            for i in range(6):
+                for j in range(6):
+                    carried[parent, i, j] += inertia[i, j]
+    return -1
+
+
+@inner
+def _add_body(body: Array, inertia: Array) -> None:
+    """Add a body's (6, 6) map from twist to momentum."""
+    for i in range(3):
+        inertia[i, i] += body[0]
+    x, y, z = body[1], body[2], body[3]
+    inertia[0, 4] += z
+    inertia[0, 5] -= y
+    inertia[1, 3] -= z
+    inertia[1, 5] += x
+    inertia[2, 3] += y
+    inertia[2, 4] -= x
+    inertia[4, 0] += z
+    inertia[5, 0] -= y
+    inertia[3, 1] -= z
+    inertia[5, 1] += x
+    inertia[3, 2] += y
+    inertia[4, 2] -= x
+    at = 4
+    for i in range(3, 6):
+        for j in range(i, 6):
+            inertia[i, j] += body[at]
+            if j > i:
+                inertia[j, i] += body[at]
+            at += 1
+
+
+@inner
+def force_to_metric(tables: Tables, space: Packed, vector: Array) -> None:
+    """Replace joint forces (nv,) by L⁻¹ of them."""
+    joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
+    wrenches = np.zeros((joints.shape[0], 6))
+    for joint in range(joints.shape[0] - 1, 0, -1):
+        wrench = wrenches[joint]
+        for row in range(joints[joint, 1] + joints[joint, 2] - 1, joints[joint, 1] - 1, -1):
+            left = (vector[row] - dot6(axes[row], wrench)) / hinges[row, 6]
+            vector[row] = left
+            for i in range(6):
+                wrench[i] += hinges[row, i] * (left / hinges[row, 6])
+        parent = joints[joint, 0]
+        for i in range(6):
+            wrenches[parent, i] += wrench[i]
+
+
+@inner
+def rates_from_metric(tables: Tables, space: Packed, vector: Array) -> None:
+    """Replace ``vector`` (nv,) by joint rates L⁻ᵀ vector."""
+    joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
+    twists = np.empty((joints.shape[0], 6))
+    twists[0] = 0.0
+    for joint in range(1, joints.shape[0]):
+        twist, parent = twists[joint], twists[joints[joint, 0]]
+        for i in range(6):
+            twist[i] = parent[i]
+        for row in range(joints[joint, 1], joints[joint, 1] + joints[joint, 2]):
+            root = hinges[row, 6]
+            rate = (vector[row] - dot6(hinges[row], twist) / root) / root
+            vector[row] = rate
+            for i in range(6):
+                twist[i] += axes[row, i] * rate
+
+
+@inner
+def rates_to_metric(tables: Tables, space: Packed, vector: Array) -> None:
+    """Replace joint rates (nv,) by Lᵀ of them."""
+    joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
+    twists = np.empty((joints.shape[0], 6))
+    twists[0] = 0.0
+    for joint in range(1, joints.shape[0]):
+        twist, parent = twists[joint], twists[joints[joint, 0]]
+        for i in range(6):
+            twist[i] = parent[i]
+        for row in range(joints[joint, 1], joints[joint, 1] + joints[joint, 2]):
+            root, rate = hinges[row, 6], vector[row]
+            vector[row] = root * rate + dot6(hinges[row], twist) / root
+            for i in range(6):
+                twist[i] += axes[row, i] * rate
+
+
+@inner
+def pair_to_metric(
+    tables: Tables, space: Packed, a: int, b: int, pair: Array, scale: float, column: Array
+) -> None:
+    """Fill L⁻¹ of the joint forces of a pair (see ``pair_kernels``), times ``scale``.
+
+    ``column`` is filled at the places that ``tables.order`` gives the rates of joints a, b and
+    those before them, and nowhere else.
+    """
+    joints, axes, hinges, order = tables.joints, space.joint_jacobian, space.hinges, tables.order
+    wrenches = np.empty((2, 6))
+    for i in range(6):
+        wrenches[0, i], wrenches[1, i] = scale * pair[i], scale * pair[6 + i]
+    while a > 0 or b > 0:
+        if a == b:
+            for i in range(6):
+                wrenches[0, i] += wrenches[1, i]
+            b = 0
+        side, joint = (0, a) if a > b else (1, b)
+        wrench = wrenches[side]
+        for row in range(joints[joint, 1] + joints[joint, 2] - 1, joints[joint, 1] - 1, -1):
+            root = hinges[row, 6]
+            left = dot6(axes[row], wrench) / root
+            column[order[row]] = left
+            for i in range(6):
+                wrench[i] -= hinges[row, i] * (left / root)
+        if side == 0:
+            a = joints[a, 0]
+        else:
+            b = joints[b, 0]

@@ -1,0 +1,188 @@
+"""A = L⁻¹Wᵀ of closures that each reach few rates: QR inside a band, linear in their number.
+
+Columns of A are taken in the order of the first place that they reach, in which Householder
+reflections of those before fill them only as far as these reach (George and Heath, Solution of
+sparse linear least squares problems using Givens rotations, 1980). A column of which nothing but
+rounding is left follows from those before it, and is left out: a redundant row. Where it is not
+clear whether it does, or where the rows are nearly dependent altogether, the answer is UNDECIDED,
+and the dense factorisation has to say.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.compilation import inner
+from hapticmech_ros.mechanism.compiled.articulated_kernels import pair_to_metric
+from hapticmech_ros.mechanism.compiled.packed import Packed
+from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.constraint_space import RESOLVED, SOLVER_RANK_TOLERANCE
+from hapticmech_ros.mechanism.model import Array
+
+# Columns of ``Packed.row_places``.
+_BEGIN, _PIVOT, _DIAGONAL, _LAST, _FIRST = range(5)
+# A smallest singular value below this share of the largest row is for the dense factorisation.
+WELL_DETERMINED = 1e-5
+# How much the estimate of the smallest singular value may be too large.
+_DOUBT = 10.0
+UNDECIDED = -1_000_000
+_ROUNDS = 2
+
+
+@inner
+def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
+    """Fill ``band`` and ``row_places``; return the rank, or UNDECIDED.
+
+    Args:
+        tables: the mechanism's.
+        space: with hinges and wrenches filled.
+        tolerance: share of the largest row below which what is left of a row says nothing.
+    """
+    places, band, column = space.row_places, space.band, np.zeros(tables.nv)
+    free, hit, rank, largest = 0, 0, 0, 0.0
+    for j in range(tables.m):
+        row, low, last = tables.sequence[j, 0], tables.sequence[j, 1], tables.sequence[j, 2]
+        while hit < j and places[hit, _LAST] < low:
+            hit += 1
+        begin = low
+        if hit < j:
+            begin = min(low, int(places[hit, _PIVOT]))
+        else:
+            free = max(free, low)
+        for i in range(hit, j):
+            last = max(last, int(places[i, _LAST]))
+        if last - begin >= tables.width:
+            return UNDECIDED
+        a, b = tables.sequence[j, 3], tables.sequence[j, 4]
+        for place in range(begin, last + 1):
+            column[place] = 0.0
+        pair_to_metric(tables, space, a, b, space.wrenches[row], 1.0 / tables.lengths[row], column)
+        square = 0.0
+        for place in range(begin, last + 1):
+            square += column[place] * column[place]
+        largest = max(largest, np.sqrt(square))
+        for i in range(hit, j):
+            if places[i, _PIVOT] >= 0.0:
+                _reflect(places, band, i, column)
+        left = 0.0
+        for place in range(free, last + 1):
+            left += column[place] * column[place]
+        left = np.sqrt(left)
+        if not np.isfinite(left):
+            return UNDECIDED
+        places[j, _BEGIN], places[j, _FIRST] = begin, hit
+        for place in range(begin, last + 1):
+            band[j, place - begin] = column[place]
+        if left <= max(RESOLVED, tolerance) * largest:
+            if tolerance <= SOLVER_RANK_TOLERANCE and left > RESOLVED * largest:
+                return UNDECIDED
+            places[j, _PIVOT], places[j, _LAST], places[j, _DIAGONAL] = -1.0, -1.0, 0.0
+            continue
+        if left <= WELL_DETERMINED * largest:
+            return UNDECIDED
+        head = column[free]
+        goal = -left if head > 0.0 else left
+        norm = np.sqrt(2.0 * left * (left + abs(head)))
+        for place in range(free, last + 1):
+            band[j, place - begin] = column[place] / norm
+        band[j, free - begin] = (head - goal) / norm
+        places[j, _PIVOT], places[j, _LAST], places[j, _DIAGONAL] = free, last, goal
+        free += 1
+        rank += 1
+    least = _least(tables, space, rank) / largest if rank > 0 else 1.0
+    if not least > max(WELL_DETERMINED, _DOUBT * tolerance):
+        return UNDECIDED
+    space.tail[2], space.tail[3] = least, rank
+    return rank
+
+
+@inner
+def _reflect(places: Array, band: Array, j: int, vector: Array) -> None:
+    """Apply reflection j to a vector by places."""
+    begin, pivot, last = int(places[j, _BEGIN]), int(places[j, _PIVOT]), int(places[j, _LAST])
+    along = 0.0
+    for place in range(pivot, last + 1):
+        along += band[j, place - begin] * vector[place]
+    along *= 2.0
+    for place in range(pivot, last + 1):
+        vector[place] -= along * band[j, place - begin]
+
+
+@inner
+def turn_in(tables: Tables, space: Packed, vector: Array, turned: Array) -> None:
+    """Fill ``turned`` (nv,), by places, with Qᵀ vector (nv,)."""
+    for row in range(tables.nv):
+        turned[tables.order[row]] = vector[row]
+    for j in range(tables.m):
+        if space.row_places[j, _PIVOT] >= 0.0:
+            _reflect(space.row_places, space.band, j, turned)
+
+
+@inner
+def turn_back(tables: Tables, space: Packed, turned: Array, vector: Array) -> None:
+    """Fill ``vector`` (nv,) with Q turned (nv,); ``turned`` is used up."""
+    for j in range(tables.m - 1, -1, -1):
+        if space.row_places[j, _PIVOT] >= 0.0:
+            _reflect(space.row_places, space.band, j, turned)
+    for row in range(tables.nv):
+        vector[row] = turned[tables.order[row]]
+
+
+@inner
+def clear_pivots(tables: Tables, space: Packed, turned: Array) -> None:
+    """Put zero where the closures' directions are in a turned vector."""
+    for j in range(tables.m):
+        pivot = int(space.row_places[j, _PIVOT])
+        if pivot >= 0:
+            turned[pivot] = 0.0
+
+
+@inner
+def solve_rows(tables: Tables, space: Packed, needed: Array, scale: float, turned: Array) -> None:
+    """Fill the pivots of ``turned`` (nv,) with R⁻ᵀ of ``scale`` times needed (m,) / row length."""
+    places, band = space.row_places, space.band
+    for j in range(tables.m):
+        pivot = int(places[j, _PIVOT])
+        if pivot < 0:
+            continue
+        row = tables.sequence[j, 0]
+        total = scale * needed[row] / tables.lengths[row]
+        turned[pivot] = (total - _above(places, band, j, turned)) / places[j, _DIAGONAL]
+
+
+@inner
+def _above(places: Array, band: Array, j: int, turned: Array) -> float:
+    """Return the product of column j of R, over its diagonal, and a turned vector."""
+    begin, total = int(places[j, _BEGIN]), 0.0
+    for i in range(int(places[j, _FIRST]), j):
+        pivot = int(places[i, _PIVOT])
+        if pivot >= 0:
+            total += band[j, pivot - begin] * turned[pivot]
+    return total
+
+
+@inner
+def _least(tables: Tables, space: Packed, rank: int) -> float:
+    """Return an estimate from above of R's smallest singular value, by inverse iteration."""
+    places, band, m = space.row_places, space.band, tables.m
+    turned, before, size = np.zeros(tables.nv), np.ones(m), np.sqrt(float(rank))
+    for _ in range(_ROUNDS):
+        for j in range(m):
+            pivot = int(places[j, _PIVOT])
+            if pivot >= 0:
+                total = before[j] / size - _above(places, band, j, turned)
+                turned[pivot] = total / places[j, _DIAGONAL]
+        square = 0.0
+        for j in range(m - 1, -1, -1):
+            pivot = int(places[j, _PIVOT])
+            if pivot < 0:
+                continue
+            before[j] = turned[pivot] / places[j, _DIAGONAL]
+            square += before[j] * before[j]
+            begin = int(places[j, _BEGIN])
+            for i in range(int(places[j, _FIRST]), j):
+                above = int(places[i, _PIVOT])
+                if above >= 0:
+                    turned[above] -= band[j, above - begin] * before[j]
+        size = np.sqrt(square)
+    return float(1.0 / np.sqrt(size))

@@ -1,0 +1,119 @@
+"""W of all closures, dense, and its factorisation with that of D: SVD, or QR of many rows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.compilation import inner
+from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.compiled.many_rows import (
+    FEW_ROWS,
+    first_directions,
+    pseudo_inverse_transposed,
+    solve_lower_columns,
+    triangularise,
+)
+from hapticmech_ros.mechanism.compiled.packed import Packed
+from hapticmech_ros.mechanism.compiled.pair_kernels import add_pair
+from hapticmech_ros.mechanism.compiled.small_matrices import dot_rows, orthogonalise, solve_lower
+from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.constraint_space import RESOLVED
+from hapticmech_ros.mechanism.model import Array
+
+# What a kernel returns where an SVD does not converge.
+NO_SVD = -1
+
+
+@inner
+def factor_dense(tables: Tables, space: Packed, tolerance: float) -> int:
+    """Fill W, basis, σ and rows; return the rank, or NO_SVD."""
+    axes, jacobian = space.joint_jacobian, space.jacobian
+    for index in range(tables.closures.shape[0]):
+        _, a, b, first = tables.closures[index]
+        end = tables.m
+        if index + 1 < tables.closures.shape[0]:
+            end = tables.closures[index + 1, 3]
+        for row in range(first, end):
+            for c in range(tables.nv):
+                jacobian[row, c] = 0.0
+            joint_a, joint_b = tables.carriers[a], tables.carriers[b]
+            pair = space.wrenches[row]
+            add_pair(tables.joints, axes, joint_a, joint_b, pair, 1.0, jacobian[row])
+    if tables.m == 0:
+        return 0
+    rank = UNDECIDED
+    if tables.m > FEW_ROWS:
+        rank = _resolve_many(tables.lengths, tolerance, space)
+    if rank == UNDECIDED:
+        rank = _resolve_few(tables.lengths, tolerance, space)
+    return rank
+
+
+@inner
+def _resolve_few(lengths: Array, tolerance: float, space: Packed) -> int:
+    """Fill basis, σ and rows by an SVD; return the rank, or NO_SVD."""
+    m, nv = space.jacobian.shape
+    scaled, turn = np.empty((m, nv)), np.empty((m, m))
+    for i in range(m):
+        for c in range(nv):
+            scaled[i, c] = space.jacobian[i, c] / lengths[i]
+        solve_lower(space.factor, scaled[i])
+    if not orthogonalise(scaled, turn):
+        return NO_SVD
+    return _keep(scaled, turn, lengths, tolerance, space)
+
+
+@inner
+def _resolve_many(lengths: Array, tolerance: float, space: Packed) -> int:
+    """Fill basis and rows as an SVD does, but for a rotation of both; σ are R's diagonal.
+
+    Return the rank; NO_SVD; or UNDECIDED where more than rounding has to be cut, off the closures
+    or next to a singular position: only an SVD cuts no more than needs be.
+    """
+    m, nv = space.jacobian.shape
+    most = space.sigma.size
+    scaled = np.empty((nv, m))
+    for c in range(nv):
+        for i in range(m):
+            scaled[c, i] = space.jacobian[i, c] / lengths[i]
+            if not np.isfinite(scaled[c, i]):
+                return NO_SVD
+    solve_lower_columns(space.factor, scaled)
+    order, reflectors = np.empty(m, dtype=np.int64), np.empty((most, nv))
+    resolved = triangularise(scaled, most, RESOLVED, order, reflectors)
+    if resolved > 0 and not abs(scaled[resolved - 1, resolved - 1]) > tolerance * abs(scaled[0, 0]):
+        return UNDECIDED
+    if resolved > 0:
+        space.tail[2] = abs(scaled[resolved - 1, resolved - 1] / scaled[0, 0])
+    space.tail[3] = resolved
+    directions = first_directions(reflectors, resolved, nv)
+    inverse = pseudo_inverse_transposed(scaled, resolved)
+    for i in range(resolved):
+        sigma = abs(scaled[i, i])
+        space.sigma[i] = sigma
+        for c in range(nv):
+            space.basis[i, c] = directions[c, i]
+        for j in range(m):
+            space.rows[i, order[j]] = inverse[i, j] * sigma / lengths[order[j]]
+    return resolved
+
+
+@inner
+def _keep(scaled: Array, turn: Array, lengths: Array, tolerance: float, space: Packed) -> int:
+    """Keep the directions that carry force, and return their number."""
+    longest = np.sqrt(dot_rows(scaled, 0, 0))
+    rank = 0
+    for i in range(space.sigma.size):
+        length = np.sqrt(dot_rows(scaled, i, i))
+        if not length > RESOLVED * longest:
+            break
+        space.tail[2], space.tail[3] = length / longest, i + 1
+        if not length > tolerance * longest:
+            continue
+        space.sigma[i] = length
+        for c in range(scaled.shape[1]):
+            space.basis[i, c] = scaled[i, c] / length
+        for j in range(lengths.size):
+            space.rows[i, j] = turn[i, j] / lengths[j]
+        rank += 1
+    return rank

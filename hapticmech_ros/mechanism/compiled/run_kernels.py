@@ -1,0 +1,151 @@
+"""Steps of the mechanism by one kernel, one or many: what :mod:`stepping` says in plain NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.mechanism.compiled.implicit_kernels import aim_implicitly, linearise
+from hapticmech_ros.mechanism.compiled.kernels import SINGULAR, factor
+from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
+from hapticmech_ros.mechanism.compiled.settle_kernels import SETTLED, settle
+from hapticmech_ros.mechanism.compiled.small_matrices import dot
+from hapticmech_ros.mechanism.compiled.step_kernels import (
+    Work,
+    aim,
+    find_rates,
+    start_step,
+    step_parts,
+)
+from hapticmech_ros.mechanism.compiled.tables import Tables, unfold
+from hapticmech_ros.mechanism.constraint_space import NEAR
+from hapticmech_ros.mechanism.model import Array
+
+# A run ended before a step that starts at, or would leave, a singular position.
+NEEDS_CARE = 10
+# A failure in a stage rather than at the end: rates that are not finite.
+RATES_NOT_FINITE = -1_000_001
+
+
+@inner
+def _advance(
+    tables: Tables,
+    start: Packed,
+    known: bool,
+    stage_space: Packed,
+    end: Packed,
+    parts: Work,
+    spring_work: Array,
+    pushes: Array,
+    stages: int,
+    implicit: bool,
+) -> int:
+    """Do a step from ``parts.q0`` and ``parts.v0``; see :func:`advance`."""
+    result = np.empty(tables.nv + tables.m)
+    start_step(parts)
+    for stage in range(stages):
+        if not np.isfinite(dot(parts.v, parts.v)):
+            return RATES_NOT_FINITE
+        space = start if stage == 0 else stage_space
+        if stage > 0 or not known:
+            code = factor(tables, parts.q, space)
+            if code < 0:
+                return code
+        if implicit and stage == 0:
+            bad = linearise(tables, start, parts, spring_work)
+            if bad >= 0:
+                return SINGULAR - bad
+        weight = parts.scheme[stage, 0]
+        find_rates(tables, space, parts, weight, pushes, result)
+        if implicit:
+            aim_implicitly(tables, start, parts, spring_work, stage, result[: tables.nv])
+        else:
+            aim(tables, parts, weight, parts.scheme[stage, 1], result)
+    return settle(tables, end, parts)
+
+
+@kernel(
+    "int64(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
+    " float64[::1], float64[:,::1], float64[:,::1], int64[::1])"
+)
+def advance(
+    numbers: Array,
+    values: Array,
+    start: Array,
+    end: Array,
+    scratch: Array,
+    work: Array,
+    spring_work: Array,
+    pushes: Array,
+    samples: Array,
+    plan: Array,
+) -> int:
+    """Do one step or many, with pushes held.
+
+    Args:
+        numbers: constants of the mechanism, whole ones.
+        values: the others; see ``tables.unfold``.
+        start: packed terms at the start: to read where they are known, else to fill.
+        end: packed terms, to fill at the end.
+        scratch: packed terms of stages.
+        work: see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, account 0, 1
+            and 5 add up.
+        spring_work: of implicit rules; see ``implicit_kernels.Springs``.
+        pushes: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
+        samples: (samples, nq + nv) to fill.
+        plan: (5,) number of steps, steps from one sample to the next (0: none), number of stages,
+            1 for an implicit rule, 1 where terms at the start are known.
+
+    Returns:
+        0; NEEDS_CARE before a step that starts at, or would leave, a singular position, where
+        ``q0`` and ``v0`` are its start and no terms are left; or how the step failed, see
+        ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. Account 5 is the number of steps
+        done.
+    """
+    tables = unfold(numbers, values)
+    parts = step_parts(work, tables.nq, tables.nv)
+    steps, every, stages = plan[0], plan[1], plan[2]
+    implicit, known = plan[3] != 0, plan[4] != 0
+    first, last, stage_space = unpack(start, tables), unpack(end, tables), unpack(scratch, tables)
+    careful = parts.settings[8] != 0.0
+    sampled = 0
+    for step in range(steps):
+        if step > 0:
+            for i in range(tables.nq):
+                parts.q0[i] = parts.q[i]
+            for i in range(tables.nv):
+                parts.v0[i] = parts.v[i]
+            first, last, known = last, first, True
+        if careful and not known:
+            code = factor(tables, parts.q0, first)
+            if code < 0:
+                return code
+            known = True
+        if careful and first.tail[2] < NEAR:
+            return NEEDS_CARE
+        work_in, lost = parts.account[0], parts.account[1]
+        code = _advance(
+            tables,
+            first,
+            known,
+            stage_space,
+            last,
+            parts,
+            spring_work,
+            pushes,
+            stages,
+            implicit,
+        )
+        if careful and code == SETTLED and last.tail[3] > first.tail[3]:
+            code = NEEDS_CARE
+        if code != SETTLED:
+            parts.account[0], parts.account[1] = work_in, lost
+            return code
+        parts.account[5] += 1.0
+        if every > 0 and (step + 1) % every == 0:
+            for i in range(tables.nq + tables.nv):
+                samples[sampled, i] = parts.state[i]
+            sampled += 1
+    if steps % 2 == 0:
+        end[:] = start
+    return SETTLED
