@@ -20,7 +20,7 @@ from hapticmech_ros.mechanism.constraint_space import RESOLVED, SOLVER_RANK_TOLE
 from hapticmech_ros.mechanism.model import Array
 
 # Columns of ``Packed.row_places``.
-_BEGIN, _PIVOT, _DIAGONAL, _LAST, _FIRST = range(5)
+BEGIN, PIVOT, DIAGONAL, LAST, FIRST = range(5)
 # A smallest singular value below this share of the largest row is for the dense factorisation.
 WELL_DETERMINED = 1e-5
 # How much the estimate of the smallest singular value may be too large.
@@ -42,15 +42,15 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
     free, hit, rank, largest = 0, 0, 0, 0.0
     for j in range(tables.m):
         row, low, last = tables.sequence[j, 0], tables.sequence[j, 1], tables.sequence[j, 2]
-        while hit < j and places[hit, _LAST] < low:
+        while hit < j and places[hit, LAST] < low:
             hit += 1
         begin = low
         if hit < j:
-            begin = min(low, int(places[hit, _PIVOT]))
+            begin = min(low, int(places[hit, PIVOT]))
         else:
             free = max(free, low)
         for i in range(hit, j):
-            last = max(last, int(places[i, _LAST]))
+            last = max(last, int(places[i, LAST]))
         if last - begin >= tables.width:
             return UNDECIDED
         a, b = tables.sequence[j, 3], tables.sequence[j, 4]
@@ -62,7 +62,7 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
             square += column[place] * column[place]
         largest = max(largest, np.sqrt(square))
         for i in range(hit, j):
-            if places[i, _PIVOT] >= 0.0:
+            if places[i, PIVOT] >= 0.0:
                 _reflect(places, band, i, column)
         left = 0.0
         for place in range(free, last + 1):
@@ -70,13 +70,13 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
         left = np.sqrt(left)
         if not np.isfinite(left):
             return UNDECIDED
-        places[j, _BEGIN], places[j, _FIRST] = begin, hit
+        places[j, BEGIN], places[j, FIRST] = begin, hit
         for place in range(begin, last + 1):
             band[j, place - begin] = column[place]
         if left <= max(RESOLVED, tolerance) * largest:
             if tolerance <= SOLVER_RANK_TOLERANCE and left > RESOLVED * largest:
                 return UNDECIDED
-            places[j, _PIVOT], places[j, _LAST], places[j, _DIAGONAL] = -1.0, -1.0, 0.0
+            places[j, PIVOT], places[j, LAST], places[j, DIAGONAL] = -1.0, -1.0, 0.0
             continue
         if left <= WELL_DETERMINED * largest:
             return UNDECIDED
@@ -86,7 +86,7 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
         for place in range(free, last + 1):
             band[j, place - begin] = column[place] / norm
         band[j, free - begin] = (head - goal) / norm
-        places[j, _PIVOT], places[j, _LAST], places[j, _DIAGONAL] = free, last, goal
+        places[j, PIVOT], places[j, LAST], places[j, DIAGONAL] = free, last, goal
         free += 1
         rank += 1
     least = _least(tables, space, rank) / largest if rank > 0 else 1.0
@@ -99,7 +99,7 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
 @inner
 def _reflect(places: Array, band: Array, j: int, vector: Array) -> None:
     """Apply reflection j to a vector by places."""
-    begin, pivot, last = int(places[j, _BEGIN]), int(places[j, _PIVOT]), int(places[j, _LAST])
+    begin, pivot, last = int(places[j, BEGIN]), int(places[j, PIVOT]), int(places[j, LAST])
     along = 0.0
     for place in range(pivot, last + 1):
         along += band[j, place - begin] * vector[place]
@@ -114,7 +114,7 @@ def turn_in(tables: Tables, space: Packed, vector: Array, turned: Array) -> None
     for row in range(tables.nv):
         turned[tables.order[row]] = vector[row]
     for j in range(tables.m):
-        if space.row_places[j, _PIVOT] >= 0.0:
+        if space.row_places[j, PIVOT] >= 0.0:
             _reflect(space.row_places, space.band, j, turned)
 
 
@@ -122,7 +122,7 @@ def turn_in(tables: Tables, space: Packed, vector: Array, turned: Array) -> None
 def turn_back(tables: Tables, space: Packed, turned: Array, vector: Array) -> None:
     """Fill ``vector`` (nv,) with Q turned (nv,); ``turned`` is used up."""
     for j in range(tables.m - 1, -1, -1):
-        if space.row_places[j, _PIVOT] >= 0.0:
+        if space.row_places[j, PIVOT] >= 0.0:
             _reflect(space.row_places, space.band, j, turned)
     for row in range(tables.nv):
         vector[row] = turned[tables.order[row]]
@@ -132,7 +132,7 @@ def turn_back(tables: Tables, space: Packed, turned: Array, vector: Array) -> No
 def clear_pivots(tables: Tables, space: Packed, turned: Array) -> None:
     """Put zero where the closures' directions are in a turned vector."""
     for j in range(tables.m):
-        pivot = int(space.row_places[j, _PIVOT])
+        pivot = int(space.row_places[j, PIVOT])
         if pivot >= 0:
             turned[pivot] = 0.0
 
@@ -142,20 +142,20 @@ def solve_rows(tables: Tables, space: Packed, needed: Array, scale: float, turne
     """Fill the pivots of ``turned`` (nv,) with R⁻ᵀ of ``scale`` times needed (m,) / row length."""
     places, band = space.row_places, space.band
     for j in range(tables.m):
-        pivot = int(places[j, _PIVOT])
+        pivot = int(places[j, PIVOT])
         if pivot < 0:
             continue
         row = tables.sequence[j, 0]
         total = scale * needed[row] / tables.lengths[row]
-        turned[pivot] = (total - _above(places, band, j, turned)) / places[j, _DIAGONAL]
+        turned[pivot] = (total - _above(places, band, j, turned)) / places[j, DIAGONAL]
 
 
 @inner
 def _above(places: Array, band: Array, j: int, turned: Array) -> float:
     """Return the product of column j of R, over its diagonal, and a turned vector."""
-    begin, total = int(places[j, _BEGIN]), 0.0
-    for i in range(int(places[j, _FIRST]), j):
-        pivot = int(places[i, _PIVOT])
+    begin, total = int(places[j, BEGIN]), 0.0
+    for i in range(int(places[j, FIRST]), j):
+        pivot = int(places[i, PIVOT])
         if pivot >= 0:
             total += band[j, pivot - begin] * turned[pivot]
     return total
@@ -168,20 +168,20 @@ def _least(tables: Tables, space: Packed, rank: int) -> float:
     turned, before, size = np.zeros(tables.nv), np.ones(m), np.sqrt(float(rank))
     for _ in range(_ROUNDS):
         for j in range(m):
-            pivot = int(places[j, _PIVOT])
+            pivot = int(places[j, PIVOT])
             if pivot >= 0:
                 total = before[j] / size - _above(places, band, j, turned)
-                turned[pivot] = total / places[j, _DIAGONAL]
+                turned[pivot] = total / places[j, DIAGONAL]
         square = 0.0
         for j in range(m - 1, -1, -1):
-            pivot = int(places[j, _PIVOT])
+            pivot = int(places[j, PIVOT])
             if pivot < 0:
                 continue
-            before[j] = turned[pivot] / places[j, _DIAGONAL]
+            before[j] = turned[pivot] / places[j, DIAGONAL]
             square += before[j] * before[j]
-            begin = int(places[j, _BEGIN])
-            for i in range(int(places[j, _FIRST]), j):
-                above = int(places[i, _PIVOT])
+            begin = int(places[j, BEGIN])
+            for i in range(int(places[j, FIRST]), j):
+                above = int(places[i, PIVOT])
                 if above >= 0:
                     turned[above] -= band[j, above - begin] * before[j]
         size = np.sqrt(square)

@@ -17,6 +17,7 @@ from hapticmech_ros.mechanism.compiled.chosen import Chosen
 from hapticmech_ros.mechanism.compiled.closure_kernels import KINDS
 from hapticmech_ros.mechanism.compiled.dense_kernels import NO_SVD
 from hapticmech_ros.mechanism.compiled.kernels import SINGULAR, factor_closures, solve_motion
+from hapticmech_ros.mechanism.compiled.layout import sparse_or_dense
 from hapticmech_ros.mechanism.compiled.motion_kernels import move_frames
 from hapticmech_ros.mechanism.compiled.space import CompiledClosing
 from hapticmech_ros.mechanism.compiled.tables import DENSE, JOINT_COLUMNS, Tables
@@ -24,7 +25,8 @@ from hapticmech_ros.mechanism.compiled.tree_kernels import JOINT_KINDS, joint_ro
 from hapticmech_ros.mechanism.constraint_space import singular_inertia, singular_joint
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation, PointKinematics
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array, TreeModel
+from hapticmech_ros.mechanism.model import Array, TreeModel, authored_state
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Joint
 
@@ -68,7 +70,10 @@ class CompiledMechanism(Mechanism):
             placement = self.model.jointPlacements[index]
             self._joint_rows[index] = joint_row(placement, axis, self.model.inertias[index])
         self._sets: dict[Active, Chosen] = {}
-        self._single = [self._choose([index]).dense for index in range(len(self.closures))]
+        # Implicit rules need D as a matrix.
+        self._may_be_sparse = not SCHEMES[scene.simulation.integrator].implicit
+        self._authored, _ = authored_state(scene, self.tree)
+        self._single = [self._choose([index]) for index in range(len(self.closures))]
 
     def evaluate(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
@@ -117,6 +122,8 @@ class CompiledMechanism(Mechanism):
         if found is None:
             numbered = zip(enumerate(self.closures), active, strict=True)
             found = self._choose([index for (index, _), on in numbered if on])
+            if self._may_be_sparse:
+                found = sparse_or_dense(found, self._authored)
             self._sets[active] = found
         return found
 

@@ -1,0 +1,192 @@
+"""The sparse factorisation against the dense one: same rank, same motion, and when it gives up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.bench.accuracy.n_four_bar import n_four_bar
+from hapticmech_ros.mechanism import Simulator, build
+from hapticmech_ros.mechanism.compiled import layout
+from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.compiled.kernels import factor_closures, solve_motion
+from hapticmech_ros.mechanism.compiled.layout import MANY_RATES
+from hapticmech_ros.mechanism.compiled.space import CompiledClosing
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.scene import load_scene, scene_from_document
+from oracles.generator import closed_chain, random_mechanism
+from oracles.implementations import apart, condition, pair_of, sample_pair
+from oracles.planar_linkages import chain
+
+# As in test_compiled.py; articulated inertias about the world's origin lose a digit more.
+ROUNDING = 1e-11
+KINDS = ("spherical", "revolute", "weld", "planar_pin")
+
+
+def windows(number, kind="planar_pin", turn=0.4):
+    """Return A02's mechanism on its closures, moved; by another kind all rows but two repeat."""
+    scene = n_four_bar(number)
+    closures = tuple(closure.model_copy(update={"kind": kind}) for closure in scene.closures)
+    pair = pair_of(scene.model_copy(update={"closures": closures}))
+    return replace(pair, q=pair.readable.integrate(pair.q, turn * pair.v))
+
+
+def long_chain(number):
+    turns = np.linspace(0.2, 0.9, number)
+    document = chain([0.3] * number, [1.0] * number, [0.01] * number)
+    pair = pair_of(scene_from_document(document))
+    return replace(pair, q=turns, v=np.cos(turns))
+
+
+def small_ones():
+    yield pair_of(load_scene("five_bar"), 0, 0.0)
+    yield pair_of(load_scene("spatial_arm"), 1, 0.3)
+    for seed in range(6):
+        for kind in KINDS:
+            yield sample_pair(closed_chain(seed, kind))
+        for duplicated in (False, True):
+            for planar in (False, True):
+                yield sample_pair(random_mechanism(seed, planar, duplicated=duplicated))
+
+
+PAIRS = [windows(number) for number in (1, 2, 5, 15, 40)]
+PAIRS += [windows(number, "revolute") for number in (2, 15)]
+PAIRS += [long_chain(number) for number in (3, 40)]
+PAIRS += list(small_ones())
+
+
+def sparse(pair):
+    """Return the pair's closures, all active, with a sparse factorisation."""
+    dense = pair.compiled.chosen((True,) * len(pair.compiled.closures)).dense
+    found = layout.sparse(dense, pair.q)
+    assert found is not None
+    assert found.is_sparse
+    return found
+
+
+def test_the_cases_hold_what_is_promised():
+    types = {kind for pair in PAIRS for kind in pair.readable.tree.joint_types}
+    assert types == {"revolute", "prismatic", "spherical", "free", "planar"}
+    ranks = [pair.compiled.factored(sparse(pair), pair.q).rank for pair in PAIRS]
+    assert sum(0 < r < sparse(p).m for r, p in zip(ranks, PAIRS, strict=True)) > 10
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_it_is_the_dense_one(pair):
+    chosen = sparse(pair)
+    found = pair.compiled.factored(chosen, pair.q)
+    expected = pair.compiled.factored(chosen.dense, pair.q)
+    assert found.chosen is chosen
+    assert found.rank == expected.rank
+    assert found.error == expected.error
+    magnified = ROUNDING * condition(expected.space)
+    v = np.cos(np.arange(pair.v.size))
+    rows = expected.jacobian @ v
+    assert apart(found.space.correction(rows), expected.space.correction(rows)) < magnified
+    kept = [closing.space.closed_rates(pair.v + v) for closing in (found, expected)]
+    assert apart(*kept) < magnified
+    size = expected.space.size(v)
+    assert abs(found.space.size(v) - size) < ROUNDING * size
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_accelerations_are_the_same(pair):
+    chosen = sparse(pair)
+    closings = [pair.compiled.factored(kind, pair.q) for kind in (chosen, chosen.dense)]
+    bias = closings[1].jacobian @ np.sin(np.arange(pair.v.size))
+    zero, results = np.zeros(pair.v.size), []
+    for closing in closings:
+        result = np.concatenate((np.cos(np.arange(pair.v.size)), np.zeros(chosen.m)))
+        solve_motion(*closing.chosen.constants, closing.packed, zero, zero, bias, result)
+        results.append(result[: pair.v.size])
+    assert apart(*results) < ROUNDING * condition(closings[1].space)
+
+
+@pytest.mark.parametrize("pair", PAIRS[::3])
+def test_what_it_does_not_have_is_the_dense_ones(pair):
+    """Matrices of the mass metric, and the smallest λ."""
+    chosen = sparse(pair)
+    one = pair.compiled.factored(chosen, pair.q)
+    other = pair.compiled.factored(chosen.dense, pair.q)
+    assert (one.jacobian == other.jacobian).all()
+    assert (one.space.factor == other.space.factor).all()
+    assert (one.space.basis == other.space.basis).all()
+    force = np.cos(np.arange(pair.v.size))
+    active = (True,) * len(pair.compiled.closures)
+    terms = [pair.compiled.evaluate(pair.q, pair.v, active, closing) for closing in (one, other)]
+    results = [np.concatenate(term.acceleration(force)) for term in terms]
+    assert (results[0] == results[1]).all()
+
+
+@pytest.mark.parametrize("number", [15, 40])
+@pytest.mark.parametrize("kind", ["planar_pin", "revolute"])
+def test_points_are_analysed_alike(number, kind):
+    pair = windows(number, kind)
+    assert pair.compiled.chosen(pair.compiled.initially_active).is_sparse
+    seen, expected = np.empty(133), np.empty(133)
+    Analyser(pair.compiled).see(pair.q, pair.v, pair.compiled.initially_active, seen)
+    Analyser(pair.readable).see(pair.q, pair.v, pair.readable.initially_active, expected)
+    magnified = ROUNDING * number
+    # s, X, a_0, and where the point is: P_c and Π turn with rounding where s repeats.
+    for part in (slice(0, 6), slice(6, 42), slice(114, 120), slice(120, 133)):
+        assert apart(seen[part], expected[part], 1.0) < magnified
+
+
+def test_a_step_is_the_readable_ones():
+    scene = windows(15).readable.scene
+    one, other = Simulator(scene), Simulator(scene, compiled=False)
+    assert one.mechanism.chosen(one.mechanism.initially_active).is_sparse
+    state, expected = one.initial_state(), other.initial_state()
+    push = np.zeros((1, 6))
+    push[0, 0] = 3.0
+    for _ in range(20):
+        state, expected = one.step(state, push), other.step(expected, push)
+    assert apart(state.q, expected.q) < 1e-11
+    assert apart(state.v, expected.v) < 1e-10
+    assert state.account.work_in == pytest.approx(expected.account.work_in, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["planar_pin", "revolute"])
+def test_a_long_run_keeps_its_energy(kind):
+    """Through singular positions, where the dense factorisation has to help."""
+    scene = windows(15, kind, turn=0.0).readable.scene
+    simulator = Simulator(scene)
+    start = simulator.initial_state()
+    before = sum(simulator.mechanism.energy(start.q, start.v))
+    found = simulator.run(start, 2000, every=100)
+    energies = [
+        sum(simulator.mechanism.energy(q, v)) for q, v in zip(found.q, found.v, strict=True)
+    ]
+    kinetic = simulator.mechanism.energy(start.q, start.v)[0]
+    assert np.abs(np.array(energies) - before).max() < 1e-7 * kinetic
+    assert found.end.closure_error < 1e-12
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-7])
+def test_next_to_a_singular_position_it_gives_up(angle):
+    """All uprights in line: rows depend on each other, or nearly; who asks gets the dense one."""
+    pair = windows(15, turn=0.0)
+    level = pair.readable.integrate(pair.q, (np.pi / 2 - angle) * pair.v / np.abs(pair.v).max())
+    chosen = sparse(pair)
+    packed = np.empty(chosen.size)
+    assert factor_closures(*chosen.constants, level, packed) == UNDECIDED
+    closing = pair.compiled.closing_terms(level, pair.compiled.initially_active)
+    assert isinstance(closing, CompiledClosing)
+    assert not closing.chosen.is_sparse
+
+
+def test_small_and_implicit_ones_are_dense():
+    small = build(load_scene("five_bar"))
+    assert not small.chosen((True,)).is_sparse
+    scene = n_four_bar(40)
+    assert build(scene).nv > MANY_RATES
+    step = scene.simulation.model_copy(update={"integrator": "linearly_implicit"})
+    implicit = build(scene.model_copy(update={"simulation": step}))
+    assert not implicit.chosen(implicit.initially_active).is_sparse
+
+
+def test_long_ones_are_sparse():
+    assert build(n_four_bar(40)).chosen((True,) * 40).is_sparse
+    chosen = long_chain(40).compiled.chosen(())
+    assert chosen.is_sparse
+    assert chosen.tables.width == 0
