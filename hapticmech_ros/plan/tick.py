@@ -60,11 +60,11 @@ def _evaluate(run: Running) -> Iterator[TickPart]:
 
 def _analyse(run: Running) -> Iterator[TickPart]:
     t, held, rest = run.analyser.rows.size, run.analyser.point.name, len(run.mechanism.point_names)
-    why = f"{held} is held; task space of {t} rows"
-    yield TickPart("analyse", f"Λ_h⁻¹ and its spectrum: SVD of {t} rows", 1, why)
+    why = f"{held} is held; SVD of {t} rows"
+    yield TickPart("analyse", "Λ_h⁻¹ and its spectrum", 1, why)
     if rest > 1:
-        why = "by who holds them: a session each, or nodes in a namespace of their own"
-        yield TickPart("analyse", f"spectrum of {rest - 1} further points", 0, why)
+        why = f"{rest - 1}: by who holds them, a session each or nodes in a namespace of their own"
+        yield TickPart("analyse", "spectrum of further points", 0, why)
     yield _if_closed(run, "analyse", "closures taken out of S", 1)
 
 
