@@ -32,7 +32,7 @@ def draw(watches: Mapping[str, Watch], warm_up: float, path: Path) -> Path:
     panels = figure.subplots(1, max(len(watches), 1), squeeze=False)[0]
     for axes, (name, watch) in zip(panels, watches.items(), strict=False):
         _panel(axes, watch, warm_up)
-        axes.set_title(name, fontsize=TEXT, loc="left", pad=22 if len(watch.resident) > 1 else 6)
+        axes.set_title(name, fontsize=TEXT, loc="left", pad=44 if len(watch.resident) > 1 else 6)
     return save(figure, path)
 
 
