@@ -9,7 +9,10 @@ import hapticmech_ros
 
 PACKAGE = Path(hapticmech_ros.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
-CORE = ("scene", "mechanism", "operational", "control", "device", "wire", "session", "errors")
+CORE = (
+    *("scene", "mechanism", "operational", "control", "device", "wire", "session", "errors"),
+    "plan",
+)
 # Above the core, still without ROS: they run sessions and read files.
 TOOLS = ("experiment", "bag", "view")
 CLOCKS = {"time", "datetime", "random", "secrets", "uuid", "sched", "timeit"}

@@ -81,7 +81,7 @@ def test_every_hapticmech_command_of_the_documents_is_understood(line: str) -> N
 
 
 @pytest.mark.parametrize(
-    "command", ["demo", "experiment", "run", "topics", "parameters", "bag", "bench"]
+    "command", ["demo", "experiment", "run", "topics", "parameters", "bag", "bench", "scene"]
 )
 def test_subcommands_explain_themselves(command: str) -> None:
     run = subprocess.run(

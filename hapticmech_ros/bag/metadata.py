@@ -106,6 +106,18 @@ def is_unfinished(information: Mapping[str, Any]) -> bool:
     return isinstance(custom, dict) and custom.get(UNFINISHED[0]) == UNFINISHED[1]
 
 
+def is_recording(folder: Path) -> bool:
+    """Return whether a folder's metadata says that it is being recorded, or was cut short.
+
+    A finished bag says so nowhere, which is seen without taking its YAML apart.
+    """
+    try:
+        text = (folder / FILE_NAME).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return False
+    return UNFINISHED[1] in text and is_unfinished(read_metadata(folder))
+
+
 def as_yaml(value: object) -> str:
     """Return a value as block YAML."""
     yaml = YAML(typ="safe")

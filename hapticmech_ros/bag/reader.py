@@ -10,13 +10,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
-from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Nodetype, Qos
-from rosbags.typesys import Stores, get_typestore
 
-from hapticmech_ros.bag.metadata import is_unfinished, read_metadata
+from hapticmech_ros.bag.metadata import is_recording
 from hapticmech_ros.bag.stamps import stamp_reader
 from hapticmech_ros.bag.storage import SUFFIXES
+from hapticmech_ros.bag.wanted import any_reader, number_of_files
 from hapticmech_ros.errors import BagError
 
 # How far messages of one file may be older than the last ones of the file before it.
@@ -62,15 +61,14 @@ class BagReader:
         self.path = Path(path)
         if not self.path.exists():
             raise BagError(f"no bag at {self.path}")
-        self._files = 1
         if self.path.is_dir():
             self._check_folder()
         try:
-            store = get_typestore(Stores.ROS2_JAZZY)
-            self._reader = AnyReader([self.path], default_typestore=store)
+            self._reader = any_reader(self.path)
             self._reader.open()
         except Exception as error:  # Decoders of three formats raise anything on damaged bytes.
             raise _damaged(self.path, error) from error
+        self._files = number_of_files(self._reader)
         self._is_open = True
         self.topics: dict[str, BagTopic] = {
             name: _topic(info.msgtype, info.connections)
@@ -144,12 +142,9 @@ class BagReader:
         if not (self.path / "metadata.yaml").is_file():
             rule = "not a bag, or its recording was cut short"
             raise BagError(f"bag {self.path} has no metadata.yaml: {rule}{hint}")
-        information = read_metadata(self.path)
-        if is_unfinished(information):
+        if is_recording(self.path):
             rule = "it is still being recorded, or its recording was cut short"
             raise BagError(f"bag {self.path} is unfinished: {rule}{hint}")
-        files = information.get("relative_file_paths")
-        self._files = len(files) if isinstance(files, list) else 1
 
     def _raw(
         self, names: tuple[str, ...], start_ns: int | None = None, stop_ns: int | None = None

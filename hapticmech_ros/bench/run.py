@@ -118,7 +118,7 @@ def _watch(step: Step, scene: str, seconds: float, folder: Path, bag: Path) -> _
                 others["recorder"] = stack.enter_context(Teller(command, environment))
             graph = stack.enter_context(start_graph(step, scene, environment))
         processes = ids({**graph.processes, **{n: one.process for n, one in others.items()}})
-        _wait_until_engaged(graph, probe)
+        wait_until_engaged(graph, probe)
         begun_ns, before = time.time_ns(), usage(processes)
         _wait(graph, seconds)
         after, ended_ns = usage(processes), time.time_ns()
@@ -132,7 +132,14 @@ def _watch(step: Step, scene: str, seconds: float, folder: Path, bag: Path) -> _
     return _Watched(statuses, (begun_ns, ended_ns), (before, after))
 
 
-def _wait_until_engaged(graph: Graph, probe: Teller) -> None:
+def wait_until_engaged(graph: Graph, probe: Teller) -> None:
+    """Wait until every node works, and a little longer.
+
+    Raises:
+        BenchError: it does not come to that in 30 s; says what the nodes say.
+        NodeDiedError: a node has ended.
+    """
+
     def engaged() -> bool:
         last = {status.node: status.message for status in _statuses(probe)}
         return set(NODES) <= set(last) and last[CONTROLLER] == ENGAGED

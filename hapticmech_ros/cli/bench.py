@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
+from hapticmech_ros.cli.bench_ablation import ablation
 from hapticmech_ros.cli.bench_accuracy import accuracy
+from hapticmech_ros.cli.bench_memory import memory
 from hapticmech_ros.cli.console import OutOption, SceneArgument, console, errors
 
 if TYPE_CHECKING:
@@ -15,6 +17,8 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Benchmarks.", no_args_is_help=True)
 app.command()(accuracy)
+app.command()(ablation)
+app.command()(memory)
 
 
 @app.callback()

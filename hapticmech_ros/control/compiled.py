@@ -19,6 +19,7 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene.document import Scene
 
 
@@ -88,7 +89,7 @@ class CompiledControl(ControlArchitecture):
     def _tie_to(self, engagement: Engagement) -> None:
         self._tie[0] = engagement.time
         self._tie[1:4] = engagement.displacement
-        turn = pin.Quaternion(engagement.turn)
+        turn = pin.Quaternion(quaternion_of(engagement.turn))
         # So that no turn is exactly none.
         turn.normalize()
         self._tie[4:] = turn.coeffs()

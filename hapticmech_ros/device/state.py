@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.quaternions import quaternion_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,7 @@ class DeviceState:
         return np.concatenate(
             (
                 self.measured_pose.translation,
-                pin.Quaternion(self.measured_pose.rotation).coeffs(),
+                quaternion_of(self.measured_pose.rotation),
                 self.measured_twist,
                 self.hand_wrench,
                 self.applied,

@@ -10,6 +10,7 @@ import pinocchio as pin
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.record import ExperimentRecord, first_push
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample, Session
 
@@ -111,4 +112,4 @@ class SessionRecorder:
 
 def quaternion(pose: pin.SE3) -> Array:
     """Return the orientation of a pose as a unit quaternion x, y, z, w (4,)."""
-    return np.array(pin.Quaternion(pose.rotation).coeffs())
+    return quaternion_of(pose.rotation)

@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.layouts import unpack_device, unpack_energy, unpack_rendering
 
@@ -92,7 +93,7 @@ def _device(message: Any) -> tuple[int, Array]:
 
 
 def _pose_row(pose: pin.SE3) -> Array:
-    return np.concatenate((pose.translation, pin.Quaternion(pose.rotation).coeffs()))
+    return np.concatenate((pose.translation, quaternion_of(pose.rotation)))
 
 
 def _energy(message: Any) -> tuple[int, tuple[float, ...]]:

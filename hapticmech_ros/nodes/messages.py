@@ -15,6 +15,7 @@ from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.layouts import pose_of
 
@@ -125,7 +126,7 @@ def write_pose(message: PoseStamped, pose: pin.SE3, time_ns: int) -> None:
     _write_header(message.header, time_ns)
     position, orientation = message.pose.position, message.pose.orientation
     position.x, position.y, position.z = pose.translation.tolist()
-    quaternion = pin.Quaternion(pose.rotation).coeffs().tolist()
+    quaternion = quaternion_of(pose.rotation).tolist()
     orientation.x, orientation.y, orientation.z, orientation.w = quaternion
 
 

@@ -16,7 +16,7 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.joints import coordinate_names
-from hapticmech_ros.wire.state import StateLayout, WireState
+from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import JOINT_STATES, STATE
 
@@ -83,15 +83,9 @@ def _name(bag: BagReader, namespace: str) -> str:
 
 def _own_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStates:
     layout = StateLayout(mechanism)
-    decode = FlatArray(layout.fields).decode
-    states: list[WireState] = [layout.unpack(decode(d)) for _, _, d in bag.serialized(name)]
-    return _ordered(
-        [state.stamp_ns for state in states],
-        [state.q for state in states],
-        [state.v for state in states],
-        [state.active for state in states],
-        name,
-    )
+    messages = [data for _, _, data in bag.serialized(name)]
+    stamps, active, q, v = layout.unpack_all(FlatArray(layout.fields).decode_all(messages))
+    return _ordered(stamps, q, v, active, name)
 
 
 def _joint_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStates:
@@ -104,8 +98,9 @@ def _joint_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedSt
         configurations.append(mechanism.configuration(positions))
         given = len(item.message.velocity) > 0
         rates.append(_by_name(item.message, "velocity", names) if given else np.zeros(len(names)))
-    active = [mechanism.initially_active] * len(stamps)
-    return _ordered(stamps, configurations, rates, active, name)
+    closed = np.tile(np.array(mechanism.initially_active, dtype=bool), (len(stamps), 1))
+    times = np.array(stamps, dtype=np.int64)
+    return _ordered(times, np.array(configurations), np.array(rates), closed, name)
 
 
 def _by_name(message: Any, what: str, names: tuple[str, ...]) -> Array:
@@ -124,11 +119,7 @@ def _by_name(message: Any, what: str, names: tuple[str, ...]) -> Array:
 
 
 def _ordered(
-    stamps: list[int], q: list[Array], v: list[Array], active: list[tuple[bool, ...]], topic: str
+    times: npt.NDArray[np.int64], q: Array, v: Array, closed: npt.NDArray[np.bool_], topic: str
 ) -> RecordedStates:
-    times = np.array(stamps, dtype=np.int64)
     order = np.argsort(times, kind="stable")
-    closed = np.array(active, dtype=bool).reshape(len(stamps), -1)
-    return RecordedStates(
-        times[order], np.array(q)[order], np.array(v)[order], closed[order], topic
-    )
+    return RecordedStates(times[order], q[order], v[order], closed[order], topic)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from hapticmech_ros.mechanism.evaluation import Active, Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
@@ -21,6 +20,7 @@ from hapticmech_ros.operational.inverse_inertia import (
 from hapticmech_ros.operational.metric import TaskMetric
 from hapticmech_ros.operational.projector import balanced_share, constraint_projector, rigidity
 from hapticmech_ros.operational.spectrum import Spectrum, spectrum
+from hapticmech_ros.quaternions import quaternion_of
 
 if TYPE_CHECKING:
     from hapticmech_ros.operational.compiled import CompiledAnalysis
@@ -122,7 +122,7 @@ class Analyser:
         s = np.zeros(6)
         s[: found.spectrum.s.size] = found.spectrum.s
         squares = (found.inverse_inertia, found.constraint_projector, found.balanced_share)
-        quaternion = pin.Quaternion(point.pose.rotation).coeffs()
+        quaternion = quaternion_of(point.pose.rotation)
         place = (found.free_acceleration, point.pose.translation, quaternion, point.twist)
         seen[:] = np.concatenate((s, *(square.ravel() for square in squares), *place))
         if wrenches is not None:

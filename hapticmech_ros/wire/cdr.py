@@ -8,7 +8,7 @@ any layout.
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -56,6 +56,24 @@ class FlatArray:
         if len(message) == self._length and message.startswith(self._prefix):
             return np.frombuffer(message, "<f8", self.size, len(self._prefix))
         return decode(message)
+
+    def decode_all(self, messages: Sequence[bytes]) -> Array:
+        """Return the data (n, size) of n serialized messages, of this layout or of any other.
+
+        Raises:
+            InvalidInputError: as :func:`decode`, or not ``size`` numbers.
+        """
+        length, prefix = self._length, self._prefix
+        if all(len(message) == length and message.startswith(prefix) for message in messages):
+            rows = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), length)
+            return np.ascontiguousarray(rows[:, len(prefix) :]).view("<f8")
+        found = np.empty((len(messages), self.size))
+        for row, message in zip(found, messages, strict=True):
+            values = self.decode(message)
+            if values.shape != (self.size,):
+                raise InvalidInputError("array", values.shape, f"must have shape ({self.size},)")
+            row[:] = values
+        return found
 
 
 def decode(message: bytes) -> Array:

@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
@@ -40,6 +41,22 @@ class WireState(NamedTuple):
     v: Array
     contacts: Array
     commanded: tuple[bool, ...]
+
+
+class StateColumns(NamedTuple):
+    """Many decoded ``state`` messages.
+
+    Attributes:
+        stamps_ns: (n,) times they stand for, ns.
+        active: (n, closures) whether each closure is closed.
+        q: (n, nq) configurations.
+        v: (n, nv) rates.
+    """
+
+    stamps_ns: npt.NDArray[np.int64]
+    active: npt.NDArray[np.bool_]
+    q: Array
+    v: Array
 
 
 class StateLayout:
@@ -103,6 +120,29 @@ class StateLayout:
             values[first + 2 * nv : -self._points].reshape(self._points, 6),
             tuple(map(bool, flags[self._closures :])),
         )
+
+    def unpack_all(self, data: Array) -> StateColumns:
+        """Return what matters of n decoded messages, whose data (n, size) is given.
+
+        Raises:
+            InvalidInputError: as :meth:`unpack`, for the first message that it refuses.
+        """
+        nv, first = self._mechanism.nv, 2 + self._closures
+        if data.ndim != 2 or data.shape[1] != self._size:
+            raise InvalidInputError("states", data.shape, f"must have shape (n, {self._size})")
+        flags = np.hstack((data[:, 2:first], data[:, -self._points :]))
+        well = np.isfinite(data).all(axis=1) & ((flags == 0.0) | (flags == 1.0)).all(axis=1)
+        if not well.all():
+            self.unpack(data[int(np.argmin(well))])
+        positions = data[:, first : first + nv]
+        if self._mechanism.nq == nv:
+            q = positions.copy()
+        else:
+            q = np.array([self._mechanism.configuration(row) for row in positions])
+            q = q.reshape(len(data), self._mechanism.nq)
+        seconds, rest = data[:, 0].astype(np.int64), data[:, 1].astype(np.int64)
+        rates = data[:, first + nv : first + 2 * nv].copy()
+        return StateColumns(seconds * NANOSECONDS + rest, data[:, 2:first] == 1.0, q, rates)
 
     def coordinates(self, q: Array) -> Array:
         """Return (nv,) positions of all degrees of freedom as seen from the neutral ones."""

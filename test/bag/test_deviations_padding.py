@@ -1,10 +1,9 @@
 """Padding between values says nothing: messages that differ only there are the same."""
 
 import numpy as np
-from rosbags.typesys import Stores
+from rosbags.typesys import Stores, get_typestore
 
 from hapticmech_ros.bag.deviations import Deviations
-from hapticmech_ros.bag.reader import get_typestore
 from hapticmech_ros.wire.wrench import encode_wrench
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

@@ -6,6 +6,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import build
+from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.state import StateLayout, WireState
 from oracles.generator import random_mechanism
 from oracles.implementations import sample_pair
@@ -102,3 +103,42 @@ def test_wrong_lengths_and_flags_are_refused():
             bad[index] = flag
             with pytest.raises(InvalidInputError, match="flags"):
                 layout.unpack(bad)
+
+
+def test_many_messages_are_unpacked_as_each_of_them_is():
+    for layout, mechanism, q in layouts():
+        states = [state_of(mechanism, q)._replace(stamp_ns=STAMP + n) for n in range(20)]
+        states[7] = states[7]._replace(active=(False,) * len(mechanism.closures))
+        rows = [layout.pack(state._replace(v=n * state.v)) for n, state in enumerate(states)]
+        wire = FlatArray(layout.fields)
+        decoded = wire.decode_all([wire.encode(row) for row in rows])
+        assert decoded.tobytes() == np.array(rows).tobytes()
+        found = layout.unpack_all(decoded)
+        for index, row in enumerate(rows):
+            one = layout.unpack(row)
+            assert found.stamps_ns[index] == one.stamp_ns
+            assert tuple(found.active[index].tolist()) == one.active
+            assert found.q[index].tobytes() == one.q.tobytes()
+            assert found.v[index].tobytes() == one.v.tobytes()
+
+
+@pytest.mark.parametrize(("place", "value"), [(0, np.nan), (2, 0.5), (-1, 2.0), (5, np.inf)])
+def test_of_many_messages_the_first_bad_one_is_refused_as_alone(place, value):
+    layout = StateLayout(build(load_scene("five_bar")))
+    rows = np.zeros((5, sum(layout.fields.values())))
+    rows[3, place] = rows[4, 2] = value
+    with pytest.raises(InvalidInputError) as alone:
+        layout.unpack(rows[3])
+    with pytest.raises(InvalidInputError) as among:
+        layout.unpack_all(rows)
+    assert str(among.value) == str(alone.value)
+
+
+def test_many_messages_of_another_layout_are_decoded_too_unless_their_size_differs():
+    mine, other = FlatArray({"a": 2, "b": 1}), FlatArray({"abc": 3})
+    values = np.array([1.0, 2.0, 3.0])
+    mixed = [mine.encode(values), other.encode(2.0 * values)]
+    assert mine.decode_all(mixed).tolist() == [[1.0, 2.0, 3.0], [2.0, 4.0, 6.0]]
+    assert mine.decode_all([]).shape == (0, 3)
+    with pytest.raises(InvalidInputError, match="shape"):
+        mine.decode_all([*mixed, FlatArray({"a": 2}).encode(values[:2])])

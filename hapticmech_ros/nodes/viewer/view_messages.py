@@ -12,6 +12,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.messages import WORLD, set_stamp, write_wrench
+from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.view.frames import NamedTransform
 from hapticmech_ros.view.shapes import Key, Shape
@@ -113,5 +114,5 @@ def _pose(pose: pin.SE3) -> Pose:
     message = Pose()
     place, turn = message.position, message.orientation
     place.x, place.y, place.z = pose.translation.tolist()
-    turn.x, turn.y, turn.z, turn.w = pin.Quaternion(pose.rotation).coeffs().tolist()
+    turn.x, turn.y, turn.z, turn.w = quaternion_of(pose.rotation).tolist()
     return message

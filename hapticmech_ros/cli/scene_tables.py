@@ -1,0 +1,88 @@
+"""A scene's plan as lines and tables for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from rich.box import SIMPLE_HEAD
+from rich.console import JustifyMethod
+from rich.markup import escape
+from rich.table import Table
+
+from hapticmech_ros.cli.console import console
+from hapticmech_ros.plan import ClosurePlan, ScenePlan
+
+NUMBERS = {"rows", "times", "bytes"}
+
+
+def show_plan(plan: ScenePlan) -> None:
+    """Print a plan."""
+    for name, text in _lines(plan):
+        console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
+    if plan.closures:
+        console.print(_closures(plan.closures))
+    console.print(_tick(plan))
+    console.print(_arrays(plan))
+
+
+def _lines(plan: ScenePlan) -> Iterator[tuple[str, str]]:
+    yield "scene", plan.scene
+    still = f"; {plan.still_joints} fixed or locked" if plan.still_joints else ""
+    yield "mechanism", f"{plan.topology}: {_counted(plan.joints)}{still}"
+    yield "coordinates", f"nq = {plan.nq}, nv = {plan.nv}, mobility {plan.mobility}"
+    yield "task space", f"{plan.task_space}, {plan.task_rows} rows"
+    gravity = ", ".join(f"{part:g}" for part in plan.gravity)
+    yield "gravity", f"({gravity}) m/s²" if any(plan.gravity) else "none"
+    others = [name for name in plan.points if name != plan.analysed]
+    beside = f"; not analysed: {', '.join(others)}" if others else ""
+    yield "operational points", f"{len(plan.points)}: {plan.analysed} is held and analysed{beside}"
+    redundant = ", ".join(plan.redundant_rows) or "none"
+    yield (
+        "closure rows",
+        f"{plan.rows}, active at the start {plan.active_rows} of rank {plan.rank};"
+        f" redundant: {redundant}",
+    )
+    yield "passive elements", _counted(plan.elements) or "none"
+    steps = f"{plan.substeps} substep{'s' if plan.substeps > 1 else ''} of {plan.stages} stages"
+    yield "integrator", f"{plan.integrator}, {1e3 * plan.period:g} ms in {steps}"
+    for choice in plan.choices:
+        yield choice.about, f"{choice.taken} ({choice.why})"
+
+
+def _counted(numbers: Mapping[str, int]) -> str:
+    return ", ".join(f"{number} {name}" for name, number in numbers.items() if number)
+
+
+def _closures(closures: tuple[ClosurePlan, ...]) -> Table:
+    table = _table("closures", "name", "kind", "rows", "at the start", "redundant rows")
+    for one in closures:
+        start = "active" if one.active else "open, can latch" if one.can_latch else "open"
+        redundant = ", ".join(one.redundant) or "-"
+        table.add_row(one.name, one.kind, str(one.rows), start, escape(redundant))
+    return table
+
+
+def _tick(plan: ScenePlan) -> Table:
+    table = _table("a tick", "stage", "what", "times", "why")
+    for part in plan.tick:
+        times = f"{part.times}" if part.computed else "[yellow]left out[/]"
+        table.add_row(part.stage, escape(part.what), times, escape(part.why))
+    return table
+
+
+def _arrays(plan: ScenePlan) -> Table:
+    table = _table("arrays of a tick", "array", "shape", "bytes")
+    for array in plan.arrays:
+        shape = " × ".join(str(size) for size in array.shape)
+        table.add_row(escape(array.name), shape, str(array.size_bytes))
+    total = sum(array.size_bytes for array in plan.arrays)
+    table.add_row("all of them", "", str(total))
+    return table
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
+    for column in columns:
+        justify: JustifyMethod = "right" if column in NUMBERS else "left"
+        table.add_column(column, justify=justify, overflow="fold")
+    return table

@@ -1,0 +1,61 @@
+"""How large the arrays are that a tick works on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from hapticmech_ros.control.flat import DEVICE_SIZE, RENDERED_SIZE
+from hapticmech_ros.device.compiled_state import CompiledState
+from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
+from hapticmech_ros.mechanism.compiled.step_kernels import work_size
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.plan.running import Running
+
+
+@dataclass(frozen=True, slots=True)
+class ArraySize:
+    """An array of a tick.
+
+    Attributes:
+        name: what is in it.
+        shape: of it.
+        size_bytes: of its numbers.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    size_bytes: int
+
+
+def arrays_of_tick(run: Running) -> tuple[ArraySize, ...]:
+    """Return the arrays of a tick, with the closures that are active at the start."""
+    return tuple(ArraySize(name, a.shape, a.nbytes) for name, a in _arrays(run))
+
+
+def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
+    mechanism = cast(CompiledMechanism, run.mechanism)
+    points, t = len(mechanism.point_names), run.analyser.rows.size
+    yield "q", run.state.q
+    yield "v", run.state.v
+    for name, array in zip(
+        ("D", "joint Jacobians", "poses of joints"), mechanism.placed, strict=True
+    ):
+        yield name, array
+    chosen = mechanism.chosen(run.state.active)
+    for name, array in zip(("constants, whole", "constants, real"), chosen.constants, strict=True):
+        yield name, array
+    yield "D, W, factors, frames (packed)", np.empty(chosen.size)
+    yield "work of a step", np.empty(work_size(mechanism.nq, mechanism.nv, points))
+    terms = run.simulator.evaluate(run.state)
+    yield "h", terms.bias_force
+    yield "Ẇv", terms.closure_bias
+    yield "J_h of each point", np.empty((points, 6, mechanism.nv))
+    yield "wrenches of the task space", np.empty((t, t))
+    yield "what the controllers need of the point", np.empty(RENDERED_SIZE)
+    yield "what they need of the device", np.empty(DEVICE_SIZE)
+    held = run.device.at_rest(terms.points[run.analyser.index].pose)
+    yield "state of the device", cast(CompiledState, held).flat

@@ -1,0 +1,64 @@
+"""Which of several ways to compute a thing is taken for a scene, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
+from hapticmech_ros.plan.running import Running
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One way out of several.
+
+    Attributes:
+        about: what is computed.
+        taken: the way that is taken.
+        why: the fact that decides.
+    """
+
+    about: str
+    taken: str
+    why: str
+
+
+def choices(run: Running) -> Iterator[Choice]:
+    """Yield every choice. One that is added to the solver gets its line here."""
+    yield _implementation(run)
+    yield _configuration(run)
+    yield _closure_rows(run)
+    yield _stabilisation(run)
+
+
+def _implementation(run: Running) -> Choice:
+    taken = "kernels" if run.mechanism.compiled else "NumPy"
+    return Choice("implementation", taken, "what the session and the nodes build")
+
+
+def _configuration(run: Running) -> Choice:
+    nq, nv = run.mechanism.nq, run.mechanism.nv
+    if run.flat:
+        return Choice("configuration", "a vector", f"nq = nv = {nv}: a step adds to it")
+    why = f"nq = {nq}, nv = {nv}: a step is integrated on the manifold at every stage"
+    return Choice("configuration", "on a manifold", why)
+
+
+def _closure_rows(run: Running) -> Choice:
+    m = run.rows.rows
+    if m == 0:
+        return Choice("rows factored by", "nothing", "no closure is active")
+    if m <= FEW_ROWS:
+        return Choice("rows factored by", "SVD", f"{m} rows, up to {FEW_ROWS} are few")
+    why = f"{m} rows, more than {FEW_ROWS}; SVD where the rank is in doubt"
+    return Choice("rows factored by", "pivoted QR", why)
+
+
+def _stabilisation(run: Running) -> Choice:
+    if run.rows.rows == 0 and not run.can_latch:
+        return Choice("stabilisation", "none", "no closure is active, and none latches")
+    rate = run.stepping.baumgarte_rate
+    if rate > 0.0:
+        return Choice("stabilisation", "baumgarte", f"the scene says so, at {rate:g} /s")
+    return Choice("stabilisation", "projection", "after every substep, in the mass metric")

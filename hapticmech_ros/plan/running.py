@@ -1,0 +1,85 @@
+"""What a scene makes run: the objects that the plan asks, and nothing that it knows by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hapticmech_ros.device import ImpedanceDevice, device_for
+from hapticmech_ros.mechanism import Mechanism, MechanismState, Simulator
+from hapticmech_ros.mechanism.build import plan_of
+from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
+from hapticmech_ros.mechanism.schemes import SCHEMES, Scheme
+from hapticmech_ros.mechanism.stepping import Plan
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.scene.document import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """A scene's objects at its start.
+
+    Attributes:
+        scene: what they are made from.
+        simulator: steps the mechanism.
+        state: initial state, loops closed.
+        analyser: of the point that is held.
+        device: that the hand holds.
+        rows: rows, rank and mobility of the closures active there.
+        stepping: integrator, period, substeps, Baumgarte's rate.
+        scheme: the integrator's stages.
+    """
+
+    scene: Scene
+    simulator: Simulator
+    state: MechanismState
+    analyser: Analyser
+    device: ImpedanceDevice
+    rows: Redundancy
+    stepping: Plan
+    scheme: Scheme
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The simulator's mechanism."""
+        return self.simulator.mechanism
+
+    @property
+    def flat(self) -> bool:
+        """Whether q is a vector as v is, so that a step adds to it."""
+        return self.mechanism.nq == self.mechanism.nv
+
+    @property
+    def can_latch(self) -> tuple[str, ...]:
+        """Names of the closures that are open and close by themselves when they come near."""
+        return tuple(
+            loop.name
+            for loop, on in zip(self.mechanism.closures, self.state.active, strict=True)
+            if not on and loop.latch_distance is not None
+        )
+
+
+def running(scene: Scene, point: str = "") -> Running:
+    """Build what runs for a scene, as a session does.
+
+    Args:
+        scene: to run.
+        point: operational point that is held; the scene's first one if empty.
+
+    Raises:
+        InvalidInputError: no such point.
+        ClosureError: the scene cannot close.
+    """
+    simulator = Simulator(scene)
+    analyser = Analyser(simulator.mechanism, point)
+    state = simulator.initial_state()
+    stepping = plan_of(scene.simulation)
+    return Running(
+        scene,
+        simulator,
+        state,
+        analyser,
+        device_for(scene),
+        redundancy(simulator.mechanism, state.q, state.active),
+        stepping,
+        SCHEMES[stepping.integrator],
+    )

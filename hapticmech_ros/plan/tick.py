@@ -1,0 +1,129 @@
+"""What a tick of the session computes for a scene, how often, and what it leaves out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticmech_ros.mechanism.projection import PROJECTION_ITERATIONS
+from hapticmech_ros.plan.running import Running
+
+
+@dataclass(frozen=True, slots=True)
+class TickPart:
+    """Something that a tick may compute.
+
+    Attributes:
+        stage: ``evaluate``, ``analyse``, ``control``, ``step`` or ``device``.
+        what: is computed.
+        times: in a tick, at least; 0 is left out.
+        why: the fact behind the number.
+    """
+
+    stage: str
+    what: str
+    times: int
+    why: str
+
+    @property
+    def computed(self) -> bool:
+        """Whether a tick does it at all."""
+        return self.times > 0
+
+
+def parts_of_tick(run: Running) -> tuple[TickPart, ...]:
+    """Return everything that a tick computes, in its order, and what it does not."""
+    return (
+        *_evaluate(run),
+        *_analyse(run),
+        TickPart("control", "wrenches of all controllers", 1, "the same work for all scenes"),
+        *_solve(run),
+        *_elements(run),
+        *_closures(run),
+        *_device(run),
+    )
+
+
+def _evaluate(run: Running) -> Iterator[TickPart]:
+    names = run.mechanism.point_names
+    why = "the step before ended there, and has left them"
+    yield TickPart("evaluate", "D, W and their factors", 0, why)
+    gravity = run.mechanism.model.gravity.linear
+    pull = float(np.sqrt(gravity @ gravity))
+    why = f"with gravity, {pull:g} m/s²" if pull else "gravity is zero: the same recursion with 0"
+    yield TickPart("evaluate", "h: Coriolis, centripetal, gravity", 1, why)
+    why = f"{len(names)} in the scene, held or not"
+    yield TickPart("evaluate", "pose, Jacobian, twist, drift of points", len(names), why)
+
+
+def _analyse(run: Running) -> Iterator[TickPart]:
+    t, held, rest = run.analyser.rows.size, run.analyser.point.name, len(run.mechanism.point_names)
+    why = f"{held} is held; SVD of {t} rows"
+    yield TickPart("analyse", "Λ_h⁻¹ and its spectrum", 1, why)
+    if rest > 1:
+        why = f"{rest - 1}: by who holds them, a session each or nodes in a namespace of their own"
+        yield TickPart("analyse", "spectrum of further points", 0, why)
+    yield _if_closed(run, "analyse", "closures taken out of S", 1)
+
+
+def _solve(run: Running) -> Iterator[TickPart]:
+    stages, substeps = len(run.scheme.weights), run.stepping.substeps
+    each = f"{stages} stages of {run.stepping.integrator} in {substeps} substeps"
+    yield TickPart("step", "D, joint Jacobians, poses; Cholesky of D", stages * substeps, each)
+    yield _if_closed(run, "step", "W and its factorisation", stages * substeps)
+    why = "one configuration vector: they are added" if run.flat else each
+    yield TickPart("step", "integration on a manifold", 0 if run.flat else stages * substeps, why)
+    why = f"{run.stepping.integrator} is explicit"
+    if run.scheme.implicit:
+        why = "where elements have stiffness or damping"
+    times = substeps if run.scheme.implicit else 0
+    yield TickPart("step", "factorisation of D with stiffness and damping", times, why)
+
+
+def _elements(run: Running) -> Iterator[TickPart]:
+    elements, times = run.mechanism.elements, len(run.scheme.weights) * run.stepping.substeps
+    count = int(np.count_nonzero(elements.damping))
+    why = f"{count} of {elements.damping.size} rates are damped; all are multiplied"
+    yield TickPart("step", "damping of joints", times, why)
+    for what, number in (
+        ("springs, friction, stops of joints", len(elements.joints)),
+        ("springs between points", len(elements.springs)),
+    ):
+        why = f"{number} in the scene" if number else "the scene has none"
+        yield TickPart("step", what, times if number else 0, why)
+
+
+def _closures(run: Running) -> Iterator[TickPart]:
+    substeps, closures = run.stepping.substeps, run.mechanism.closures
+    pulled = run.stepping.baumgarte_rate > 0.0
+    what = "projection onto the closures"
+    if pulled and run.rows.rows:
+        yield TickPart("step", what, 0, "Baumgarte's pull takes its place")
+    else:
+        why = f"rounds; as many as are needed, {PROJECTION_ITERATIONS} a substep at most"
+        yield _if_closed(run, "step", what, substeps, why)
+    times, latching = len(run.can_latch), ", ".join(run.can_latch)
+    why = f"{latching}: each with D and W of its own" if times else "no open closure can latch"
+    yield TickPart("step", "distance of what may latch", times, why)
+    still = sum(not on for on in run.state.active)
+    frames = 2 * still * len(run.scheme.weights) * substeps
+    why = f"{still} of {len(closures)} closures are open; placed with all other frames"
+    yield TickPart("step", "frames of open closures", frames, why if still else "no open closures")
+
+
+def _device(run: Running) -> Iterator[TickPart]:
+    device = run.scene.device
+    why = f"hand: {run.scene.hand.kind}"
+    yield TickPart("device", "motion of the device", device.substeps, why)
+    steps = device.position_resolution, device.angle_resolution
+    why = f"steps of {steps[0]:g} m, {steps[1]:g} rad" if any(steps) else "the encoders are ideal"
+    yield TickPart("device", "rounding to encoder steps", int(any(steps)), why)
+
+
+def _if_closed(run: Running, stage: str, what: str, times: int, why: str = "") -> TickPart:
+    m = run.rows.rows
+    if m == 0:
+        return TickPart(stage, what, 0, "no closure is active")
+    return TickPart(stage, what, times, why or f"{m} active rows, rank {run.rows.rank}")

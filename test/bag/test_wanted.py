@@ -1,0 +1,194 @@
+"""Reading what is wanted gives what the library gives, message for message, and finds damage."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from pathlib import Path
+from zlib import crc32
+
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from hapticmech_ros.bag import BagReader, BagWriter
+from hapticmech_ros.bag.wanted import any_reader, number_of_files
+from hapticmech_ros.errors import BagError
+
+Bytes = Callable[[int, float], bytes]
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+STORE = get_typestore(Stores.ROS2_JAZZY)
+TOPICS = ("/a", "/b", "/c")
+SUFFIXES = {"mcap": ".mcap", "sqlite3": ".db3"}
+Found = list[tuple[str, int, bytes]]
+
+
+def read(reader: AnyReader, *names: str, **limits: int | None) -> Found:
+    with reader:
+        chosen = [one for one in reader.connections if not names or one.topic in names]
+        stream = reader.messages(connections=chosen, **limits)
+        return [(one.topic, time_ns, bytes(data)) for one, time_ns, data in stream]
+
+
+def library(path: Path) -> AnyReader:
+    return AnyReader([path], default_typestore=STORE)
+
+
+def written(path: Path, storage: str, make: Bytes, split: bool = False) -> Path:
+    """Write messages that come out of order, at equal times, and in many chunks."""
+    chance = random.Random(7)
+    split_ns = 200 if split else None
+    with BagWriter(path, storage, split_ns=split_ns) as bag:
+        for name in TOPICS:
+            bag.add_topic(name, WRENCH)
+        for number in range(600):
+            time_ns = 1000 + number + chance.choice((0, 0, 0, -3, 5))
+            bag.write(chance.choice(TOPICS), time_ns, make(number, float(number)))
+            if number % 37 == 0:
+                bag.flush()
+    return path
+
+
+@pytest.fixture(params=SUFFIXES)
+def storage(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+WINDOWS = [
+    {},
+    {"start": 1100},
+    {"stop": 1300},
+    {"start": 1100, "stop": 1300},
+    {"start": 1300, "stop": 1300},
+    {"start": 0, "stop": 1},
+    {"start": 1_000_000},
+]
+
+
+@pytest.mark.parametrize("limits", WINDOWS, ids=str)
+@pytest.mark.parametrize("names", [(), ("/a",), ("/b", "/c"), TOPICS], ids=str)
+def test_messages_are_the_librarys(
+    storage: str,
+    names: tuple[str, ...],
+    limits: dict[str, int],
+    tmp_path: Path,
+    wrench_bytes: Bytes,
+) -> None:
+    bag = written(tmp_path / "bag", storage, wrench_bytes)
+    expected = read(library(bag), *names, **limits)
+    assert read(any_reader(bag), *names, **limits) == expected
+    (file,) = bag.glob(f"*{SUFFIXES[storage]}")
+    assert read(any_reader(file), *names, **limits) == read(library(file), *names, **limits)
+
+
+def test_topics_types_and_counts_are_the_librarys(
+    storage: str, tmp_path: Path, wrench_bytes: Bytes
+) -> None:
+    bag = written(tmp_path / "bag", storage, wrench_bytes)
+    (file,) = bag.glob(f"*{SUFFIXES[storage]}")
+    for path in (bag, file):
+        with library(path) as expected, any_reader(path) as found:
+            assert found.message_count == expected.message_count == 600
+            assert (found.start_time, found.end_time) == (expected.start_time, expected.end_time)
+            for name, info in expected.topics.items():
+                assert found.topics[name].msgtype == info.msgtype
+                assert found.topics[name].msgcount == info.msgcount
+                assert found.topics[name].msgdef == info.msgdef
+                for one, other in zip(
+                    found.topics[name].connections, info.connections, strict=True
+                ):
+                    assert (one.ext, one.digest) == (other.ext, other.digest)
+
+
+def test_a_split_bag_is_read_whole(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
+    bag = written(tmp_path / "bag", storage, wrench_bytes, split=True)
+    with any_reader(bag) as reader:
+        assert number_of_files(reader) == len(list(bag.glob(f"*{SUFFIXES[storage]}"))) > 1
+    assert sorted(read(any_reader(bag), "/b")) == sorted(read(library(bag), "/b"))
+    with BagReader(bag) as found:
+        times = [time_ns for _, time_ns, _ in found.serialized("/b")]
+    assert times == sorted(times)
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+@pytest.mark.parametrize("compression", [None, *CompressionMode])
+def test_bags_of_other_writers_are_the_librarys(
+    plugin: StoragePlugin,
+    compression: CompressionMode | None,
+    tmp_path: Path,
+    wrench_bytes: Bytes,
+) -> None:
+    writer = Writer(tmp_path / "bag", version=Writer.VERSION_LATEST, storage_plugin=plugin)
+    if compression not in (None, CompressionMode.NONE):
+        if compression is CompressionMode.STORAGE and plugin is StoragePlugin.SQLITE3:
+            pytest.skip("SQLite has no compression of its own")
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
+        connections = [writer.add_connection(name, WRENCH, typestore=STORE) for name in TOPICS]
+        for number in range(200):
+            writer.write(connections[number % 3], 1000 + number, wrench_bytes(number, 1.0))
+    expected = read(library(tmp_path / "bag"), "/b")
+    assert len(expected) == 67
+    assert read(any_reader(tmp_path / "bag"), "/b") == expected
+
+
+def test_a_bag_without_messages(storage: str, tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag", storage) as bag:
+        bag.add_topic("/a", WRENCH)
+    assert read(any_reader(tmp_path / "bag")) == []
+
+
+def with_checksums(bag: Path) -> Path:
+    """Write the checksums that the format provides for, which this writer leaves out."""
+    (file,) = bag.glob("*.mcap")
+    data = bytearray(file.read_bytes())
+    with any_reader(file) as reader:
+        chunks = list(reader.readers[0].storage.chunks)
+    for chunk in chunks:
+        head = chunk.chunk_start_offset + 9
+        records = data[head + 40 : head + 40 + chunk.compressed_size]
+        data[head + 24 : head + 28] = crc32(records).to_bytes(4, "little")
+    file.write_bytes(data)
+    return file
+
+
+def test_a_changed_bit_is_found_though_nobody_wants_its_topic(
+    tmp_path: Path, wrench_bytes: Bytes
+) -> None:
+    """A chunk's checksum is looked at before any of its messages is handed out."""
+    bag = written(tmp_path / "bag", "mcap", wrench_bytes)
+    before = read(library(bag))
+    file = with_checksums(bag)
+    assert read(any_reader(bag)) == read(library(bag)) == before
+    data = bytearray(file.read_bytes())
+    unwanted = next(message for topic, _, message in before if topic == "/c")
+    data[data.index(unwanted) + len(unwanted) - 20] ^= 1
+    file.write_bytes(data)
+    with pytest.raises(BagError, match="checksum"), BagReader(bag) as reader:
+        list(reader.serialized("/a"))
+
+
+@pytest.mark.parametrize("share", [0.01, 0.3, 0.6, 0.9, 0.999])
+def test_a_file_cut_short_is_found_when_it_is_opened(
+    storage: str, share: float, tmp_path: Path, wrench_bytes: Bytes
+) -> None:
+    bag = written(tmp_path / "bag", storage, wrench_bytes)
+    (file,) = bag.glob(f"*{SUFFIXES[storage]}")
+    data = file.read_bytes()
+    file.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(BagError, match="cut short"):
+        BagReader(bag)
+
+
+def test_a_chunk_of_nonsense_is_damage(tmp_path: Path, wrench_bytes: Bytes) -> None:
+    """Without a checksum too: records have to end where the chunk does."""
+    bag = written(tmp_path / "bag", "mcap", wrench_bytes)
+    (file,) = bag.glob("*.mcap")
+    data = bytearray(file.read_bytes())
+    _, _, first = read(library(bag), "/a")[0]
+    place = data.index(first)
+    data[place - 22 - 8 : place - 22] = (1 << 40).to_bytes(8, "little")
+    file.write_bytes(data)
+    with pytest.raises(BagError, match="damaged"), BagReader(bag) as reader:
+        list(reader.serialized("/a"))

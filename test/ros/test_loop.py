@@ -1,0 +1,62 @@
+"""Waiting for messages: for as long as was said, until a future is done, and leaving nothing."""
+
+from __future__ import annotations
+
+import gc
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+from rclpy.task import Future
+from std_msgs.msg import UInt8
+
+from hapticmech_ros.nodes.loop import wait_for_messages
+from ros.harness import RELIABLE, Peer, next_domain
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def peer() -> Iterator[Peer]:
+    made = Peer(next_domain())
+    yield made
+    made.close()
+
+
+def test_waiting_leaves_nothing_behind(peer: Peer) -> None:
+    """A thousand waits in a second, for an hour and for good."""
+    waits = 2000
+    for _ in range(200):
+        wait_for_messages(peer.executor, 20e-6)
+    gc.collect()
+    before = sys.getallocatedblocks()
+    for _ in range(waits):
+        wait_for_messages(peer.executor, 20e-6)
+    gc.collect()
+    assert sys.getallocatedblocks() - before < 0.1 * waits
+
+
+def test_it_waits_as_long_as_it_was_told_and_hears_all(peer: Peer) -> None:
+    heard = peer.listen("number", UInt8)
+    publisher = peer.publisher("number", UInt8, RELIABLE)
+    for number in range(20):
+        publisher.publish(UInt8(data=number))
+    begun = time.monotonic()
+    while len(heard) < 20 and time.monotonic() - begun < 10.0:
+        wait_begun = time.monotonic()
+        wait_for_messages(peer.executor, 0.2)
+        assert time.monotonic() - wait_begun >= 0.2
+    assert [message.data for message in heard] == list(range(20))
+
+
+def test_a_future_ends_it(peer: Peer) -> None:
+    done: Future = Future()
+    peer.node.create_subscription(UInt8, "number", lambda message: done.set_result(True), RELIABLE)
+    publisher = peer.publisher("number", UInt8, RELIABLE)
+    publisher.publish(UInt8(data=1))
+    begun = time.monotonic()
+    wait_for_messages(peer.executor, 30.0, until=done)
+    assert time.monotonic() - begun < 20.0
+    wait_for_messages(peer.executor, 30.0, until=done)
+    assert time.monotonic() - begun < 20.0

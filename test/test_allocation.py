@@ -1,0 +1,175 @@
+"""Ticks leave nothing behind: what a tick allocates is freed by the next ones, and is little.
+
+``tracemalloc`` sees what Python and NumPy allocate; what kernels allocate inside is theirs, and is
+seen as resident size by ``hapticmech bench memory``.
+"""
+
+from __future__ import annotations
+
+import gc
+import tracemalloc
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.bench.ablation import ladder
+from hapticmech_ros.control import control_for
+from hapticmech_ros.device import device_for
+from hapticmech_ros.mechanism import Simulator, build
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.plan import plan_scene
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.session import Session
+from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.layouts import DEVICE_MEASURED, RENDERED, RENDERING_FIELDS
+from hapticmech_ros.wire.rendering_wire import RenderingWriter
+from hapticmech_ros.wire.state import StateLayout, WireState
+
+WARM_UP, TICKS = 500, 5000
+# A reference kept by every tick takes 8 bytes of a list, and what it refers to 24 or more: 160 kB.
+# Python's own lists of freed numbers and tuples breathe by a few kB.
+LEFT_BEHIND = 16_384
+# Objects that the collector tracks: ticks keep none, what looks at them has a few.
+OBJECTS = 50
+# A set of closures that is met for the first time has, once, two arrays of tables and a scratch of
+# its own; the nodes have two mechanisms.
+OF_A_LATCH = 6
+# In a tick: arrays of the plan come more than once (a start, stages, rounds, an end), and each is
+# wrapped in views of some 100 bytes.
+TIMES_ARRAYS, WRAPPING = 4, 16_384
+
+# A closed loop, one that latches meanwhile, and every feature at once.
+SCENES = [load_scene("five_bar"), load_scene("four_bar_closing"), ladder()[-1].scene()]
+Tick = Callable[[], object]
+
+
+def session(scene: Scene) -> Tick:
+    return Session(scene).tick
+
+
+def nodes(scene: Scene) -> Tick:
+    """Do what the four nodes do in a period, without their messages' way between them."""
+    simulator = Simulator(scene)
+    analyser = Analyser(build(scene))
+    layout, rendering = StateLayout(simulator.mechanism), RenderingWriter(analyser)
+    state_wire, rendering_wire = FlatArray(layout.fields), FlatArray(RENDERING_FIELDS)
+    control, device = control_for(scene), device_for(scene)
+    points, index = len(scene.operational_points), analyser.index
+    state = simulator.initial_state()
+    start = simulator.evaluate(state).points[index].pose
+    held = device.at_rest(start, held=True)
+    engagement = control.engage(0.0, start, start)
+    now = {"state": state, "device": held, "ticks": 0}
+    heard = (True,) * points
+
+    def tick() -> object:
+        mechanism, own, ticks = now["state"], now["device"], now["ticks"]
+        wire = WireState(
+            ticks * 1_000_000,
+            mechanism.active,
+            mechanism.q,
+            mechanism.v,
+            np.zeros((points, 6)),
+            heard,
+        )
+        sent = state_wire.encode(layout.pack(wire))
+        rendering.see(layout.unpack(state_wire.decode(sent)))
+        rendering.count(1)
+        seen = rendering_wire.decode(rendering_wire.encode(rendering.values))
+        measured = np.concatenate((np.zeros(2), own.published))[DEVICE_MEASURED]
+        answer = control.answer(1e-3 * ticks, engagement, measured, seen[RENDERED].copy(), 0.0)
+        wrenches = np.zeros((points, 6))
+        wrenches[index] = answer[1]
+        now["state"] = simulator.step(mechanism, wrenches)
+        now["device"] = device.step(own, answer[0], held, ticks)
+        now["ticks"] = ticks + 1
+        return answer
+
+    return tick
+
+
+CASES = [
+    pytest.param(make, scene, id=f"{make.__name__}-{scene.name}-{index}")
+    for make in (session, nodes)
+    for index, scene in enumerate(SCENES)
+]
+
+
+def arrays_now() -> int:
+    """Return how many blocks of NumPy are allocated and were traced."""
+    domain = tracemalloc.DomainFilter(True, np.lib.tracemalloc_domain)
+    return len(tracemalloc.take_snapshot().filter_traces([domain]).traces)
+
+
+@pytest.fixture
+def traced():
+    tracemalloc.start()
+    yield
+    tracemalloc.stop()
+
+
+@pytest.mark.usefixtures("traced")
+@pytest.mark.parametrize(("make", "scene"), CASES)
+def test_ticks_leave_nothing_behind(make: Callable[[Scene], Tick], scene: Scene) -> None:
+    tick = make(scene)
+    for _ in range(WARM_UP):
+        tick()
+    gc.collect()
+    arrays = arrays_now()
+    gc.collect()
+    objects = len(gc.get_objects())
+    before, _ = tracemalloc.get_traced_memory()
+    for _ in range(TICKS):
+        tick()
+    gc.collect()
+    after, _ = tracemalloc.get_traced_memory()
+    assert after - before < LEFT_BEHIND
+    assert len(gc.get_objects()) - objects < OBJECTS
+    assert arrays_now() - arrays <= OF_A_LATCH
+
+
+@pytest.mark.parametrize(("make", "scene"), CASES)
+def test_ticks_leave_nothing_for_the_collector(make: Callable[[Scene], Tick], scene: Scene) -> None:
+    """Nothing refers to itself: the collector, which would stop a tick, finds nothing to free."""
+    tick = make(scene)
+    for _ in range(WARM_UP):
+        tick()
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(200):
+            tick()
+        assert gc.collect() < OBJECTS
+    finally:
+        gc.enable()
+
+
+@pytest.mark.usefixtures("traced")
+@pytest.mark.parametrize(("make", "scene"), CASES)
+def test_a_tick_takes_no_more_than_its_arrays(make: Callable[[Scene], Tick], scene: Scene) -> None:
+    tick = make(scene)
+    for _ in range(WARM_UP):
+        tick()
+    gc.collect()
+    before, _ = tracemalloc.get_traced_memory()
+    tracemalloc.reset_peak()
+    for _ in range(50):
+        tick()
+    _, peak = tracemalloc.get_traced_memory()
+    arrays = sum(array.size_bytes for array in plan_scene(scene).arrays)
+    assert peak - before < TIMES_ARRAYS * arrays + WRAPPING
+
+
+@pytest.mark.usefixtures("traced")
+def test_what_is_kept_is_seen() -> None:
+    """The bounds above are not met by a tick that keeps one number."""
+    tick, kept = session(load_scene("two_link")), []
+    kept.extend(tick() for _ in range(WARM_UP))
+    before, _ = tracemalloc.get_traced_memory()
+    for _ in range(TICKS):
+        tick()
+        kept.append(float(len(kept)))
+    after, _ = tracemalloc.get_traced_memory()
+    assert after - before > LEFT_BEHIND
