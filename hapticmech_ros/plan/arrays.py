@@ -11,6 +11,7 @@ import numpy as np
 from hapticmech_ros.control.flat import DEVICE_SIZE, RENDERED_SIZE
 from hapticmech_ros.device.compiled_state import CompiledState
 from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
+from hapticmech_ros.mechanism.compiled.packed import views_of
 from hapticmech_ros.mechanism.compiled.step_kernels import work_size
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.plan.running import Running
@@ -41,14 +42,13 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
     points, t = len(mechanism.point_names), run.analyser.rows.size
     yield "q", run.state.q
     yield "v", run.state.v
-    for name, array in zip(
-        ("D", "joint Jacobians", "poses of joints"), mechanism.placed, strict=True
-    ):
-        yield name, array
     chosen = mechanism.chosen(run.state.active)
     for name, array in zip(("constants, whole", "constants, real"), chosen.constants, strict=True):
         yield name, array
-    yield "D, W, factors, frames (packed)", np.empty(chosen.size)
+    yield "a configuration's terms (packed)", np.empty(chosen.size)
+    for name, array in views_of(np.empty(chosen.size), chosen.tables)._asdict().items():
+        if array.size:
+            yield f"of which {name}", array
     yield "work of a step", np.empty(work_size(mechanism.nq, mechanism.nv, points))
     terms = run.simulator.evaluate(run.state)
     yield "h", terms.bias_force

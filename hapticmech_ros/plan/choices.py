@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import cast
 
+from hapticmech_ros.mechanism.compiled.layout import MANY_RATES
 from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
 from hapticmech_ros.plan.running import Running
 
 
@@ -28,6 +31,7 @@ def choices(run: Running) -> Iterator[Choice]:
     """Yield every choice. One that is added to the solver gets its line here."""
     yield _implementation(run)
     yield _configuration(run)
+    yield _path(run)
     yield _closure_rows(run)
     yield _stabilisation(run)
 
@@ -45,8 +49,23 @@ def _configuration(run: Running) -> Choice:
     return Choice("configuration", "on a manifold", why)
 
 
+def _path(run: Running) -> Choice:
+    mechanism = cast(CompiledMechanism, run.mechanism)
+    chosen, nv = mechanism.chosen(run.state.active), mechanism.nv
+    if chosen.is_sparse:
+        why = f"{nv} rates, and a band of {chosen.tables.width} places: dense where it is in doubt"
+        return Choice("path", "sparse, linear in size", why)
+    if mechanism.needs_matrix:
+        return Choice("path", "dense", "the integrator needs D as a matrix")
+    if nv < MANY_RATES:
+        return Choice("path", "dense", f"{nv} rates: a sparse one takes longer below {MANY_RATES}")
+    return Choice("path", "dense", "rows reach too far for a band, or follow from each other")
+
+
 def _closure_rows(run: Running) -> Choice:
     m = run.rows.rows
+    if cast(CompiledMechanism, run.mechanism).chosen(run.state.active).is_sparse and m:
+        return Choice("rows factored by", "QR inside a band", "see path")
     if m == 0:
         return Choice("rows factored by", "nothing", "no closure is active")
     if m <= FEW_ROWS:

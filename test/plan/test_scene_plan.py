@@ -66,7 +66,7 @@ def test_numbers_are_those_of_the_scene_and_of_its_session(scene: Scene) -> None
     assert plan.period == scene.simulation.period
     sizes = {array.name: array.shape for array in plan.arrays}
     assert sizes["q"] == sample.mechanism.q.shape
-    assert sizes["D"] == (plan.nv, plan.nv)
+    assert sizes["of which joint_jacobian"] == (plan.nv, 6)
     assert sizes["Ẇv"] == (plan.active_rows,)
     assert sizes["J_h of each point"][1:] == sample.point.jacobian.shape
     assert json.loads(json.dumps(asdict(plan)))["scene"] == scene.name

@@ -52,7 +52,11 @@ class CompiledEvaluation(Evaluation):
 
 
 class CompiledMechanism(Mechanism):
-    """A scene's tree, closures and operational points, evaluated at states by kernels."""
+    """A scene's tree, closures and operational points, evaluated at states by kernels.
+
+    Attributes:
+        needs_matrix: whether the scene's integrator needs D as a matrix, as implicit ones do.
+    """
 
     compiled: ClassVar[bool] = True
 
@@ -70,8 +74,7 @@ class CompiledMechanism(Mechanism):
             placement = self.model.jointPlacements[index]
             self._joint_rows[index] = joint_row(placement, axis, self.model.inertias[index])
         self._sets: dict[Active, Chosen] = {}
-        # Implicit rules need D as a matrix.
-        self._may_be_sparse = not SCHEMES[scene.simulation.integrator].implicit
+        self.needs_matrix: bool = SCHEMES[scene.simulation.integrator].implicit
         self._authored, _ = authored_state(scene, self.tree)
         self._single = [self._choose([index]) for index in range(len(self.closures))]
 
@@ -122,7 +125,7 @@ class CompiledMechanism(Mechanism):
         if found is None:
             numbered = zip(enumerate(self.closures), active, strict=True)
             found = self._choose([index for (index, _), on in numbered if on])
-            if self._may_be_sparse:
+            if not self.needs_matrix:
                 found = sparse_or_dense(found, self._authored)
             self._sets[active] = found
         return found

@@ -1,0 +1,78 @@
+"""q ⊕ θ and J_r(θ)⁻¹ v inside kernels against Pinocchio's, at small angles and at large ones."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism.compiled.manifold_kernels import SERIES, local_rates, move
+from hapticmech_ros.mechanism.integrator import local_rate
+from hapticmech_ros.scene import scene_from_document
+from oracles.generator import random_mechanism
+
+# A handful of products, each rounded to 1e-16, of numbers of order 10.
+ROUNDING = 1e-13
+SIZES = (0.0, 1e-9, 1e-5, 0.9 * SERIES, 1.1 * SERIES, 2.0, 3.0)
+
+
+def mechanisms():
+    for seed in range(8):
+        scene = scene_from_document(random_mechanism(seed, closed=False).document)
+        mechanism = build(scene)
+        yield mechanism, pin.integrate(
+            mechanism.model, pin.neutral(mechanism.model), np.sin(1.0 + np.arange(mechanism.nv))
+        )
+
+
+CASES = [(mechanism, q, size) for mechanism, q in mechanisms() for size in SIZES]
+
+
+def change(mechanism, size):
+    """Return a change whose angles, joint by joint, are of a size; displacements are longer."""
+    rng = np.random.default_rng(mechanism.nv)
+    theta = rng.normal(size=mechanism.nv)
+    for index, kind in enumerate(mechanism.tree.joint_types):
+        part = mechanism.tree.velocity_slice(index)
+        turning = theta[part][-3:] if kind in ("free", "spherical") else theta[part][-1:]
+        theta[part] *= size / np.linalg.norm(turning)
+    return theta
+
+
+def test_every_joint_is_there():
+    kinds = {kind for mechanism, *_ in CASES for kind in mechanism.tree.joint_types}
+    assert kinds == {"revolute", "prismatic", "spherical", "free", "planar"}
+
+
+@pytest.mark.parametrize(("mechanism", "q", "size"), CASES)
+def test_moves_are_pinocchios(mechanism, q, size):
+    theta, found = change(mechanism, size), np.empty(mechanism.nq)
+    tables = mechanism.chosen((False,) * len(mechanism.closures)).tables
+    move(tables, q, theta, found)
+    expected = pin.integrate(mechanism.model, q, theta)
+    apart = pin.difference(mechanism.model, expected, found)
+    assert np.abs(apart).max() < ROUNDING * max(1.0, np.abs(theta).max())
+    for index, kind in enumerate(mechanism.tree.joint_types):
+        part = found[mechanism.tree.position_slice(index)]
+        unit = {"free": part[3:], "spherical": part, "planar": part[2:]}.get(kind)
+        assert unit is None or abs(np.linalg.norm(unit) - 1.0) < 1e-15
+
+
+@pytest.mark.parametrize(("mechanism", "q", "size"), CASES)
+def test_a_move_in_place_is_the_same(mechanism, q, size):
+    theta, found = change(mechanism, size), np.empty(mechanism.nq)
+    tables = mechanism.chosen((False,) * len(mechanism.closures)).tables
+    move(tables, q, theta, found)
+    moved = q.copy()
+    move(tables, moved, theta, moved)
+    assert (moved == found).all()
+
+
+@pytest.mark.parametrize(("mechanism", "q", "size"), CASES)
+def test_local_rates_are_pinocchios(mechanism, q, size):
+    theta, v = change(mechanism, size), np.cos(np.arange(mechanism.nv))
+    tables = mechanism.chosen((False,) * len(mechanism.closures)).tables
+    found = np.empty(mechanism.nv)
+    local_rates(tables, theta, v, found)
+    expected = local_rate(mechanism.model, q, theta, v)
+    # Next to 2π the Jacobian is singular; at 3 rad it magnifies by about 3.
+    assert np.abs(found - expected).max() < 100.0 * ROUNDING * max(1.0, np.abs(expected).max())
