@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from hapticmech_ros.cli.bench_accuracy import accuracy
+from hapticmech_ros.cli.bench_speed import speed
 from hapticmech_ros.cli.console import OutOption, SceneArgument, console, errors
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Benchmarks.", no_args_is_help=True)
 app.command()(accuracy)
+app.command()(speed)
 
 
 @app.callback()

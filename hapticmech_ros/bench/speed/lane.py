@@ -35,6 +35,7 @@ class Lane:
         error: largest against the reference, m or rad; None after a failure.
         failure: why there is no error; empty if there is.
         cpu_s_per_s: CPU time per simulated second, of each run.
+        suitable: whether the peer can do the scene at all.
     """
 
     problem: str
@@ -45,6 +46,7 @@ class Lane:
     error: float | None = None
     failure: str = ""
     cpu_s_per_s: tuple[float, ...] = ()
+    suitable: bool = True
 
     @property
     def median(self) -> float | None:
@@ -75,7 +77,7 @@ def run_lane(
         warm_up(contender)
         error, cpu_s = compared(contender, problem, step)
     except UnsuitableError as unsuitable:
-        return Lane(*about, failure=unsuitable.reason), None
+        return Lane(*about, failure=unsuitable.reason, suitable=False), None
     except FAILURES as failure:
         return Lane(*about, failure=f"{type(failure).__name__}: {failure}"), None
     if not np.isfinite(error):

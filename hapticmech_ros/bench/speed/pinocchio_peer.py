@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -21,10 +20,18 @@ from hapticmech_ros.bench.speed.pinocchio_dynamics import NAME, PinocchioDynamic
 from hapticmech_ros.mechanism.model import Array, TreeModel
 from hapticmech_ros.scene import Scene
 
-# Gain a of the closures in 1/step, and μ of the proximal solver.
-GAIN, SOFTNESS = "gain", "softness"
-SETTINGS = tuple({GAIN: g, SOFTNESS: s} for g, s in product((0.0, 0.02, 0.1, 0.3), (1e-8,)))
-ACCURACY, ITERATIONS = 1e-11, 5
+# The closures' pull a: so much per second, or per step. A fixed one keeps the order of the rule;
+# where singular positions are passed only a strong one holds.
+RATE, GAIN = "pull times s", "pull times step"
+SETTINGS: tuple[Setting, ...] = (
+    {RATE: 5.0},
+    {RATE: 20.0},
+    {GAIN: 0.02},
+    {GAIN: 0.1},
+    {GAIN: 0.3},
+)
+# Of the proximal solver: with a smaller μ redundant closures lose digits.
+SOFTNESS, ACCURACY, ITERATIONS = 1e-8, 1e-11, 5
 
 
 class PinocchioPeer:
@@ -46,8 +53,8 @@ class PinocchioPeer:
 
 class _Pinocchio:
     def __init__(self, scene: Scene, start: State, step: float, setting: Setting) -> None:
-        pull, softness = setting.get(GAIN, 0.0) / step, setting.get(SOFTNESS, 0.0)
-        self._dynamics = PinocchioDynamics(scene, pull, softness, ACCURACY, ITERATIONS)
+        pull = setting.get(RATE, 0.0) + setting.get(GAIN, 0.0) / step
+        self._dynamics = PinocchioDynamics(scene, pull, SOFTNESS, ACCURACY, ITERATIONS)
         self._start, self._step = start, step
         model = self._dynamics.model
         # Only then are coordinates numbers that add up.
