@@ -55,8 +55,11 @@ class Results:
 
     @property
     def sound(self) -> bool:
-        """Whether we, and every peer that can do a scene, compute its motion."""
-        return all(check.passed for check in self.checks if check.suitable or check.peer == OWN)
+        """Whether we compute every motion by every rule, and each peer those it can do by one."""
+        ours = all(check.passed for check in self.checks if check.peer == OWN)
+        asked = {(check.problem, check.peer) for check in self.checks if check.suitable}
+        done = {(check.problem, check.peer) for check in self.checks if check.passed}
+        return ours and asked <= done
 
     def sheets(self) -> list[Sheet]:
         """Return the results as tables."""

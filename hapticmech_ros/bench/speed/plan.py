@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from hapticmech_ros.bench.speed.contender import Peer
+from hapticmech_ros.bench.speed.exudyn_peer import ExudynPeer
 from hapticmech_ros.bench.speed.mujoco_peer import MujocoPeer
 from hapticmech_ros.bench.speed.own_peer import DEFAULT, OwnPeer
 from hapticmech_ros.bench.speed.pinocchio_peer import PinocchioPeer
@@ -13,7 +14,7 @@ from hapticmech_ros.bench.speed.problems import Problem, problems
 from hapticmech_ros.bench.speed.race import Effort
 from hapticmech_ros.errors import InvalidInputError
 
-PEERS = ("mujoco", "pinocchio")
+PEERS = ("mujoco", "pinocchio", "exudyn")
 MOST_REPEATS = 1000
 
 
@@ -76,4 +77,4 @@ def plan(
 
 
 def _peers() -> tuple[Peer, ...]:
-    return MujocoPeer(), PinocchioPeer()
+    return MujocoPeer(), PinocchioPeer(), ExudynPeer()

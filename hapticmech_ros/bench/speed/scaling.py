@@ -24,7 +24,7 @@ TITLES = {"windows": "A02, N parallelograms", "chain": "chain of N rods"}
 COMPARED, STEP = 0.1, 1e-3
 # Integrators whose steps do the same work are compared: four evaluations of the dynamics, and the
 # peers' cheapest besides.
-RULES = ("rk4", "discrete", "generalized_alpha")
+RULES = ("rk4", "discrete", "alpha_bodies")
 
 Show = Callable[[str], None]
 
