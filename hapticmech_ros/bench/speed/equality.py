@@ -9,11 +9,11 @@ from hapticmech_ros.bench.speed.contender import Method, Peer, Setting, State, i
 from hapticmech_ros.bench.speed.lane import run_lane
 from hapticmech_ros.bench.speed.problems import Problem
 
-# Steps in units of a problem, coarse and fine.
-STEPS = {True: (2.0, 1.0), False: (0.2, 0.1)}
-HIGH_ORDER = 3
+# Steps in units of a problem, coarse and fine, from this order on.
+STEPS = {3: (2.0, 1.0), 2: (1.0, 0.5), 0: (0.2, 0.1)}
+LOW_ORDER = 1
 # What a method has to reach at the fine step, m or rad: those that hold closures to rounding, and
-# those that hold them softly; rules of low order, whose error is that of their step.
+# those that hold them softly or are of order 2; rules of order 1, whose error is that of their step.
 HARD_BOUNDS = {"hapticmech": 1e-9, "pinocchio": 1e-8}
 SOFT_BOUND, LOW_ORDER_BOUND = 1e-3, 2e-2
 # Halving the step has to leave at most so much of the error, unless it is this small already.
@@ -65,7 +65,7 @@ def _check(problem: Problem, start: State, peer: Peer, method: Method, setting: 
     about = (problem.name, peer.name, method.name)
     bound = bound_of(peer.name, method)
     errors: list[float] = []
-    for multiple in STEPS[method.order >= HIGH_ORDER]:
+    for multiple in next(steps for order, steps in STEPS.items() if method.order >= order):
         step = multiple * problem.unit
         lane, _ = run_lane(problem, start, peer, method, step, setting)
         if lane.error is None:
@@ -83,7 +83,7 @@ def _check(problem: Problem, start: State, peer: Peer, method: Method, setting: 
 
 def bound_of(peer: str, method: Method) -> float:
     """Return the error that a method must not exceed at the fine step, m or rad."""
-    if method.order < HIGH_ORDER:
+    if method.order <= LOW_ORDER:
         return LOW_ORDER_BOUND
     return HARD_BOUNDS.get(peer, SOFT_BOUND)
 

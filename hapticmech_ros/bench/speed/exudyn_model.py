@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,8 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Closure, LinkFrame
 
 NAME = "exudyn"
-WORLD = 0
+# A tree with closures takes time with a high power of its size.
+MOST_JOINTS = 20
 CONSTRAINED = {
     "planar_pin": [1, 1, 0, 0, 0, 0],
     "spherical": [1, 1, 1, 0, 0, 0],
@@ -63,7 +65,7 @@ class ExudynScene:
         # Number of each joint's link in the kinematic tree, and its axes in those of our link.
         self._numbers: dict[int, int] = {}
         self._turns: dict[int, Array] = {}
-        self._ground = self.system.AddObject(itemInterface.ObjectGround())
+        self._ground = self.system.AddObject(self._items.ObjectGround())
         kinds = dict(enumerate(self.tree.joint_types, start=1))
         for joint, kind in kinds.items():
             if kind == "free":
@@ -71,6 +73,9 @@ class ExudynScene:
             elif kind not in ("revolute", "prismatic"):
                 raise UnsuitableError(NAME, scene.name, f"a {kind} joint")
         self.places = [joint for joint in kinds if joint not in self.bodies]
+        if self.closed and len(self.places) > MOST_JOINTS:
+            reason = f"closures of more than {MOST_JOINTS} joints: the Jacobian is by differences"
+            raise UnsuitableError(NAME, scene.name, reason)
         self._add_tree(start)
         for closure in scene.closures:
             if closure.active:
@@ -116,8 +121,7 @@ class ExudynScene:
         return tuple(float(position[k]) for k in output.components)
 
     def _add_free(self, joint: int, start: State) -> None:
-        from exudyn.utilities import RigidBodyInertia
-
+        utilities = import_module("exudyn.utilities")
         model = self.tree.pinocchio
         if any(model.parents[other] == joint for other in range(1, model.njoints)):
             raise UnsuitableError(NAME, self._scene.name, "a free link that carries others")
@@ -130,7 +134,7 @@ class ExudynScene:
             referenceRotationMatrix=pose.rotation,
             initialVelocity=pose.rotation @ linear,
             initialAngularVelocity=pose.rotation @ angular,
-            inertia=RigidBodyInertia(
+            inertia=utilities.RigidBodyInertia(
                 inertia.mass,
                 inertia.inertia + inertia.mass * _parallel(inertia.lever),
                 inertia.lever,

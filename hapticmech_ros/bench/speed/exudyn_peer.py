@@ -32,7 +32,7 @@ SETTINGS: tuple[Setting, ...] = (
     {RADIUS: 0.6, INDEX_2: 0.0},
 )
 # Of Newton's method.
-RELATIVE, ABSOLUTE = 1e-9, 1e-11
+RELATIVE, ABSOLUTE = 1e-8, 1e-10
 # Unknowns from which on a sparse solver is faster.
 LARGE = 60
 

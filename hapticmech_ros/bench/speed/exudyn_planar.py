@@ -51,7 +51,7 @@ class ExudynPlane:
         model = self._tree.pinocchio
         data = model.createData()
         pin.forwardKinematics(model, data, start.q, start.v)
-        self._bodies: list[Any] = [self.system.AddObject(itemInterface.ObjectGround())]
+        self._bodies: list[Any] = [self.system.AddObject(self._items.ObjectGround())]
         self._nodes: list[Any] = [None]
         for number, joint in enumerate(self._tree.joints, start=1):
             self._add_body(number, joint, data)
@@ -69,7 +69,7 @@ class ExudynPlane:
                 self._pin(self._frame_marker(closure.a), self._frame_marker(closure.b))
         for spring in scene.springs:
             self.system.AddObject(
-                itemInterface.ObjectConnectorSpringDamper(
+                self._items.ObjectConnectorSpringDamper(
                     markerNumbers=[self._frame_marker(end) for end in (spring.a, spring.b)],
                     referenceLength=spring.rest_length,
                     stiffness=spring.stiffness,

@@ -19,6 +19,8 @@ from hapticmech_ros.bench.speed.own_peer import NAME as OWN
 from hapticmech_ros.bench.speed.scaling import TITLES, Growth
 from hapticmech_ros.bench.speed.tick import TickTime
 
+# Columns of words, which stand to the left.
+WORDS = ("peer", "method", "outcome", "closures", "measured")
 NOT_REACHED = "not reached"
 COLOURS = {"pass": "green", "FAIL": "bold red", "not measured": "yellow"}
 
@@ -35,7 +37,8 @@ class Sheet:
         """Return the sheet for a terminal."""
         table = Table(title=self.title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
         for index, heading in enumerate(self.headings):
-            table.add_column(heading, justify="right" if index else "left", overflow="fold")
+            words = heading in WORDS or not index
+            table.add_column(heading, justify="left" if words else "right", overflow="fold")
         for row in self.rows:
             table.add_row(*(_coloured(cell) for cell in row))
         return table
