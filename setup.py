@@ -91,8 +91,8 @@ setup(
     extras_require={
         # Other simulators, which `hapticmech bench speed` puts beside ours.
         "bench": [
-            "exudyn",
-            "mujoco",
+            "exudyn>=1.13",
+            "mujoco>=4",
         ],
         # ROS 2 from PyPI. Never beside a sourced ROS 2 installation, which has all of this.
         "ros": [
@@ -105,7 +105,7 @@ setup(
             "mcap",
             "mcap-ros2-support",
             # Tests check that our motions equal its.
-            "mujoco",
+            "mujoco>=4",
             "mypy>=1.10",
             "pytest>=7.4",
             "pytest-cov",

@@ -13,7 +13,7 @@ from hapticmech_ros.bench.speed.problems import Problem
 STEPS = {3: (2.0, 1.0), 2: (1.0, 0.5), 0: (0.2, 0.1)}
 LOW_ORDER = 1
 # What a method has to reach at the fine step, m or rad: those that hold closures to rounding, and
-# those that hold them softly or are of order 2; rules of order 1, whose error is that of their step.
+# those that hold them softly or are of order 2; rules of order 1, which err by their step.
 HARD_BOUNDS = {"hapticmech": 1e-9, "pinocchio": 1e-8}
 SOFT_BOUND, LOW_ORDER_BOUND = 1e-3, 2e-2
 # Halving the step has to leave at most so much of the error, unless it is this small already.

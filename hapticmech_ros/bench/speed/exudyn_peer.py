@@ -113,12 +113,12 @@ class _Exudyn:
 
     def _quiet(self, setting: Setting) -> Any:
         exudyn = self._exudyn
-        exudyn.SetWriteToConsole(False)
+        exudyn.config.printToConsole = False
         settings = exudyn.SimulationSettings()
-        settings.solutionSettings.writeSolutionToFile = False
-        settings.solutionSettings.sensorsWritePeriod = 1e30
-        settings.displayComputationTime = False
-        settings.displayStatistics = False
+        settings.solution.file.write = False
+        settings.solution.sensors.writePeriod = 1e30
+        settings.show.computationTime = False
+        settings.show.statistics = False
         settings.timeIntegration.verboseMode = 0
         settings.timeIntegration.automaticStepSize = False
         settings.timeIntegration.adaptiveStep = False
@@ -135,6 +135,8 @@ class _Exudyn:
         solvers, data = exudyn.LinearSolverType, self._converted.system.systemData
         size = len(data.GetODE2Coordinates()) + len(data.GetAECoordinates())
         # Only the dense one takes closures that are redundant.
-        settings.linearSolverType = solvers.EigenDense if size < LARGE else solvers.EigenSparse
-        settings.linearSolverSettings.ignoreSingularJacobian = size < LARGE
+        settings.linearSolver.solverType = (
+            solvers.EigenDense if size < LARGE else solvers.EigenSparse
+        )
+        settings.linearSolver.ignoreSingularJacobian = size < LARGE
         return settings

@@ -20,7 +20,14 @@ from hapticmech_ros.bench.speed.problems import Problem
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 
 # What a run may fail by and still be a result.
-FAILURES = (HapticMechError, ArithmeticError, np.linalg.LinAlgError, LookupError, RuntimeError)
+FAILURES = (
+    HapticMechError,
+    ArithmeticError,
+    np.linalg.LinAlgError,
+    LookupError,
+    RuntimeError,
+    ValueError,
+)
 ON_TIME = 1e-6
 
 

@@ -91,7 +91,9 @@ class MujocoScene:
     def _add_body(self, number: int, joint: Joint) -> None:
         model = self.tree.pinocchio
         place, inertia = model.jointPlacements[number], model.inertias[number]
-        moments = inertia.inertia + LEAST_INERTIA * np.eye(3)
+        moments = inertia.inertia
+        if np.linalg.eigvalsh(moments).min() < LEAST_INERTIA:
+            moments = moments + LEAST_INERTIA * np.eye(3)
         body = self._bodies[model.parents[number]].add_body(
             name=self.tree.links[number - 1],
             pos=place.translation,
