@@ -43,6 +43,8 @@ class Lane:
         failure: why there is no error; empty if there is.
         cpu_s_per_s: CPU time per simulated second, of each run.
         suitable: whether the peer can do the scene at all.
+        raced: whether it was timed in turn with the others; else its one time is that of the run
+            that was compared.
     """
 
     problem: str
@@ -54,6 +56,7 @@ class Lane:
     failure: str = ""
     cpu_s_per_s: tuple[float, ...] = ()
     suitable: bool = True
+    raced: bool = False
 
     @property
     def median(self) -> float | None:

@@ -25,7 +25,11 @@ from hapticmech_ros.scene import Scene
 CONSTANT, EXACT = "time constant", "exact inertia"
 # A shorter one is unstable under this rule.
 IMPLICIT: tuple[Setting, ...] = ({CONSTANT: 2.0, EXACT: 1.0}, {CONSTANT: 2.0, EXACT: 0.0})
-DISCRETE: tuple[Setting, ...] = ({CONSTANT: 1.0, EXACT: 1.0}, {CONSTANT: 2.0, EXACT: 1.0})
+DISCRETE: tuple[Setting, ...] = (
+    {CONSTANT: 1.0, EXACT: 1.0},
+    {CONSTANT: 1.0, EXACT: 0.0},
+    {CONSTANT: 2.0, EXACT: 1.0},
+)
 RUNGE_KUTTA: tuple[Setting, ...] = (
     *({CONSTANT: constant, EXACT: 0.0} for constant in (0.5, 1.0, 2.0, 4.0)),
     *({CONSTANT: constant, EXACT: 1.0} for constant in (0.7, 1.0)),

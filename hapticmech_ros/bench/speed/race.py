@@ -27,7 +27,7 @@ MULTIPLES = {
 LARGE_MULTIPLES = {
     5: (100.0, 50.0, 25.0, 20.0, 10.0),
     3: (20.0, 10.0, 5.0, 2.0),
-    0: (4.0, 2.0, 1.0, 0.5),
+    0: (4.0, 2.0, 1.0, 0.5, 0.2),
 }
 QUICK = {5: (50.0, 20.0, 10.0), 3: (10.0, 5.0, 2.0), 0: (2.0, 1.0, 0.5)}
 # Settings of closures that are tried at the next finer step: the best ones of a step that was not
@@ -35,6 +35,8 @@ QUICK = {5: (50.0, 20.0, 10.0), 3: (10.0, 5.0, 2.0), 0: (2.0, 1.0, 0.5)}
 KEPT_SETTINGS, NOT_LOST, WORSE = 3, 1e-2, 10.0
 # A run is left out of the timing if another of its peer is more accurate in so much of its time.
 DOMINATED = 0.7
+# Of the limit of a comparing run, for large problems.
+LARGE_SHARE = 3.0
 
 Show = Callable[[str], None]
 
@@ -92,7 +94,7 @@ def _compare(
     for multiple in multiples_of(problem, method, effort.quick):
         step = multiple * problem.unit
         expected_s = step_s * problem.times[-1] / step
-        if expected_s > effort.limit_s:
+        if expected_s > (LARGE_SHARE if problem.large else 1.0) * effort.limit_s:
             break
         tried = [run_lane(problem, start, peer, method, step, setting) for setting in settings]
         tried.sort(key=lambda one: float("inf") if one[0].error is None else one[0].error)
@@ -139,7 +141,7 @@ def _time(
             times[index].append(timed(contender, steps) / (steps * lane.step))
     for index, measured in times.items():
         if measured:
-            lanes[index] = replace(lanes[index], cpu_s_per_s=tuple(measured))
+            lanes[index] = replace(lanes[index], cpu_s_per_s=tuple(measured), raced=True)
     return tuple(lanes)
 
 

@@ -121,7 +121,7 @@ def _runs(lanes: Sequence[Lane]) -> Sheet:
             setting_text(lane.setting),
         )
         for lane in lanes
-        if len(lane.cpu_s_per_s) > 1
+        if lane.raced
     )
     return Sheet("runs that were timed: CPU time, ms per simulated second", headings, rows)
 
