@@ -53,8 +53,8 @@ class Effort:
     """
 
     repeats: int = 5
-    budget_s: float = 0.2
-    limit_s: float = 5.0
+    budget_s: float = 0.15
+    limit_s: float = 4.0
     quick: bool = False
 
 
