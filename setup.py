@@ -54,6 +54,7 @@ setup(
     package_data={
         PACKAGE: ["py.typed"],
         f"{PACKAGE}.bench.accuracy": ["*.json", "scenes/*.yaml"],
+        f"{PACKAGE}.bench.speed": ["*.json"],
     },
     zip_safe=False,
     data_files=[
@@ -88,6 +89,11 @@ setup(
         "typer",
     ],
     extras_require={
+        # Other simulators, which `hapticmech bench speed` puts beside ours.
+        "bench": [
+            "exudyn>=1.13",
+            "mujoco>=4",
+        ],
         # ROS 2 from PyPI. Never beside a sourced ROS 2 installation, which has all of this.
         "ros": [
             "ros-jazzy-common-interfaces",
@@ -98,6 +104,8 @@ setup(
             "colcon-common-extensions",
             "mcap",
             "mcap-ros2-support",
+            # Tests check that our motions equal its.
+            "mujoco>=4",
             "mypy>=1.10",
             "pytest>=7.4",
             "pytest-cov",

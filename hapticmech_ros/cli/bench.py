@@ -10,6 +10,7 @@ import typer
 from hapticmech_ros.cli.bench_ablation import ablation
 from hapticmech_ros.cli.bench_accuracy import accuracy
 from hapticmech_ros.cli.bench_memory import memory
+from hapticmech_ros.cli.bench_speed import speed
 from hapticmech_ros.cli.console import OutOption, SceneArgument, console, errors
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ app = typer.Typer(help="Benchmarks.", no_args_is_help=True)
 app.command()(accuracy)
 app.command()(ablation)
 app.command()(memory)
+app.command()(speed)
 
 
 @app.callback()

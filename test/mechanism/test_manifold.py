@@ -19,8 +19,11 @@ def mechanisms():
     for seed in range(8):
         scene = scene_from_document(random_mechanism(seed, closed=False).document)
         mechanism = build(scene)
-        yield mechanism, pin.integrate(
-            mechanism.model, pin.neutral(mechanism.model), np.sin(1.0 + np.arange(mechanism.nv))
+        yield (
+            mechanism,
+            pin.integrate(
+                mechanism.model, pin.neutral(mechanism.model), np.sin(1.0 + np.arange(mechanism.nv))
+            ),
         )
 
 
