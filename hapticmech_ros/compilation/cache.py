@@ -13,6 +13,7 @@ _PACKAGE = Path(__file__).parent.parent
 # All files whose functions or constants become part of a kernel.
 _SOURCES = (
     "compilation/decorators.py",
+    "compilation/structures.py",
     "compilation/builder.py",
     "mechanism/constraint_space.py",
     "mechanism/compiled/small_matrices.py",

@@ -49,13 +49,27 @@ def collect() -> list[Kernel]:
     return found
 
 
+def uses_numba() -> bool:
+    """Return whether functions are compiled by this process: there is no library of them."""
+    return _Collection.kernels is not None or library() is None
+
+
 def inner(function: Function) -> Function:
     """Return a function that kernels call; compiled as part of each of them."""
-    if _Collection.kernels is None and library() is not None:
+    if not uses_numba():
         return function
     import numba
 
     return cast(Function, numba.njit(**OPTIONS)(function))
+
+
+def leaf(function: Function) -> Function:
+    """Return an :func:`inner` function of a few operations, put into each that calls it."""
+    if not uses_numba():
+        return function
+    import numba
+
+    return cast(Function, numba.njit(forceinline=True, **OPTIONS)(function))
 
 
 def kernel(signature: str) -> Callable[[Function], Function]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.constraint_space import NEAR, ConstraintSpace
+from hapticmech_ros.mechanism.constraint_space import NEAR, PASSING, ConstraintSpace
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
 from hapticmech_ros.mechanism.implicit import Springs
 from hapticmech_ros.mechanism.integrator import Rates
@@ -106,6 +106,7 @@ class Stepper:
         self._mechanism = mechanism
         self._plan = plan
         self._shape = (len(mechanism.point_names), 6)
+        self._step = plan.period / plan.substeps
 
     def advance(self, start: Start, pushes: Pushes) -> Stepped:
         """Advance by one period with pushes held; see ``Simulator.step``."""
@@ -153,7 +154,7 @@ class Stepper:
             return self._substep(start, pushes)
         known = start.closing if start.terms is None else start.terms.closing
         closing = known or self._mechanism.closing_terms(start.q, start.active)
-        if closing.least < NEAR:
+        if closing.least < care_limit(self._step * float(np.abs(start.v).max())):
             return self._leave(start, pushes, closing) or self._substep(start, pushes)
         stepped = self._substep(start, pushes)
         if stepped.closing.resolved <= closing.resolved:
@@ -204,6 +205,11 @@ class Stepper:
             ended = project(mechanism, moved.q, moved.v, start.active, moved.change)
         refuse_flipped(mechanism, ended.q, ended.error, start.active)
         return Stepped(*ended, moved.work_in, moved.energy_lost)
+
+
+def care_limit(moved: float) -> float:
+    """Return the relative σ below which a step needs care if it moves a joint by so much."""
+    return max(NEAR, min(PASSING, moved))
 
 
 def _put(

@@ -15,7 +15,7 @@ from hapticmech_ros.mechanism.compiled.small_matrices import (
     dot_with_row,
     orthogonalise,
 )
-from hapticmech_ros.mechanism.compiled.tables import Tables, unfold
+from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 
 # Length of an analysis; of it, squares are at 6:114.
@@ -163,7 +163,7 @@ def analyse_point(
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.unfold``.
+        values: the others; see ``tables.fold``.
         packed: terms at the configuration.
         bias_force: (nv,) h.
         passive: (nv,) forces of springs, dampers, friction and stops, and efforts.
@@ -180,7 +180,7 @@ def analyse_point(
     Returns:
         Whether the SVD of S converged.
     """
-    tables, metric = unfold(numbers, values), metric_of(constants, rows.size)
+    tables, metric = Tables(numbers, values), metric_of(constants, rows.size)
     return analyse_motion(
         tables,
         unpack(packed, tables),

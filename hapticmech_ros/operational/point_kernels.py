@@ -9,7 +9,7 @@ from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
 from hapticmech_ros.mechanism.compiled.kernels import factor
 from hapticmech_ros.mechanism.compiled.motion_kernels import closure_bias, move_joints, move_point
 from hapticmech_ros.mechanism.compiled.packed import unpack
-from hapticmech_ros.mechanism.compiled.tables import unfold
+from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.compiled.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.kernels import ANALYSIS_SIZE, analyse_motion, metric_of
@@ -39,7 +39,7 @@ def see_point(
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.unfold``.
+        values: the others; see ``tables.fold``.
         packed: to fill.
         q: (nq,) configuration.
         v: (nv,) rates.
@@ -53,7 +53,7 @@ def see_point(
     Returns:
         0; NO_SPECTRUM where the SVD of S does not converge; or a negative code.
     """
-    tables = unfold(numbers, values)
+    tables = Tables(numbers, values)
     nv, m = tables.nv, tables.m
     space = unpack(packed, tables)
     code = factor(tables, q, space)

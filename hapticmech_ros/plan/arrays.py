@@ -11,7 +11,7 @@ import numpy as np
 from hapticmech_ros.control.flat import DEVICE_SIZE, RENDERED_SIZE
 from hapticmech_ros.device.compiled_state import CompiledState
 from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
-from hapticmech_ros.mechanism.compiled.packed import views_of
+from hapticmech_ros.mechanism.compiled.packed import PARTS, views_of
 from hapticmech_ros.mechanism.compiled.step_kernels import work_size
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.plan.running import Running
@@ -46,9 +46,10 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
     for name, array in zip(("constants, whole", "constants, real"), chosen.constants, strict=True):
         yield name, array
     yield "a configuration's terms (packed)", np.empty(chosen.size)
-    for name, array in views_of(np.empty(chosen.size), chosen.tables)._asdict().items():
-        if array.size:
-            yield f"of which {name}", array
+    packed = views_of(np.empty(chosen.size), chosen.tables)
+    for name in PARTS:
+        if getattr(packed, name).size:
+            yield f"of which {name}", getattr(packed, name)
     yield "work of a step", np.empty(work_size(mechanism.nq, mechanism.nv, points))
     terms = run.simulator.evaluate(run.state)
     yield "h", terms.bias_force

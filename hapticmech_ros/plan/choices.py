@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import cast
 
-from hapticmech_ros.mechanism.compiled.layout import MANY_RATES
 from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
 from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
 from hapticmech_ros.plan.running import Running
@@ -57,9 +56,7 @@ def _path(run: Running) -> Choice:
         return Choice("path", "sparse, linear in size", why)
     if mechanism.needs_matrix:
         return Choice("path", "dense", "the integrator needs D as a matrix")
-    if nv < MANY_RATES:
-        return Choice("path", "dense", f"{nv} rates: a sparse one takes longer below {MANY_RATES}")
-    return Choice("path", "dense", "rows reach too far for a band, or follow from each other")
+    return Choice("path", "dense", f"{nv} rates and {chosen.m} rows are few, or some redundant")
 
 
 def _closure_rows(run: Running) -> Choice:

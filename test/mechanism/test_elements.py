@@ -8,7 +8,7 @@ import pytest
 
 from hapticmech_ros.mechanism.compiled.element_kernels import element_slopes
 from hapticmech_ros.mechanism.compiled.packed import views_of
-from hapticmech_ros.mechanism.compiled.tables import unfold
+from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document
@@ -196,7 +196,7 @@ def test_kernels_do_the_same(seed, planar, away):
         nv = pair.v.size
         stiffness, damping = np.full((nv, nv), np.nan), np.full((nv, nv), np.nan)
         space = views_of(found.closing.packed, chosen.tables)
-        tables = unfold(*chosen.constants)
+        tables = Tables(*chosen.constants)
         element_slopes(tables, space, pair.q, pair.v, 0.02, stiffness, damping)
         slopes = pair.readable.slopes(pair.q, pair.v, 0.02)
         assert apart(stiffness, slopes[0]) < ROUNDING

@@ -102,9 +102,23 @@ def test_redundant_rows_are_named() -> None:
 
 
 def test_many_rows_are_factored_by_qr_and_few_by_svd() -> None:
-    few, many = FEW_ROWS // 2, FEW_ROWS // 2 + 1
-    assert taken(plan_scene(n_four_bar(few)))["rows factored by"] == "SVD"
-    assert taken(plan_scene(n_four_bar(many)))["rows factored by"] == "pivoted QR"
+    few, many = (dense(n_four_bar(FEW_ROWS // 2 + more)) for more in (0, 1))
+    assert taken(plan_scene(few))["rows factored by"] == "SVD"
+    assert taken(plan_scene(many))["rows factored by"] == "pivoted QR"
+
+
+def test_what_reaches_few_rates_is_factored_inside_a_band() -> None:
+    found = taken(plan_scene(n_four_bar(10)))
+    assert found["path"] == "sparse, linear in size"
+    assert found["rows factored by"] == "QR inside a band"
+    assert taken(plan_scene(dense(n_four_bar(10))))["path"] == "dense"
+    assert taken(plan_scene(load_scene("five_bar")))["path"] == "dense"
+
+
+def dense(scene: Scene) -> Scene:
+    """Return a scene whose integrator needs D as a matrix."""
+    implicit = scene.simulation.model_copy(update={"integrator": "linearly_implicit"})
+    return scene.model_copy(update={"simulation": implicit})
 
 
 def open_pin(document: dict[str, Any]) -> None:

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.compiled.packed import Packed
 from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 
 
-@inner
+@leaf
 def dot6(a: Array, b: Array) -> float:
     """Return the product of the first six entries."""
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
@@ -27,10 +27,10 @@ def dot6(a: Array, b: Array) -> float:
 def articulate(tables: Tables, space: Packed) -> int:
     """Fill ``space.hinges``; return the first rate that moves no mass, or -1."""
     joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
-    carried = np.zeros((joints.shape[0], 6, 6))
+    carried, bodies = np.zeros((joints.shape[0], 6, 6)), space.bodies
     for joint in range(joints.shape[0] - 1, 0, -1):
         inertia = carried[joint]
-        _add_body(space.bodies[joint], inertia)
+        _add_body(bodies[joint], inertia)
         for row in range(joints[joint, 1] + joints[joint, 2] - 1, joints[joint, 1] - 1, -1):
             hinge = hinges[row]
             for i in range(6):
@@ -51,7 +51,7 @@ def articulate(tables: Tables, space: Packed) -> int:
     return -1
 
 
-@inner
+@leaf
 def _add_body(body: Array, inertia: Array) -> None:
     """Add a body's (6, 6) map from twist to momentum."""
     for i in range(3):

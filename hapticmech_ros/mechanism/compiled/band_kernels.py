@@ -4,25 +4,25 @@ Columns of A are taken in the order of the first place that they reach, in which
 reflections of those before fill them only as far as these reach (George and Heath, Solution of
 sparse linear least squares problems using Givens rotations, 1980). A column of which nothing but
 rounding is left follows from those before it, and is left out: a redundant row. Where it is not
-clear whether it does, or where the rows are nearly dependent altogether, the answer is UNDECIDED,
-and the dense factorisation has to say.
+clear whether it does, where there are not as many of them as there always are, or where the rows
+are nearly dependent altogether, the answer is UNDECIDED, and the dense factorisation has to say.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.compiled.articulated_kernels import pair_to_metric
 from hapticmech_ros.mechanism.compiled.packed import Packed
 from hapticmech_ros.mechanism.compiled.tables import Tables
-from hapticmech_ros.mechanism.constraint_space import RESOLVED, SOLVER_RANK_TOLERANCE
+from hapticmech_ros.mechanism.constraint_space import PASSING, RESOLVED, SOLVER_RANK_TOLERANCE
 from hapticmech_ros.mechanism.model import Array
 
 # Columns of ``Packed.row_places``.
 BEGIN, PIVOT, DIAGONAL, LAST, FIRST = range(5)
 # A smallest singular value below this share of the largest row is for the dense factorisation.
-WELL_DETERMINED = 1e-5
+WELL_DETERMINED = PASSING
 # How much the estimate of the smallest singular value may be too large.
 _DOUBT = 10.0
 UNDECIDED = -1_000_000
@@ -39,9 +39,10 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
         tolerance: share of the largest row below which what is left of a row says nothing.
     """
     places, band, column = space.row_places, space.band, np.zeros(tables.nv)
+    sequence, pairs, lengths, width = tables.sequence, space.pairs, tables.lengths, tables.width
     free, hit, rank, largest = 0, 0, 0, 0.0
     for j in range(tables.m):
-        row, low, last = tables.sequence[j, 0], tables.sequence[j, 1], tables.sequence[j, 2]
+        row, low, last, a, b = sequence[j]
         while hit < j and places[hit, LAST] < low:
             hit += 1
         begin = low
@@ -51,12 +52,11 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
             free = max(free, low)
         for i in range(hit, j):
             last = max(last, int(places[i, LAST]))
-        if last - begin >= tables.width:
+        if last - begin >= width:
             return UNDECIDED
-        a, b = tables.sequence[j, 3], tables.sequence[j, 4]
         for place in range(begin, last + 1):
             column[place] = 0.0
-        pair_to_metric(tables, space, a, b, space.wrenches[row], 1.0 / tables.lengths[row], column)
+        pair_to_metric(tables, space, a, b, pairs[row], 1.0 / lengths[row], column)
         square = 0.0
         for place in range(begin, last + 1):
             square += column[place] * column[place]
@@ -89,6 +89,8 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
         places[j, PIVOT], places[j, LAST], places[j, DIAGONAL] = free, last, goal
         free += 1
         rank += 1
+    if tables.independent >= 0 and rank != tables.independent:
+        return UNDECIDED
     least = _least(tables, space, rank) / largest if rank > 0 else 1.0
     if not least > max(WELL_DETERMINED, _DOUBT * tolerance):
         return UNDECIDED
@@ -96,7 +98,7 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
     return rank
 
 
-@inner
+@leaf
 def _reflect(places: Array, band: Array, j: int, vector: Array) -> None:
     """Apply reflection j to a vector by places."""
     begin, pivot, last = int(places[j, BEGIN]), int(places[j, PIVOT]), int(places[j, LAST])
@@ -111,28 +113,31 @@ def _reflect(places: Array, band: Array, j: int, vector: Array) -> None:
 @inner
 def turn_in(tables: Tables, space: Packed, vector: Array, turned: Array) -> None:
     """Fill ``turned`` (nv,), by places, with Qᵀ vector (nv,)."""
-    for row in range(tables.nv):
-        turned[tables.order[row]] = vector[row]
-    for j in range(tables.m):
-        if space.row_places[j, PIVOT] >= 0.0:
-            _reflect(space.row_places, space.band, j, turned)
+    order, places, band = tables.order, space.row_places, space.band
+    for row in range(order.size):
+        turned[order[row]] = vector[row]
+    for j in range(places.shape[0]):
+        if places[j, PIVOT] >= 0.0:
+            _reflect(places, band, j, turned)
 
 
 @inner
 def turn_back(tables: Tables, space: Packed, turned: Array, vector: Array) -> None:
     """Fill ``vector`` (nv,) with Q turned (nv,); ``turned`` is used up."""
-    for j in range(tables.m - 1, -1, -1):
-        if space.row_places[j, PIVOT] >= 0.0:
-            _reflect(space.row_places, space.band, j, turned)
-    for row in range(tables.nv):
-        vector[row] = turned[tables.order[row]]
+    order, places, band = tables.order, space.row_places, space.band
+    for j in range(places.shape[0] - 1, -1, -1):
+        if places[j, PIVOT] >= 0.0:
+            _reflect(places, band, j, turned)
+    for row in range(order.size):
+        vector[row] = turned[order[row]]
 
 
 @inner
 def clear_pivots(tables: Tables, space: Packed, turned: Array) -> None:
     """Put zero where the closures' directions are in a turned vector."""
-    for j in range(tables.m):
-        pivot = int(space.row_places[j, PIVOT])
+    places = space.row_places
+    for j in range(places.shape[0]):
+        pivot = int(places[j, PIVOT])
         if pivot >= 0:
             turned[pivot] = 0.0
 
@@ -140,17 +145,18 @@ def clear_pivots(tables: Tables, space: Packed, turned: Array) -> None:
 @inner
 def solve_rows(tables: Tables, space: Packed, needed: Array, scale: float, turned: Array) -> None:
     """Fill the pivots of ``turned`` (nv,) with R⁻ᵀ of ``scale`` times needed (m,) / row length."""
-    places, band = space.row_places, space.band
-    for j in range(tables.m):
+    places, band, sequence = space.row_places, space.band, tables.sequence
+    lengths = tables.lengths
+    for j in range(places.shape[0]):
         pivot = int(places[j, PIVOT])
         if pivot < 0:
             continue
-        row = tables.sequence[j, 0]
-        total = scale * needed[row] / tables.lengths[row]
+        row = sequence[j, 0]
+        total = scale * needed[row] / lengths[row]
         turned[pivot] = (total - _above(places, band, j, turned)) / places[j, DIAGONAL]
 
 
-@inner
+@leaf
 def _above(places: Array, band: Array, j: int, turned: Array) -> float:
     """Return the product of column j of R, over its diagonal, and a turned vector."""
     begin, total = int(places[j, BEGIN]), 0.0

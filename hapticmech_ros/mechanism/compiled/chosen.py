@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from hapticmech_ros.mechanism.compiled.packed import packed_size
-from hapticmech_ros.mechanism.compiled.tables import Tables, fold
+from hapticmech_ros.mechanism.compiled.tables import Constants, Tables, fold
 from hapticmech_ros.mechanism.model import Array
 
 
@@ -15,19 +15,25 @@ class Chosen:
     """What a set of active closures fixes, for one kind of factorisation.
 
     Attributes:
-        tables: the mechanism's, with these closures.
-        constants: the tables, folded.
+        known: the mechanism's constants, with these closures.
+        constants: these, folded.
+        tables: views of the folded ones.
         m: number of closure rows.
         size: length of a packed array.
         dense: the same closures with a dense factorisation; itself, if it is dense.
+        redundant: of a sparse one, whether rows follow from others.
     """
 
-    def __init__(self, tables: Tables, dense: Chosen | None = None) -> None:
-        self.tables = tables
-        self.constants: tuple[Array, Array] = fold(tables)
-        self.m = tables.m
-        self.size = packed_size(tables)
+    def __init__(
+        self, known: Constants, dense: Chosen | None = None, redundant: bool = False
+    ) -> None:
+        self.known = known
+        self.constants: tuple[Array, Array] = fold(known)
+        self.tables = Tables(*self.constants)
+        self.m = known.m
+        self.size = packed_size(self.tables)
         self.dense: Chosen = self if dense is None else dense
+        self.redundant = redundant
 
     @property
     def is_sparse(self) -> bool:

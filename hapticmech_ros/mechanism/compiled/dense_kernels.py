@@ -27,22 +27,19 @@ NO_SVD = -1
 @inner
 def factor_dense(tables: Tables, space: Packed, tolerance: float) -> int:
     """Fill W, basis, σ and rows; return the rank, or NO_SVD."""
-    axes, jacobian = space.joint_jacobian, space.jacobian
-    for index in range(tables.closures.shape[0]):
-        _, a, b, first = tables.closures[index]
-        end = tables.m
-        if index + 1 < tables.closures.shape[0]:
-            end = tables.closures[index + 1, 3]
-        for row in range(first, end):
-            for c in range(tables.nv):
-                jacobian[row, c] = 0.0
-            joint_a, joint_b = tables.carriers[a], tables.carriers[b]
-            pair = space.wrenches[row]
-            add_pair(tables.joints, axes, joint_a, joint_b, pair, 1.0, jacobian[row])
-    if tables.m == 0:
+    m, axes, jacobian, pairs = tables.m, space.joint_jacobian, space.jacobian, space.pairs
+    if m == 0:
         return 0
+    closures, carriers, joints = tables.closures, tables.carriers, tables.joints
+    for index in range(closures.shape[0]):
+        _, a, b, first = closures[index]
+        end = m if index + 1 == closures.shape[0] else closures[index + 1, 3]
+        for row in range(first, end):
+            for c in range(jacobian.shape[1]):
+                jacobian[row, c] = 0.0
+            add_pair(joints, axes, carriers[a], carriers[b], pairs[row], 1.0, jacobian[row])
     rank = UNDECIDED
-    if tables.m > FEW_ROWS:
+    if m > FEW_ROWS:
         rank = _resolve_many(tables.lengths, tolerance, space)
     if rank == UNDECIDED:
         rank = _resolve_few(tables.lengths, tolerance, space)
@@ -52,12 +49,13 @@ def factor_dense(tables: Tables, space: Packed, tolerance: float) -> int:
 @inner
 def _resolve_few(lengths: Array, tolerance: float, space: Packed) -> int:
     """Fill basis, σ and rows by an SVD; return the rank, or NO_SVD."""
-    m, nv = space.jacobian.shape
+    jacobian, factor = space.jacobian, space.factor
+    m, nv = jacobian.shape
     scaled, turn = np.empty((m, nv)), np.empty((m, m))
     for i in range(m):
         for c in range(nv):
-            scaled[i, c] = space.jacobian[i, c] / lengths[i]
-        solve_lower(space.factor, scaled[i])
+            scaled[i, c] = jacobian[i, c] / lengths[i]
+        solve_lower(factor, scaled[i])
     if not orthogonalise(scaled, turn):
         return NO_SVD
     return _keep(scaled, turn, lengths, tolerance, space)
@@ -70,12 +68,13 @@ def _resolve_many(lengths: Array, tolerance: float, space: Packed) -> int:
     Return the rank; NO_SVD; or UNDECIDED where more than rounding has to be cut, off the closures
     or next to a singular position: only an SVD cuts no more than needs be.
     """
-    m, nv = space.jacobian.shape
-    most = space.sigma.size
+    jacobian, basis, rows, sigmas = space.jacobian, space.basis, space.rows, space.sigma
+    m, nv = jacobian.shape
+    most = sigmas.size
     scaled = np.empty((nv, m))
     for c in range(nv):
         for i in range(m):
-            scaled[c, i] = space.jacobian[i, c] / lengths[i]
+            scaled[c, i] = jacobian[i, c] / lengths[i]
             if not np.isfinite(scaled[c, i]):
                 return NO_SVD
     solve_lower_columns(space.factor, scaled)
@@ -90,11 +89,11 @@ def _resolve_many(lengths: Array, tolerance: float, space: Packed) -> int:
     inverse = pseudo_inverse_transposed(scaled, resolved)
     for i in range(resolved):
         sigma = abs(scaled[i, i])
-        space.sigma[i] = sigma
+        sigmas[i] = sigma
         for c in range(nv):
-            space.basis[i, c] = directions[c, i]
+            basis[i, c] = directions[c, i]
         for j in range(m):
-            space.rows[i, order[j]] = inverse[i, j] * sigma / lengths[order[j]]
+            rows[i, order[j]] = inverse[i, j] * sigma / lengths[order[j]]
     return resolved
 
 
@@ -102,18 +101,18 @@ def _resolve_many(lengths: Array, tolerance: float, space: Packed) -> int:
 def _keep(scaled: Array, turn: Array, lengths: Array, tolerance: float, space: Packed) -> int:
     """Keep the directions that carry force, and return their number."""
     longest = np.sqrt(dot_rows(scaled, 0, 0))
-    rank = 0
-    for i in range(space.sigma.size):
+    rank, sigma, basis, rows, tail = 0, space.sigma, space.basis, space.rows, space.tail
+    for i in range(sigma.size):
         length = np.sqrt(dot_rows(scaled, i, i))
         if not length > RESOLVED * longest:
             break
-        space.tail[2], space.tail[3] = length / longest, i + 1
+        tail[2], tail[3] = length / longest, i + 1
         if not length > tolerance * longest:
             continue
-        space.sigma[i] = length
+        sigma[i] = length
         for c in range(scaled.shape[1]):
-            space.basis[i, c] = scaled[i, c] / length
+            basis[i, c] = scaled[i, c] / length
         for j in range(lengths.size):
-            space.rows[i, j] = turn[i, j] / lengths[j]
+            rows[i, j] = turn[i, j] / lengths[j]
         rank += 1
     return rank

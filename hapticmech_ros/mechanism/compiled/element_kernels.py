@@ -25,12 +25,13 @@ def element_forces(
 
     ``space`` has joint Jacobians and poses at q.
     """
-    for c in range(tables.nv):
-        dissipative[c] = -tables.damping[c] * v[c]
+    damping, elements = tables.damping, tables.elements
+    for c in range(damping.size):
+        dissipative[c] = -damping[c] * v[c]
         passive[c] = dissipative[c]
-    for row in range(tables.elements.shape[0]):
-        rate, values = tables.elements[row, 0], tables.element_values[row]
-        elastic, lossy = _joint_forces(values, q[tables.elements[row, 1]], v[rate])
+    for row in range(elements.shape[0]):
+        rate, values = elements[row, 0], tables.element_values[row]
+        elastic, lossy = _joint_forces(values, q[elements[row, 1]], v[rate])
         dissipative[rate] += lossy
         passive[rate] += elastic + lossy
     if tables.springs.shape[0] == 0:

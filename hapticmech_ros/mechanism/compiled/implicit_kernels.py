@@ -14,8 +14,8 @@ from hapticmech_ros.mechanism.compiled.small_matrices import (
     solve_lower,
     solve_lower_transposed,
 )
-from hapticmech_ros.mechanism.compiled.step_kernels import MOST_STAGES, Work, follow
-from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.compiled.step_kernels import Work, follow
+from hapticmech_ros.mechanism.compiled.tables import MOST_STAGES, Tables
 from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED
 from hapticmech_ros.mechanism.model import Array
 

@@ -20,7 +20,7 @@ from hapticmech_ros.mechanism.compiled.metric_kernels import (
 )
 from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
 from hapticmech_ros.mechanism.compiled.small_matrices import cholesky
-from hapticmech_ros.mechanism.compiled.tables import SPARSE, Tables, unfold
+from hapticmech_ros.mechanism.compiled.tables import SPARSE, Tables
 from hapticmech_ros.mechanism.compiled.tree_kernels import inertia_of, place_tree
 from hapticmech_ros.mechanism.constraint_space import (
     DRIFT_CAP,
@@ -38,18 +38,19 @@ NOT_FINITE, SINGULAR = -2, -3
 @inner
 def factor(tables: Tables, q: Array, space: Packed) -> int:
     """Fill ``space`` at a configuration; see :func:`factor_closures`."""
-    m, closures, poses = tables.m, tables.closures, space.poses
+    m, closures, poses, lengths = tables.m, tables.closures, space.poses, tables.lengths
+    residual, pairs, tail = space.residual, space.pairs, space.tail
     place_tree(tables, q, space)
     for index in range(closures.shape[0]):
         kind, a, b, first = closures[index]
-        residual_of(kind, poses, a, b, first, space.residual)
-        wrenches_of(kind, poses, a, b, first, space.wrenches)
+        residual_of(kind, poses, a, b, first, residual)
+        wrenches_of(kind, poses, a, b, first, pairs)
     worst, drift = 0.0, 0.0
     for i in range(m):
-        worst = max(worst, abs(space.residual[i]))
-        drift = max(drift, abs(space.residual[i] / tables.lengths[i]))
+        worst = max(worst, abs(residual[i]))
+        drift = max(drift, abs(residual[i] / lengths[i]))
     tolerance = max(SOLVER_RANK_TOLERANCE, min(DRIFT_FACTOR * drift, DRIFT_CAP))
-    space.tail[0], space.tail[1], space.tail[2], space.tail[3] = worst, 0.0, 1.0, 0.0
+    tail[0], tail[1], tail[2], tail[3] = worst, 0.0, 1.0, 0.0
     rank = UNDECIDED
     if tables.path == SPARSE:
         bad = articulate(tables, space)
@@ -62,7 +63,7 @@ def factor(tables: Tables, q: Array, space: Packed) -> int:
             rank = factor_dense(tables, space, tolerance)
     if bad >= 0:
         return SINGULAR - bad
-    space.tail[1] = max(rank, 0)
+    tail[1] = max(rank, 0)
     return rank
 
 
@@ -72,14 +73,14 @@ def factor_closures(numbers: Array, values: Array, q: Array, packed: Array) -> i
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.unfold``.
+        values: the others; see ``tables.fold``.
         q: (nq,) configuration.
         packed: to fill.
 
     Returns:
         The rank r; or NO_SVD, SINGULAR and below, or UNDECIDED of a sparse factorisation.
     """
-    tables = unfold(numbers, values)
+    tables = Tables(numbers, values)
     return factor(tables, q, unpack(packed, tables))
 
 
@@ -97,26 +98,26 @@ def solve_motion(
     result: Array,
 ) -> None:
     """Solve Eq. 1: see :func:`accelerate`."""
-    tables = unfold(numbers, values)
+    tables = Tables(numbers, values)
     accelerate(tables, unpack(packed, tables), bias_force, passive, bias, result)
 
 
 @kernel("void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1])")
 def correct(numbers: Array, values: Array, packed: Array, residual: Array, change: Array) -> None:
     """Fill ``change``: see :func:`correction_of`."""
-    tables = unfold(numbers, values)
+    tables = Tables(numbers, values)
     correction_of(tables, unpack(packed, tables), residual, change)
 
 
 @kernel("void(int64[::1], float64[::1], float64[::1], float64[::1])")
 def keep_closed(numbers: Array, values: Array, packed: Array, rates: Array) -> None:
     """Replace rates: see :func:`close_rates`."""
-    tables = unfold(numbers, values)
+    tables = Tables(numbers, values)
     close_rates(tables, unpack(packed, tables), rates)
 
 
 @kernel("void(int64[::1], float64[::1], float64[::1], float64[::1])")
 def lift_rates(numbers: Array, values: Array, packed: Array, rates: Array) -> None:
     """Replace rates: see ``metric_kernels.lift``."""
-    tables = unfold(numbers, values)
+    tables = Tables(numbers, values)
     lift(tables, unpack(packed, tables), rates)

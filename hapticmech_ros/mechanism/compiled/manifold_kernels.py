@@ -41,8 +41,9 @@ _BERNOULLI = (
 def move(tables: Tables, start: Array, theta: Array, q: Array) -> None:
     """Fill ``q`` (nq,) with start ⊕ theta; it may be ``start`` itself."""
     turn, moved, rotation = np.empty(3), np.empty(3), np.empty((3, 3))
-    for joint in range(1, tables.joints.shape[0]):
-        first, kind, at = tables.joints[joint, 1], tables.joints[joint, 3], tables.joints[joint, 4]
+    joints = tables.joints
+    for joint in range(1, joints.shape[0]):
+        first, kind, at = joints[joint, 1], joints[joint, 3], joints[joint, 4]
         if kind in (REVOLUTE, PRISMATIC):
             q[at] = start[at] + theta[first]
         elif kind == PLANAR:
@@ -99,14 +100,14 @@ def _turn_quaternion(start: Array, turn: Array, q: Array) -> None:
 @inner
 def local_rates(tables: Tables, theta: Array, v: Array, rates: Array) -> None:
     """Fill ``rates`` (nv,) with θ̇ = J_r(θ)⁻¹ v."""
-    twist, speed = np.empty(6), np.empty(6)
-    for joint in range(1, tables.joints.shape[0]):
-        first, kind = tables.joints[joint, 1], tables.joints[joint, 3]
+    twist, speed, joints = np.empty(6), np.empty(6), tables.joints
+    for joint in range(1, joints.shape[0]):
+        first, kind = joints[joint, 1], joints[joint, 3]
         if kind in (REVOLUTE, PRISMATIC):
             rates[first] = v[first]
             continue
         # Where a joint's rates are in a twist: all six, the last three, or two and the last.
-        count = tables.joints[joint, 2]
+        count = joints[joint, 2]
         twist[:] = 0.0
         speed[:] = 0.0
         for k in range(count):

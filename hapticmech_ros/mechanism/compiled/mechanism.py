@@ -20,7 +20,7 @@ from hapticmech_ros.mechanism.compiled.kernels import SINGULAR, factor_closures,
 from hapticmech_ros.mechanism.compiled.layout import sparse_or_dense
 from hapticmech_ros.mechanism.compiled.motion_kernels import move_frames
 from hapticmech_ros.mechanism.compiled.space import CompiledClosing
-from hapticmech_ros.mechanism.compiled.tables import DENSE, JOINT_COLUMNS, Tables
+from hapticmech_ros.mechanism.compiled.tables import DENSE, JOINT_COLUMNS, Constants
 from hapticmech_ros.mechanism.compiled.tree_kernels import JOINT_KINDS, joint_row
 from hapticmech_ros.mechanism.constraint_space import singular_inertia, singular_joint
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation, PointKinematics
@@ -160,12 +160,13 @@ class CompiledMechanism(Mechanism):
         frames = list(place)
         model = self.model
         dense = Chosen(
-            Tables(
+            Constants(
                 self.nq,
                 self.nv,
                 int(rows[-1]),
                 DENSE,
-                0,
+                width=0,
+                independent=-1,
                 carriers=self._carriers[frames],
                 joints=np.array([self._joint_numbers(i) for i in range(model.njoints)]),
                 closures=np.array(closures, dtype=np.int64).reshape(-1, 4),

@@ -55,10 +55,11 @@ def lift(tables: Tables, space: Packed, rates: Array) -> None:
     if tables.path == SPARSE:
         rates_to_metric(tables, space, rates)
         return
+    factor = space.factor
     for i in range(rates.size):
         total = 0.0
         for k in range(i, rates.size):
-            total += space.factor[k, i] * rates[k]
+            total += factor[k, i] * rates[k]
         rates[i] = total
 
 
@@ -99,15 +100,15 @@ def accelerate(
             turn_back(tables, space, turned, rates)
     else:
         multipliers[:] = 0.0
-        surplus = np.empty(rank)
+        basis, rows, sigma, surplus = space.basis, space.rows, space.sigma, np.empty(rank)
         for i in range(rank):
-            surplus[i] = dot_with_row(space.basis, i, rates)
-            surplus[i] += dot_with_row(space.rows, i, bias) / space.sigma[i]
+            surplus[i] = dot_with_row(basis, i, rates)
+            surplus[i] += dot_with_row(rows, i, bias) / sigma[i]
         for i in range(rank):
             for c in range(nv):
-                rates[c] -= surplus[i] * space.basis[i, c]
+                rates[c] -= surplus[i] * basis[i, c]
             for j in range(m):
-                multipliers[j] += space.rows[i, j] * (surplus[i] / space.sigma[i])
+                multipliers[j] += rows[i, j] * (surplus[i] / sigma[i])
     from_metric(tables, space, rates)
 
 
@@ -121,10 +122,11 @@ def correction_of(tables: Tables, space: Packed, residual: Array, change: Array)
         solve_rows(tables, space, residual, 1.0, turned)
         turn_back(tables, space, turned, change)
     else:
+        basis, rows, sigma = space.basis, space.rows, space.sigma
         for i in range(rank):
-            along = dot_with_row(space.rows, i, residual) / space.sigma[i]
+            along = dot_with_row(rows, i, residual) / sigma[i]
             for c in range(change.size):
-                change[c] += along * space.basis[i, c]
+                change[c] += along * basis[i, c]
     from_metric(tables, space, change)
 
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.compilation import inner, kernel, leaf
 from hapticmech_ros.mechanism.compiled.closure_kernels import bias_of
 from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
 from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
 from hapticmech_ros.mechanism.compiled.pair_kernels import add_pair
-from hapticmech_ros.mechanism.compiled.tables import Tables, unfold
+from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.compiled.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.model import Array
 
@@ -25,17 +25,19 @@ def move_joints(tables: Tables, space: Packed, v: Array, motions: Array) -> None
     A motion is a velocity and an angular rate, then their derivatives. Joint axes are fixed in the
     body that the joint moves, so that their rate is twist × axis.
     """
-    motions[0] = 0.0
-    for joint in range(1, tables.joints.shape[0]):
-        parent, first = tables.joints[joint, 0], tables.joints[joint, 1]
+    joints, axes = tables.joints, space.joint_jacobian
+    for k in range(12):
+        motions[0, k] = 0.0
+    for joint in range(1, joints.shape[0]):
+        parent, first = joints[joint, 0], joints[joint, 1]
         x, y, z, a, b, c = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for rate in range(first, first + tables.joints[joint, 2]):
-            x += space.joint_jacobian[rate, 0] * v[rate]
-            y += space.joint_jacobian[rate, 1] * v[rate]
-            z += space.joint_jacobian[rate, 2] * v[rate]
-            a += space.joint_jacobian[rate, 3] * v[rate]
-            b += space.joint_jacobian[rate, 4] * v[rate]
-            c += space.joint_jacobian[rate, 5] * v[rate]
+        for rate in range(first, first + joints[joint, 2]):
+            x += axes[rate, 0] * v[rate]
+            y += axes[rate, 1] * v[rate]
+            z += axes[rate, 2] * v[rate]
+            a += axes[rate, 3] * v[rate]
+            b += axes[rate, 4] * v[rate]
+            c += axes[rate, 5] * v[rate]
         px, py, pz = motions[parent, 0] + x, motions[parent, 1] + y, motions[parent, 2] + z
         wx, wy, wz = motions[parent, 3] + a, motions[parent, 4] + b, motions[parent, 5] + c
         motions[joint, 0], motions[joint, 1], motions[joint, 2] = px, py, pz
@@ -48,11 +50,12 @@ def move_joints(tables: Tables, space: Packed, v: Array, motions: Array) -> None
         motions[joint, 11] = motions[parent, 11] + (wx * b - wy * a)
 
 
-@inner
+@leaf
 def _move_frame(tables: Tables, space: Packed, motions: Array, frame: int, motion: Array) -> None:
     """Fill the motion (12,) of a frame's origin from that of its joint at the world's origin."""
     joint = tables.carriers[frame]
-    x, y, z = space.poses[frame, 9], space.poses[frame, 10], space.poses[frame, 11]
+    pose = space.poses[frame]
+    x, y, z = pose[9], pose[10], pose[11]
     a, b, c = motions[joint, 3], motions[joint, 4], motions[joint, 5]
     d, e, f = motions[joint, 9], motions[joint, 10], motions[joint, 11]
     vx = motions[joint, 0] + (b * z - c * y)
@@ -68,13 +71,12 @@ def _move_frame(tables: Tables, space: Packed, motions: Array, frame: int, motio
 @inner
 def closure_bias(tables: Tables, space: Packed, motions: Array, bias: Array) -> None:
     """Fill ``bias`` (m,) with Ẇv, given the joints' motions."""
-    motion_a, motion_b = np.empty(12), np.empty(12)
-    for index in range(tables.closures.shape[0]):
-        kind, a = tables.closures[index, 0], tables.closures[index, 1]
-        b, first = tables.closures[index, 2], tables.closures[index, 3]
+    motion_a, motion_b, closures, poses = np.empty(12), np.empty(12), tables.closures, space.poses
+    for index in range(closures.shape[0]):
+        kind, a, b, first = closures[index]
         _move_frame(tables, space, motions, a, motion_a)
         _move_frame(tables, space, motions, b, motion_b)
-        bias_of(kind, space.poses, a, b, motion_a, motion_b, first, bias)
+        bias_of(kind, poses, a, b, motion_a, motion_b, first, bias)
 
 
 @inner
@@ -84,19 +86,19 @@ def move_point(
     """Fill an operational point's J_h (6, nv), and its J_h v and J̇_h v (12,)."""
     frame = tables.points[index]
     x, y, z = space.poses[frame, 9], space.poses[frame, 10], space.poses[frame, 11]
-    axes, joint = space.joint_jacobian, tables.carriers[frame]
+    axes, joint, joints = space.joint_jacobian, tables.carriers[frame], tables.joints
     for row in range(6):
-        for col in range(tables.nv):
+        for col in range(axes.shape[0]):
             jacobian[row, col] = 0.0
     while joint > 0:
-        first = tables.joints[joint, 1]
-        for col in range(first, first + tables.joints[joint, 2]):
+        first = joints[joint, 1]
+        for col in range(first, first + joints[joint, 2]):
             a, b, c = axes[col, 3], axes[col, 4], axes[col, 5]
             jacobian[0, col] = axes[col, 0] + (b * z - c * y)
             jacobian[1, col] = axes[col, 1] + (c * x - a * z)
             jacobian[2, col] = axes[col, 2] + (a * y - b * x)
             jacobian[3, col], jacobian[4, col], jacobian[5, col] = a, b, c
-        joint = tables.joints[joint, 0]
+        joint = joints[joint, 0]
     _move_frame(tables, space, motions, frame, motion)
 
 
@@ -163,7 +165,7 @@ def move_frames(
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.unfold``.
+        values: the others; see ``tables.fold``.
         packed: the configuration's terms.
         q: (nq,) configuration.
         v: (nv,) rates.
@@ -171,7 +173,7 @@ def move_frames(
             dissipative part, Ẇv; then for each operational point J_h, J_h v and J̇_h v.
         poses: (points, 12) to fill.
     """
-    tables = unfold(numbers, values)
+    tables = Tables(numbers, values)
     nv, m = tables.nv, tables.m
     space = unpack(packed, tables)
     element_forces(tables, space, q, v, terms[nv : 2 * nv], terms[2 * nv : 3 * nv])

@@ -15,10 +15,9 @@ from hapticmech_ros.mechanism.compiled.step_kernels import (
     aim,
     find_rates,
     start_step,
-    step_parts,
 )
-from hapticmech_ros.mechanism.compiled.tables import Tables, unfold
-from hapticmech_ros.mechanism.constraint_space import NEAR
+from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.constraint_space import NEAR, PASSING
 from hapticmech_ros.mechanism.model import Array
 
 # A run ended before a step that starts at, or would leave, a singular position.
@@ -64,6 +63,15 @@ def _advance(
     return settle(tables, end, parts)
 
 
+@inner
+def _care_limit(parts: Work) -> float:
+    """Return the relative σ below which the next step needs care; see ``stepping.care_limit``."""
+    fastest, v0 = 0.0, parts.v0
+    for c in range(v0.size):
+        fastest = max(fastest, abs(v0[c]))
+    return float(max(NEAR, min(PASSING, parts.settings[0] * fastest)))
+
+
 @kernel(
     "int64(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " float64[::1], float64[:,::1], float64[:,::1], int64[::1])"
@@ -84,7 +92,7 @@ def advance(
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.unfold``.
+        values: the others; see ``tables.fold``.
         start: packed terms at the start: to read where they are known, else to fill.
         end: packed terms, to fill at the end.
         scratch: packed terms of stages.
@@ -102,28 +110,29 @@ def advance(
         ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. Account 5 is the number of steps
         done.
     """
-    tables = unfold(numbers, values)
-    parts = step_parts(work, tables.nq, tables.nv)
+    tables = Tables(numbers, values)
+    parts = Work(numbers, work)
     steps, every, stages = plan[0], plan[1], plan[2]
     implicit, known = plan[3] != 0, plan[4] != 0
     first, last, stage_space = unpack(start, tables), unpack(end, tables), unpack(scratch, tables)
-    careful = parts.settings[8] != 0.0
-    sampled = 0
+    careful, sampled = parts.settings[8] != 0.0, 0
+    q, q0, v, v0, state = parts.q, parts.q0, parts.v, parts.v0, parts.state
+    account = parts.account
     for step in range(steps):
         if step > 0:
-            for i in range(tables.nq):
-                parts.q0[i] = parts.q[i]
-            for i in range(tables.nv):
-                parts.v0[i] = parts.v[i]
+            for i in range(q.size):
+                q0[i] = q[i]
+            for i in range(v.size):
+                v0[i] = v[i]
             first, last, known = last, first, True
         if careful and not known:
-            code = factor(tables, parts.q0, first)
+            code = factor(tables, q0, first)
             if code < 0:
                 return code
             known = True
-        if careful and first.tail[2] < NEAR:
+        if careful and first.tail[2] < _care_limit(parts):
             return NEEDS_CARE
-        work_in, lost = parts.account[0], parts.account[1]
+        work_in, lost = account[0], account[1]
         code = _advance(
             tables,
             first,
@@ -139,12 +148,12 @@ def advance(
         if careful and code == SETTLED and last.tail[3] > first.tail[3]:
             code = NEEDS_CARE
         if code != SETTLED:
-            parts.account[0], parts.account[1] = work_in, lost
+            account[0], account[1] = work_in, lost
             return code
-        parts.account[5] += 1.0
+        account[5] += 1.0
         if every > 0 and (step + 1) % every == 0:
-            for i in range(tables.nq + tables.nv):
-                samples[sampled, i] = parts.state[i]
+            for i in range(state.size):
+                samples[sampled, i] = state[i]
             sampled += 1
     if steps % 2 == 0:
         end[:] = start

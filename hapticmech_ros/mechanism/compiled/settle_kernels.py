@@ -64,12 +64,12 @@ def settle(tables: Tables, space: Packed, parts: Work) -> int:
         SETTLED, OPEN, JUMPED or FLIPPED; else a negative code, see ``factor_closures``, and
         NOT_FINITE states.
     """
-    settings, account = parts.settings, parts.account
-    if not np.isfinite(dot(parts.q, parts.q) + dot(parts.v, parts.v)):
+    settings, account, q, theta = parts.settings, parts.account, parts.q, parts.theta
+    if not np.isfinite(dot(q, q) + dot(parts.v, parts.v)):
         return NOT_FINITE
     worst = np.inf
     for _ in range(PROJECTION_ITERATIONS):
-        rank = factor(tables, parts.q, space)
+        rank = factor(tables, q, space)
         if rank < 0:
             return rank
         if tables.m == 0:
@@ -82,14 +82,14 @@ def settle(tables: Tables, space: Packed, parts: Work) -> int:
             worst = 0.0
             break
         if before == np.inf and worst > settings[4]:
-            account[3] = _size(tables, space, parts.theta)
+            account[3] = _size(tables, space, theta)
         account[2] = worst
-        correction_of(tables, space, space.residual, parts.theta)
+        correction_of(tables, space, space.residual, theta)
         if account[3] < np.inf:
-            account[4] += _size(tables, space, parts.theta)
-        for c in range(tables.nv):
-            parts.theta[c] = -parts.theta[c]
-        move(tables, parts.q, parts.theta, parts.q)
+            account[4] += _size(tables, space, theta)
+        for c in range(theta.size):
+            theta[c] = -theta[c]
+        move(tables, q, theta, q)
     if not worst <= settings[6]:
         return OPEN
     if settings[5] == 0.0:

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.model import Array
 
 EPSILON = 2.220446049250313e-16
 SWEEPS = 60
 
 
-@inner
+@leaf
 def dot(a: Array, b: Array) -> float:
     """Return the product of two vectors, summed in order."""
     total = 0.0
@@ -31,7 +31,7 @@ def copy_matrix(source: Array, target: Array) -> None:
             target[i, j] = source[i, j]
 
 
-@inner
+@leaf
 def dot_rows(matrix: Array, i: int, j: int) -> float:
     """Return the product of two rows, summed in order; a view of each would take longer."""
     total = 0.0
@@ -40,7 +40,7 @@ def dot_rows(matrix: Array, i: int, j: int) -> float:
     return total
 
 
-@inner
+@leaf
 def dot_with_row(matrix: Array, i: int, vector: Array) -> float:
     """Return the product of a row and as many entries of a vector, summed in order."""
     total = 0.0
@@ -49,7 +49,7 @@ def dot_with_row(matrix: Array, i: int, vector: Array) -> float:
     return total
 
 
-@inner
+@leaf
 def cross(a: Array, b: Array, out: Array) -> None:
     """Put a × b into ``out``, which must be neither of them."""
     out[0] = a[1] * b[2] - a[2] * b[1]

@@ -5,11 +5,9 @@ What :mod:`~hapticmech_ros.mechanism.integrator` says in plain NumPy, on one arr
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import Part, Structure, inner, structure
 from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
 from hapticmech_ros.mechanism.compiled.manifold_kernels import local_rates, move
 from hapticmech_ros.mechanism.compiled.metric_kernels import accelerate
@@ -21,18 +19,32 @@ from hapticmech_ros.mechanism.compiled.motion_kernels import (
 )
 from hapticmech_ros.mechanism.compiled.packed import Packed
 from hapticmech_ros.mechanism.compiled.pair_kernels import pair_power
-from hapticmech_ros.mechanism.compiled.small_matrices import dot
-from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.compiled.tables import ACCOUNT, MOST_STAGES, SETTINGS, Tables
 from hapticmech_ros.mechanism.compiled.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.model import Array
 
-MOST_STAGES = 4
-_SETTINGS, _ACCOUNT = 9, 6
-_HEAD = _SETTINGS + 2 * MOST_STAGES + _ACCOUNT
+# In the order in which they follow each other, but for the last one, which is two of them.
+PARTS = (
+    "settings",
+    "scheme",
+    "account",
+    "q0",
+    "v0",
+    "q",
+    "v",
+    "theta",
+    "turn",
+    "turned",
+    "gained",
+    "held",
+    "wrenches",
+    "state",
+)
 
 
-class Work(NamedTuple):
-    """What a step works on.
+@structure
+class Work(Structure):
+    """What a step works on; its numbers are those of the mechanism's tables.
 
     Attributes:
         settings: (9,) step (s); 1 where positions move with the rates at the step's end; φ at which
@@ -57,68 +69,40 @@ class Work(NamedTuple):
         wrenches: (points, 6) at the operational points.
     """
 
-    settings: Array
-    scheme: Array
-    account: Array
-    q0: Array
-    v0: Array
-    state: Array
-    q: Array
-    v: Array
-    theta: Array
-    turn: Array
-    turned: Array
-    gained: Array
-    held: Array
-    wrenches: Array
+    __slots__ = ()
+
+    settings = Part(31, 1)
+    scheme = Part(32, 2)
+    account = Part(33, 1)
+    q0 = Part(34, 1)
+    v0 = Part(35, 1)
+    q = Part(36, 1)
+    v = Part(37, 1)
+    theta = Part(38, 1)
+    turn = Part(39, 1)
+    turned = Part(40, 1)
+    gained = Part(41, 1)
+    held = Part(42, 1)
+    wrenches = Part(43, 2)
+    state = Part(44, 1)
 
 
 def work_size(nq: int, nv: int, points: int) -> int:
     """Return the length of an array of work."""
-    return _HEAD + 2 * nq + 7 * nv + 6 * points
-
-
-def parts_of(work: Array, nq: int, nv: int) -> Work:
-    """Return the parts of an array of work, as views."""
-    at = _HEAD
-    q0, v0 = work[at : at + nq], work[at + nq : at + nq + nv]
-    at += nq + nv
-    state = work[at : at + nq + nv]
-    at += nq + nv
-    vectors = work[at : at + 5 * nv].reshape(5, nv)
-    wrenches = work[at + 5 * nv :]
-    return Work(
-        work[:_SETTINGS],
-        work[_SETTINGS : _HEAD - _ACCOUNT].reshape(MOST_STAGES, 2),
-        work[_HEAD - _ACCOUNT : _HEAD],
-        q0,
-        v0,
-        state,
-        state[:nq],
-        state[nq:],
-        vectors[0],
-        vectors[1],
-        vectors[2],
-        vectors[3],
-        vectors[4],
-        wrenches.reshape(wrenches.size // 6, 6),
-    )
-
-
-step_parts = inner(parts_of)
+    return SETTINGS + 2 * MOST_STAGES + ACCOUNT + 2 * nq + 7 * nv + 6 * points
 
 
 @inner
 def start_step(work: Work) -> None:
     """Go to the step's start, with nothing summed."""
-    work.q[:] = work.q0
-    work.v[:] = work.v0
-    work.turn[:] = work.v0
-    work.turned[:] = 0.0
-    work.gained[:] = 0.0
-    work.account[2] = np.inf
-    work.account[3] = np.inf
-    work.account[4] = 0.0
+    q, q0, v, v0, account = work.q, work.q0, work.v, work.v0, work.account
+    turn, turned, gained = work.turn, work.turned, work.gained
+    for i in range(q.size):
+        q[i] = q0[i]
+    for c in range(v.size):
+        v[c], turn[c] = v0[c], v0[c]
+        turned[c], gained[c] = 0.0, 0.0
+    account[2], account[3], account[4] = np.inf, np.inf, 0.0
 
 
 @inner
@@ -139,59 +123,63 @@ def find_rates(
         closure_bias(tables, space, motions, bias)
         if parts.settings[5] > 0.0:
             _pull(tables, space, parts, bias)
-    element_forces(tables, space, parts.q, parts.v, passive, dissipative)
+    v, held, effort, account = parts.v, parts.held, tables.effort, parts.account
+    element_forces(tables, space, parts.q, v, passive, dissipative)
     for c in range(nv):
-        result[c] = parts.held[c] + tables.effort[c]
+        result[c] = held[c] + effort[c]
     add_point_forces(tables, space, parts.wrenches, result)
-    add_link_forces(tables, space, pushes, result)
+    if pushes.shape[0] > 0:
+        add_link_forces(tables, space, pushes, result)
     step = weight * parts.settings[0]
-    parts.account[0] += step * dot(result[:nv], parts.v)
-    parts.account[1] -= step * dot(dissipative, parts.v)
+    for c in range(nv):
+        account[0] += step * (result[c] * v[c])
+        account[1] -= step * (dissipative[c] * v[c])
     accelerate(tables, space, bias_force, passive, bias, result)
 
 
 @inner
 def _pull(tables: Tables, space: Packed, parts: Work, bias: Array) -> None:
     """Add Baumgarte's pull 2a W v + a² φ to ``bias`` (m,)."""
-    pull, axes = parts.settings[5], space.joint_jacobian
-    for index in range(tables.closures.shape[0]):
-        _, a, b, first = tables.closures[index]
-        end = tables.m
-        if index + 1 < tables.closures.shape[0]:
-            end = tables.closures[index + 1, 3]
-        joint_a, joint_b = tables.carriers[a], tables.carriers[b]
+    pull, axes, closures = parts.settings[5], space.joint_jacobian, tables.closures
+    carriers, joints, pairs = tables.carriers, tables.joints, space.pairs
+    residual, v = space.residual, parts.v
+    for index in range(closures.shape[0]):
+        _, a, b, first = closures[index]
+        end = tables.m if index + 1 == closures.shape[0] else closures[index + 1, 3]
         for i in range(first, end):
-            pair = space.wrenches[i]
-            speed = pair_power(tables.joints, axes, joint_a, joint_b, pair, parts.v)
-            bias[i] += 2.0 * pull * speed + pull * pull * space.residual[i]
+            speed = pair_power(joints, axes, carriers[a], carriers[b], pairs[i], v)
+            bias[i] += 2.0 * pull * speed + pull * pull * residual[i]
 
 
 @inner
 def aim(tables: Tables, work: Work, weight: float, fraction: float, acceleration: Array) -> None:
     """Add an explicit stage to the sums, and set q, v and θ̇ of the next one, or of the end."""
-    period, late = work.settings[0], work.settings[1] != 0.0
-    for c in range(work.v.size):
-        work.turned[c] += weight * work.turn[c]
-        work.gained[c] += weight * acceleration[c]
+    settings, v, v0, theta = work.settings, work.v, work.v0, work.theta
+    turn, turned, gained = work.turn, work.turned, work.gained
+    period, late = settings[0], settings[1] != 0.0
+    for c in range(v.size):
+        turned[c] += weight * turn[c]
+        gained[c] += weight * acceleration[c]
         if fraction > 0.0:
             step = fraction * period
-            work.theta[c] = step * work.turn[c]
-            work.v[c] = work.v0[c] + step * acceleration[c]
+            theta[c] = step * turn[c]
+            v[c] = v0[c] + step * acceleration[c]
         else:
-            work.v[c] = work.v0[c] + period * work.gained[c]
-            work.theta[c] = period * (work.v[c] if late else work.turned[c])
+            v[c] = v0[c] + period * gained[c]
+            theta[c] = period * (v[c] if late else turned[c])
     follow(tables, work)
 
 
 @inner
 def follow(tables: Tables, work: Work) -> None:
     """Set q and θ̇ from θ and v."""
-    flat = work.q.size == work.v.size
-    for c in range(work.v.size):
-        work.turn[c] = work.v[c]
+    q, q0, v, theta, turn = work.q, work.q0, work.v, work.theta, work.turn
+    flat = q.size == v.size
+    for c in range(v.size):
+        turn[c] = v[c]
         if flat:
-            work.q[c] = work.q0[c] + work.theta[c]
+            q[c] = q0[c] + theta[c]
     if not flat:
-        move(tables, work.q0, work.theta, work.q)
+        move(tables, q0, theta, q)
         if work.settings[7] != 0.0:
-            local_rates(tables, work.theta, work.v, work.turn)
+            local_rates(tables, theta, v, turn)

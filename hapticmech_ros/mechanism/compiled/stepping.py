@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -16,7 +17,7 @@ from hapticmech_ros.mechanism.compiled.packed import ERROR
 from hapticmech_ros.mechanism.compiled.run_kernels import NEEDS_CARE, RATES_NOT_FINITE, advance
 from hapticmech_ros.mechanism.compiled.settle_kernels import FLIPPED, JUMPED, OPEN, SETTLED
 from hapticmech_ros.mechanism.compiled.space import CompiledClosing
-from hapticmech_ros.mechanism.compiled.step_kernels import parts_of, work_size
+from hapticmech_ros.mechanism.compiled.step_kernels import PARTS, Work, work_size
 from hapticmech_ros.mechanism.evaluation import Active, Closing
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.projection import (
@@ -51,11 +52,15 @@ class CompiledStepper(Stepper):
         self._compiled = mechanism
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
         scheme = SCHEMES[plan.integrator]
-        self._stages, self._implicit = len(scheme.weights), scheme.implicit
+        self._stages = len(scheme.weights)
         self._springs = np.zeros(springs_size(nv) if scheme.implicit else 0)
         self._work = np.zeros(work_size(nq, nv, points))
-        self._parts = parts = parts_of(self._work, nq, nv)
-        pulled = plan.baumgarte_rate > 0.0
+        numbers = mechanism.chosen(mechanism.initially_active).constants[0]
+        work = Work(numbers, self._work)
+        # Found once: each look at the work makes a view.
+        self._parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in PARTS})
+        self._counts = np.array((1, 0, self._stages, scheme.implicit, 0))
+        self._pulled = pulled = plan.baumgarte_rate > 0.0
         self._open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
         fractions = (PROJECTION_TOLERANCE, ROUNDING_TOLERANCE, PROJECTION_FAILURE)
         parts.settings[:2] = plan.period / plan.substeps, scheme.late
@@ -64,8 +69,6 @@ class CompiledStepper(Stepper):
         parts.settings[7] = scheme.corrected and nq != nv
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
         parts.scheme[: len(scheme.fractions), 1] = scheme.fractions
-        # States that are pulled are off the closures anyway: no step needs care.
-        self._pulled = pulled
 
     def advance(self, start: Start, pushes: Pushes) -> Stepped:
         """Advance by one period with pushes held; see ``Simulator.step``."""
@@ -83,21 +86,23 @@ class CompiledStepper(Stepper):
             since = done % apart if apart else 0
             count = min(total - done, apart - since) if since else total - done
             rows = samples[done // apart :] if apart and not since else _NO_SAMPLES
-            took = self._call(self._compiled.chosen(now.active), now, pushes, count, rows, apart)
-            parts = [took.stepped] if took.stepped is not None else []
-            if took.stepped is not None:
-                now = _after(took.stepped, start.active)
-            if took.steps < count:
-                alone = self._alone(took.code, now, pushes)
-                parts.append(alone)
-                now = _after(alone, start.active)
-            done += took.steps + (took.steps < count)
-            for part in parts:
-                work_in, lost = work_in + part.work_in, lost + part.energy_lost
-            if apart and (since or took.steps < count) and done % apart == 0:
+            chosen = self._compiled.chosen(now.active)
+            code, steps, stepped = self._call(chosen, now, pushes, count, rows, apart)
+            if stepped is not None:
+                if steps == total:
+                    return stepped
+                work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
+                now = _after(stepped, start.active)
+            if steps < count:
+                stepped = self._alone(code, now, pushes)
+                work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
+                now = _after(stepped, start.active)
+                steps, since = steps + 1, 1
+            done += steps
+            if apart and since and done % apart == 0:
                 samples[done // apart - 1] = np.concatenate((now.q, now.v))
-            if done == total:
-                return parts[-1]._replace(work_in=work_in, energy_lost=lost)
+            if done == total and stepped is not None:
+                return stepped._replace(work_in=work_in, energy_lost=lost)
 
     def _alone(self, code: int, start: Start, pushes: Pushes) -> Stepped:
         """Do the step that the kernel stopped before."""
@@ -131,14 +136,16 @@ class CompiledStepper(Stepper):
         Raises:
             HapticMechError: a step failed.
         """
-        parts, known = self._parts, _known(start, chosen)
+        parts, known, counts = self._parts, _known(start, chosen), self._counts
         parts.q0[:] = start.q
         parts.v0[:] = start.v
         parts.wrenches[:] = pushes.wrenches
         parts.held[:] = 0.0 if pushes.in_joints is None else pushes.in_joints
+        # States that are pulled are off the closures anyway: no step needs care.
         parts.settings[8] = careful and not self._pulled
-        parts.account[:2] = 0.0
-        parts.account[5] = 0.0
+        account = parts.account
+        account[0] = account[1] = account[5] = 0.0
+        counts[0], counts[1], counts[4] = count, apart, known is not None
         end = np.empty(chosen.size)
         # Others may hold what is known, and many steps use both arrays.
         first = np.empty(chosen.size) if known is None else known if count == 1 else known.copy()
@@ -151,9 +158,9 @@ class CompiledStepper(Stepper):
             self._springs,
             self._on_links(pushes),
             samples,
-            np.array((count, apart, self._stages, self._implicit, known is not None)),
+            counts,
         )
-        work_in, lost, _, stepped, moved, steps = parts.account.tolist()
+        work_in, lost, _, stepped, moved, steps = account.tolist()
         done = int(steps)
         if code not in (SETTLED, NEEDS_CARE, UNDECIDED):
             packed = end if done % 2 == 0 else first

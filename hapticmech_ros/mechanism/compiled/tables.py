@@ -1,25 +1,31 @@
 """What kernels know of a mechanism: its constants for one set of active closures, in two arrays.
 
 A call of a kernel pays for each of its arrays, so that few long ones take the place of many. The
-arrays begin with sizes; :func:`unfold` finds the tables again, at no cost, inside kernels.
+whole numbers begin with sizes, and with where each part is.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import SIZES, Part, Size, Structure, structure
 from hapticmech_ros.mechanism.model import Array
 
 # Path of a factorisation: see ``packed.Packed``.
 DENSE, SPARSE = 0, 1
 JOINT_COLUMNS, JOINT_NUMBERS, FRAME_COLUMNS = 52, 5, 12
-_SIZES = 11
+# Of a packed array's tail; see ``packed.Packed``.
+TAIL = 4
+# Of a step's work; see ``step_kernels.Work``.
+SETTINGS, MOST_STAGES, ACCOUNT = 9, 4, 6
+# What a sparse factorisation keeps of a rate, and of a closure row beside its band.
+_HINGE, _ROW = 7, 5
 
 
-class Tables(NamedTuple):
+class Constants(NamedTuple):
     """Constants of a mechanism with a set of active closures; f frames, j joints with the world.
 
     Only frames are there that closures, operational points and springs need.
@@ -30,6 +36,7 @@ class Tables(NamedTuple):
         m: number of closure rows.
         path: DENSE or SPARSE.
         width: of a sparse factorisation's band; 0 of a dense one.
+        independent: rank that a sparse factorisation has to have, -1 for any.
         carriers: (f,) joint that carries each frame.
         joints: (j, 5) per joint its parent, its first rate, its number of rates, its kind (see
             ``tree_kernels``) and where it is in q; 0 is the world.
@@ -57,6 +64,7 @@ class Tables(NamedTuple):
     m: int
     path: int
     width: int
+    independent: int
     carriers: Array
     joints: Array
     closures: Array
@@ -75,71 +83,106 @@ class Tables(NamedTuple):
     gravity: Array
 
 
-def fold(tables: Tables) -> tuple[Array, Array]:
-    """Return the tables as an array of integers and an array of floats."""
-    counts = [len(part) for part in tables[5:11]]
-    sizes = np.array((tables.nq, tables.nv, tables.m, tables.path, tables.width, *counts))
+# Which parts are where: their number in the table of places, behind the sizes.
+_WHOLE = ("carriers", "joints", "closures", "points", "elements", "springs", "order", "sequence")
+_REAL = ("damping", "lengths", "placements", "effort", "element_values", "spring_values")
+_MORE_REAL = ("joint_values", "gravity")
+_COLUMNS = {
+    "joints": JOINT_NUMBERS,
+    "closures": 4,
+    "elements": 2,
+    "springs": 2,
+    "sequence": 5,
+    "placements": FRAME_COLUMNS,
+    "element_values": 9,
+    "spring_values": 4,
+    "joint_values": JOINT_COLUMNS,
+}
+_PARTS = 45
+
+
+def fold(constants: Constants) -> tuple[Array, Array]:
+    """Return constants as an array of integers and an array of floats; see :class:`Tables`."""
+    whole = [np.asarray(getattr(constants, name), dtype=np.int64) for name in _WHOLE]
+    real = [np.asarray(getattr(constants, name), dtype=float) for name in (*_REAL, *_MORE_REAL)]
+    places = _places(_WHOLE, whole, SIZES + 3 * _PARTS)
+    places += _places((*_REAL, *_MORE_REAL), real, 0)
+    of_packed, size = _packed_places(constants)
+    places += of_packed + _work_places(constants)
+    sizes = (*constants[:6], size)
     return (
-        np.concatenate([sizes, *(part.ravel() for part in tables[5:13])]).astype(np.int64),
-        np.concatenate([part.ravel() for part in tables[13:]]).astype(float),
+        np.concatenate([np.array((*sizes, *places)), *(part.ravel() for part in whole)]),
+        np.concatenate([part.ravel() for part in real]),
     )
 
 
-@inner
-def unfold(numbers: Array, values: Array) -> Tables:
-    """Return the tables as views of what :func:`fold` made."""
-    nq, nv, m, path, width = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
-    frames, joints, closures, points = numbers[5], numbers[6], numbers[7], numbers[8]
-    count, springs = numbers[9], numbers[10]
-    at = _SIZES
-    carriers = numbers[at : at + frames]
-    at += frames
-    tree = numbers[at : at + JOINT_NUMBERS * joints].reshape(joints, JOINT_NUMBERS)
-    at += JOINT_NUMBERS * joints
-    loops = numbers[at : at + 4 * closures].reshape(closures, 4)
-    at += 4 * closures
-    held = numbers[at : at + points]
-    at += points
-    elements = numbers[at : at + 2 * count].reshape(count, 2)
-    at += 2 * count
-    pulls = numbers[at : at + 2 * springs].reshape(springs, 2)
-    at += 2 * springs
-    sparse = path != DENSE
-    order = numbers[at : at + (nv if sparse else 0)]
-    at += order.size
-    sequence = numbers[at : at + (5 * m if sparse else 0)].reshape(m if sparse else 0, 5)
-    damping, lengths = values[:nv], values[nv : nv + m]
-    at = nv + m
-    placements = values[at : at + FRAME_COLUMNS * frames].reshape(frames, FRAME_COLUMNS)
-    at += FRAME_COLUMNS * frames
-    effort = values[at : at + nv]
-    at += nv
-    element_values = values[at : at + 9 * count].reshape(count, 9)
-    at += 9 * count
-    spring_values = values[at : at + 4 * springs].reshape(springs, 4)
-    at += 4 * springs
-    end = at + JOINT_COLUMNS * joints
-    joint_values = values[at:end].reshape(joints, JOINT_COLUMNS)
-    return Tables(
-        nq,
-        nv,
-        m,
-        path,
-        width,
-        carriers,
-        tree,
-        loops,
-        held,
-        elements,
-        pulls,
-        order,
-        sequence,
-        damping,
-        lengths,
-        placements,
-        effort,
-        element_values,
-        spring_values,
-        joint_values,
-        values[end : end + 3],
-    )
+def _places(names: Sequence[str], parts: Sequence[Array], start: int) -> list[int]:
+    """Return start, rows and columns of parts that follow each other."""
+    places = []
+    for name, part in zip(names, parts, strict=True):
+        columns = _COLUMNS.get(name, 1)
+        places += [start, part.size // columns, columns]
+        start += part.size
+    return places
+
+
+def _packed_places(constants: Constants) -> tuple[list[int], int]:
+    """Return start, rows and columns of a packed array's parts, and its length."""
+    nv, m = constants.nv, constants.m
+    frames, joints = len(constants.carriers), len(constants.joints)
+    dense = constants.path == DENSE
+    # Of the two kinds one has its sizes, the other none.
+    n, rows, k = (nv, m, min(m, nv)) if dense else (0, 0, 0)
+    hinges, band = (0, 0) if dense else (nv, m)
+    shapes = [(m, 1), (m, 12), (nv, 6), (frames, 12), (joints, 12), (joints, 12)]
+    shapes += [(n, n), (rows, n), (k, n), (k, 1), (k, rows)]
+    shapes += [(hinges, _HINGE), (band, constants.width), (band, _ROW), (TAIL, 1)]
+    return _stacked(shapes)
+
+
+def _work_places(constants: Constants) -> list[int]:
+    """Return start, rows and columns of the parts of a step's work; see ``step_kernels.Work``."""
+    nq, nv = constants.nq, constants.nv
+    shapes = [(SETTINGS, 1), (MOST_STAGES, 2), (ACCOUNT, 1), (nq, 1), (nv, 1), (nq, 1), (nv, 1)]
+    places, _ = _stacked([*shapes, *[(nv, 1)] * 5, (len(constants.points), 6)])
+    # q and v, one after the other, are the state as well.
+    return [*places, places[15], nq + nv, 1]
+
+
+def _stacked(shapes: Sequence[tuple[int, int]]) -> tuple[list[int], int]:
+    """Return start, rows and columns of parts that follow each other, and their length."""
+    places, start = [], 0
+    for height, columns in shapes:
+        places += [start, height, columns]
+        start += height * columns
+    return places, start
+
+
+@structure
+class Tables(Structure):
+    """:class:`Constants`, folded: each part a view, found when it is asked for."""
+
+    __slots__ = ()
+
+    nq = Size(0)
+    nv = Size(1)
+    m = Size(2)
+    path = Size(3)
+    width = Size(4)
+    independent = Size(5)
+    carriers = Part(0, 1, whole=True)
+    joints = Part(1, 2, whole=True)
+    closures = Part(2, 2, whole=True)
+    points = Part(3, 1, whole=True)
+    elements = Part(4, 2, whole=True)
+    springs = Part(5, 2, whole=True)
+    order = Part(6, 1, whole=True)
+    sequence = Part(7, 2, whole=True)
+    damping = Part(8, 1)
+    lengths = Part(9, 1)
+    placements = Part(10, 2)
+    effort = Part(11, 1)
+    element_values = Part(12, 2)
+    spring_values = Part(13, 2)
+    joint_values = Part(14, 2)
+    gravity = Part(15, 1)

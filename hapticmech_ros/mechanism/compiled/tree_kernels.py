@@ -14,7 +14,7 @@ import math
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.compiled.packed import Packed
 from hapticmech_ros.mechanism.compiled.small_matrices import cross
 from hapticmech_ros.mechanism.compiled.tables import JOINT_COLUMNS, Tables
@@ -55,14 +55,15 @@ def joint_row(placement: pin.SE3, axis: Array, inertia: pin.Inertia) -> Array:
 def place_tree(tables: Tables, q: Array, space: Packed) -> None:
     """Fill joint axes, poses of joints and frames, and inertias at q (nq,)."""
     local, moved = np.empty(9), np.empty(3)
-    places = space.places
+    joints, all_values = tables.joints, tables.joint_values
+    places, bodies, axes = space.places, space.bodies, space.joint_jacobian
     for i in range(12):
         places[0, i] = 1.0 if i == 0 or i == 4 or i == 8 else 0.0
-        space.bodies[0, i] = 0.0
-    for joint in range(1, tables.joints.shape[0]):
-        parent, kind = tables.joints[joint, 0], tables.joints[joint, 3]
-        first, at = tables.joints[joint, 1], tables.joints[joint, 4]
-        values = tables.joint_values[joint]
+        bodies[0, i] = 0.0
+    for joint in range(1, joints.shape[0]):
+        parent, kind = joints[joint, 0], joints[joint, 3]
+        first, at = joints[joint, 1], joints[joint, 4]
+        values = all_values[joint]
         _move_joint(kind, values, q[at:], local, moved)
         place, base = places[joint], places[parent]
         for i in range(3):
@@ -74,12 +75,12 @@ def place_tree(tables: Tables, q: Array, space: Packed) -> None:
                 turned += base[6 + i] * local[3 * k + 2]
                 place[3 * k + i] = turned
             place[9 + i] = total
-        _axes_of(kind, values, place, space.joint_jacobian, first)
-        _body_of(values, place, space.bodies[joint])
+        _axes_of(kind, values, place, axes, first)
+        _body_of(values, place, bodies[joint])
     _place_frames(tables, places, space.poses)
 
 
-@inner
+@leaf
 def _move_joint(kind: int, values: Array, q: Array, local: Array, moved: Array) -> None:
     """Fill the axes (9,) and origin (3,) of a joint in its parent's joint."""
     for i in range(3):
@@ -115,7 +116,7 @@ def _move_joint(kind: int, values: Array, q: Array, local: Array, moved: Array) 
             local[3 * k + i] = total + values[6 + i] * turn[3 * k + 2]
 
 
-@inner
+@leaf
 def _turn_of(x: float, y: float, z: float, w: float, turn: Array) -> None:
     """Fill the axes (9,) that a unit quaternion turns to."""
     tx, ty, tz = 2.0 * x, 2.0 * y, 2.0 * z
@@ -124,7 +125,7 @@ def _turn_of(x: float, y: float, z: float, w: float, turn: Array) -> None:
     turn[6], turn[7], turn[8] = tz * x + ty * w, tz * y - tx * w, 1.0 - (tx * x + ty * y)
 
 
-@inner
+@leaf
 def _axes_of(kind: int, values: Array, place: Array, jacobian: Array, first: int) -> None:
     """Fill a joint's rows of the joint Jacobian (nv, 6), from ``first`` on."""
     if kind in (REVOLUTE, PRISMATIC):
@@ -148,7 +149,7 @@ def _axes_of(kind: int, values: Array, place: Array, jacobian: Array, first: int
         cross(place[9:12], place[3 * k : 3 * k + 3], jacobian[row, 0:3])
 
 
-@inner
+@leaf
 def _body_of(values: Array, place: Array, body: Array) -> None:
     """Fill a link's inertia (12,) about the world's origin."""
     mass = values[_MASS]
@@ -174,7 +175,7 @@ def _body_of(values: Array, place: Array, body: Array) -> None:
     body[9] += mass * (x * x + y * y)
 
 
-@inner
+@leaf
 def _along(place: Array, i: int, values: Array) -> float:
     total = place[i] * values[_LEVER] + place[3 + i] * values[_LEVER + 1]
     return float(total + place[6 + i] * values[_LEVER + 2])
@@ -183,12 +184,12 @@ def _along(place: Array, i: int, values: Array) -> float:
 @inner
 def _place_frames(tables: Tables, places: Array, poses: Array) -> None:
     """Fill the frames' poses in the world from those of their joints."""
-    for frame in range(tables.carriers.size):
-        joint = tables.carriers[frame]
+    carriers, placements = tables.carriers, tables.placements
+    for frame in range(carriers.size):
+        joint = carriers[frame]
         for column in range(0, 12, 3):
-            x = tables.placements[frame, column]
-            y = tables.placements[frame, column + 1]
-            z = tables.placements[frame, column + 2]
+            x, y = placements[frame, column], placements[frame, column + 1]
+            z = placements[frame, column + 2]
             for i in range(3):
                 turned = places[joint, i] * x
                 turned += places[joint, 3 + i] * y
@@ -198,7 +199,7 @@ def _place_frames(tables: Tables, places: Array, poses: Array) -> None:
             poses[frame, 9 + i] += places[joint, 9 + i]
 
 
-@inner
+@leaf
 def momentum(body: Array, twist: Array, out: Array) -> None:
     """Fill ``out`` (6,) with a body's momentum at a twist (6,), about the world's origin."""
     m, hx, hy, hz = body[0], body[1], body[2], body[3]
@@ -215,10 +216,10 @@ def momentum(body: Array, twist: Array, out: Array) -> None:
 def inertia_of(tables: Tables, space: Packed, inertia: Array) -> None:
     """Fill the lower triangle of D (nv, nv)."""
     joints, axes = tables.joints, space.joint_jacobian
-    subtree, moved = np.empty((joints.shape[0], 10)), np.empty(6)
+    subtree, moved, bodies = np.empty((joints.shape[0], 10)), np.empty(6), space.bodies
     for joint in range(joints.shape[0]):
         for k in range(10):
-            subtree[joint, k] = space.bodies[joint, k]
+            subtree[joint, k] = bodies[joint, k]
     for row in range(tables.nv):
         for col in range(row):
             inertia[row, col] = 0.0
@@ -238,7 +239,7 @@ def inertia_of(tables: Tables, space: Packed, inertia: Array) -> None:
                 above = joints[above, 0]
 
 
-@inner
+@leaf
 def _power(axes: Array, row: int, wrench: Array) -> float:
     total = axes[row, 0] * wrench[0] + axes[row, 1] * wrench[1] + axes[row, 2] * wrench[2]
     total += axes[row, 3] * wrench[3] + axes[row, 4] * wrench[4] + axes[row, 5] * wrench[5]
@@ -250,14 +251,15 @@ def bias_force_of(tables: Tables, space: Packed, motions: Array, force: Array) -
     """Fill ``force`` (nv,) with h, given the joints' motions (see ``motion_kernels``)."""
     joints, axes, gravity = tables.joints, space.joint_jacobian, tables.gravity
     wrenches, lifted, carried = np.empty((joints.shape[0], 6)), np.empty(6), np.empty(6)
+    bodies = space.bodies
     for joint in range(1, joints.shape[0]):
         for k in range(6):
             lifted[k] = motions[joint, 6 + k]
         for k in range(3):
             lifted[k] -= gravity[k]
         twist, wrench = motions[joint], wrenches[joint]
-        momentum(space.bodies[joint], lifted, wrench)
-        momentum(space.bodies[joint], twist, carried)
+        momentum(bodies[joint], lifted, wrench)
+        momentum(bodies[joint], twist, carried)
         x, y, z, a, b, c = twist[0], twist[1], twist[2], twist[3], twist[4], twist[5]
         px, py, pz = carried[0], carried[1], carried[2]
         wrench[0] += b * pz - c * py
