@@ -43,7 +43,7 @@ def library() -> ModuleType | None:
 
 
 def compile_ahead() -> None:
-    """Compile all kernels, unless that was done before; takes a minute.
+    """Compile all kernels, unless that was done before; takes a minute or two.
 
     Nodes that start together would otherwise wait for each other.
     """
@@ -80,7 +80,7 @@ def _build(path: Path) -> bool:
             # While this one waited, another may have built it, or failed to.
             if path.exists() or failed.exists():
                 return path.exists()
-            sys.stderr.write("hapticmech_ros: compiling kernels, once: this takes a minute\n")
+            sys.stderr.write("hapticmech_ros: compiling kernels, once: this takes a minute or two\n")
             sys.stderr.flush()
             reason = _run_builder(path)
             if reason:
