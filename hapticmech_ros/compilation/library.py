@@ -80,7 +80,7 @@ def _build(path: Path) -> bool:
             # While this one waited, another may have built it, or failed to.
             if path.exists() or failed.exists():
                 return path.exists()
-            sys.stderr.write("hapticmech_ros: compiling kernels, once: this takes a minute or two\n")
+            sys.stderr.write("hapticmech_ros: compiling kernels, once: a minute or two\n")
             sys.stderr.flush()
             reason = _run_builder(path)
             if reason:
