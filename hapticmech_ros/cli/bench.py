@@ -11,7 +11,7 @@ from hapticmech_ros.cli.bench_ablation import ablation
 from hapticmech_ros.cli.bench_accuracy import accuracy
 from hapticmech_ros.cli.bench_memory import memory
 from hapticmech_ros.cli.bench_speed import speed
-from hapticmech_ros.cli.console import OutOption, SceneArgument, console, errors
+from hapticmech_ros.cli.console import OutOption, SceneArgument, console, errors, words
 
 if TYPE_CHECKING:
     from hapticmech_ros.bench.plan import Layout, Plan
@@ -93,14 +93,10 @@ def _plan(
     from hapticmech_ros.errors import InvalidInputError
 
     try:
-        rates_hz = tuple(float(rate) for rate in _words(rates))
+        rates_hz = tuple(float(rate) for rate in words(rates))
     except ValueError:
         raise InvalidInputError("--rates", rates, "must be numbers with commas between") from None
     recorded = (False, True) if record is None else (record,)
     # The plan refuses layouts that it does not know.
-    layouts = cast("tuple[Layout, ...]", _words(layout))
+    layouts = cast("tuple[Layout, ...]", words(layout))
     return Plan(scene, rates_hz, layouts, recorded, seconds, repeats)
-
-
-def _words(text: str) -> tuple[str, ...]:
-    return tuple(word.strip() for word in text.split(",") if word.strip())

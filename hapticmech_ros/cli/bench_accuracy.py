@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hapticmech_ros.cli.console import OutOption, console, errors
+from hapticmech_ros.cli.console import OutOption, console, errors, words
 
 if TYPE_CHECKING:
     from hapticmech_ros.bench.accuracy.benchmark import Results, Show
@@ -47,7 +47,7 @@ def accuracy(
         _long(out, json_only, show)
         return
     multiples = _numbers("--steps", steps)
-    plan = settings(_words(cases), _words(integrators), multiples, quick)
+    plan = settings(words(cases), words(integrators), multiples, quick)
     results = run_accuracy(plan, out, show, figure)
     if json_only:
         _print_json(results.document())
@@ -103,10 +103,6 @@ def _numbers(option: str, text: str) -> tuple[float, ...]:
     from hapticmech_ros.errors import InvalidInputError
 
     try:
-        return tuple(float(word) for word in _words(text))
+        return tuple(float(word) for word in words(text))
     except ValueError:
         raise InvalidInputError(option, text, "must be numbers with commas between") from None
-
-
-def _words(text: str) -> tuple[str, ...]:
-    return tuple(word.strip() for word in text.split(",") if word.strip())

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hapticmech_ros.cli.console import OutOption, console, errors
+from hapticmech_ros.cli.console import OutOption, console, errors, words
 
 if TYPE_CHECKING:
     from hapticmech_ros.bench.speed.benchmark import Results
@@ -40,7 +40,7 @@ def speed(
     from hapticmech_ros.bench.speed.plan import plan
 
     told = errors if json_only else console
-    chosen = plan(_words(scenes), _words(peers), _integrators(integrators), repeats, quick, smoke)
+    chosen = plan(words(scenes), words(peers), _integrators(integrators), repeats, quick, smoke)
     results = run_speed(
         chosen, out, lambda line: told.print(line, highlight=False, markup=False), figure
     )
@@ -67,7 +67,7 @@ def _integrators(text: str) -> dict[str, tuple[float, ...]]:
     from hapticmech_ros.errors import InvalidInputError
 
     found = {}
-    for word in _words(text):
+    for word in words(text):
         name, *steps = word.split(":")
         try:
             found[name] = tuple(float(step) for step in steps)
@@ -75,7 +75,3 @@ def _integrators(text: str) -> dict[str, tuple[float, ...]]:
             rule = "must be names, each with numbers behind colons if wished"
             raise InvalidInputError("--integrators", text, rule) from None
     return found
-
-
-def _words(text: str) -> tuple[str, ...]:
-    return tuple(word.strip() for word in text.split(",") if word.strip())

@@ -26,3 +26,8 @@ def progress() -> Progress:
         console=console,
         transient=True,
     )
+
+
+def words(text: str) -> tuple[str, ...]:
+    """Return what stands between the commas of an option."""
+    return tuple(word.strip() for word in text.split(",") if word.strip())

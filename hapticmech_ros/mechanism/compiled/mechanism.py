@@ -131,7 +131,7 @@ class CompiledMechanism(Mechanism):
         return found
 
     def take(self, active: Active, chosen: Chosen) -> None:
-        """Use this factorisation for a set of closures, whichever is quicker."""
+        """Use this factorisation for a set of closures, be it the quicker one or not."""
         self._sets[active] = chosen
 
     def factored(self, chosen: Chosen, q: Array) -> CompiledClosing:
@@ -163,7 +163,7 @@ class CompiledMechanism(Mechanism):
         lengths = [np.zeros(0), *(loop.row_lengths(self.length) for loop in loops)]
         frames = list(place)
         model = self.model
-        dense = Chosen(
+        return Chosen(
             Constants(
                 self.nq,
                 self.nv,
@@ -194,7 +194,6 @@ class CompiledMechanism(Mechanism):
                 gravity=np.array(model.gravity.linear),
             )
         )
-        return dense
 
     def _joint_numbers(self, joint: int) -> tuple[int, int, int, int, int]:
         """Return a joint's row of ``Tables.joints``; the world's has no rates."""

@@ -52,20 +52,19 @@ class CompiledStepper(Stepper):
         self._compiled = mechanism
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
         scheme = SCHEMES[plan.integrator]
-        self._stages = len(scheme.weights)
         self._springs = np.zeros(springs_size(nv) if scheme.implicit else 0)
         self._work = np.zeros(work_size(nq, nv, points))
         numbers = mechanism.chosen(mechanism.initially_active).constants[0]
         work = Work(numbers, self._work)
         # Found once: each look at the work makes a view.
         self._parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in PARTS})
-        self._counts = np.array((1, 0, self._stages, scheme.implicit, 0))
+        self._counts = np.array((1, 0, len(scheme.weights), scheme.implicit, 0))
         self._pulled = pulled = plan.baumgarte_rate > 0.0
-        self._open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
+        most_open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
         fractions = (PROJECTION_TOLERANCE, ROUNDING_TOLERANCE, PROJECTION_FAILURE)
         parts.settings[:2] = plan.period / plan.substeps, scheme.late
         parts.settings[2:5] = np.array(fractions) * mechanism.length
-        parts.settings[5:7] = plan.baumgarte_rate, self._open * mechanism.length
+        parts.settings[5:7] = plan.baumgarte_rate, most_open * mechanism.length
         parts.settings[7] = scheme.corrected and nq != nv
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
         parts.scheme[: len(scheme.fractions), 1] = scheme.fractions
