@@ -13,14 +13,9 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.compiled.packed import Packed
+from hapticmech_ros.mechanism.compiled.small_matrices import dot6
 from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.model import Array
-
-
-@leaf
-def dot6(a: Array, b: Array) -> float:
-    """Return the product of the first six entries."""
-    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
 
 
 @inner
@@ -98,24 +93,21 @@ def force_to_metric(tables: Tables, space: Packed, vector: Array) -> None:
 @inner
 def rates_from_metric(tables: Tables, space: Packed, vector: Array) -> None:
     """Replace ``vector`` (nv,) by joint rates L⁻ᵀ vector."""
-    joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
-    twists = np.empty((joints.shape[0], 6))
-    twists[0] = 0.0
-    for joint in range(1, joints.shape[0]):
-        twist, parent = twists[joint], twists[joints[joint, 0]]
-        for i in range(6):
-            twist[i] = parent[i]
-        for row in range(joints[joint, 1], joints[joint, 1] + joints[joint, 2]):
-            root = hinges[row, 6]
-            rate = (vector[row] - dot6(hinges[row], twist) / root) / root
-            vector[row] = rate
-            for i in range(6):
-                twist[i] += axes[row, i] * rate
+    _sweep_outwards(tables, space, vector, False)
 
 
 @inner
 def rates_to_metric(tables: Tables, space: Packed, vector: Array) -> None:
     """Replace joint rates (nv,) by Lᵀ of them."""
+    _sweep_outwards(tables, space, vector, True)
+
+
+@inner
+def _sweep_outwards(tables: Tables, space: Packed, vector: Array, from_rates: bool) -> None:
+    """Go from the world to the tips with twists, where v_c √d_c = y_c - U_c·twist / √d_c.
+
+    ``vector`` (nv,) is v, to be replaced by y = Lᵀv, if it is said to be rates; else the reverse.
+    """
     joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
     twists = np.empty((joints.shape[0], 6))
     twists[0] = 0.0
@@ -125,7 +117,12 @@ def rates_to_metric(tables: Tables, space: Packed, vector: Array) -> None:
             twist[i] = parent[i]
         for row in range(joints[joint, 1], joints[joint, 1] + joints[joint, 2]):
             root, rate = hinges[row, 6], vector[row]
-            vector[row] = root * rate + dot6(hinges[row], twist) / root
+            carried = dot6(hinges[row], twist) / root
+            if from_rates:
+                vector[row] = root * rate + carried
+            else:
+                rate = (rate - carried) / root
+                vector[row] = rate
             for i in range(6):
                 twist[i] += axes[row, i] * rate
 

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.compiled.pair_kernels import pull_between
 from hapticmech_ros.mechanism.compiled.small_matrices import cross, dot
 from hapticmech_ros.mechanism.model import Array
@@ -23,6 +23,12 @@ KINDS = {
     "planar_pin": PLANAR_PIN,
     "rod": ROD,
 }
+
+
+@leaf
+def end_of_rows(closures: Array, index: int, m: int) -> int:
+    """Return the row after the last one of a closure of the tables, which have ``m``."""
+    return int(m if index + 1 == closures.shape[0] else closures[index + 1, 3])
 
 
 @inner

@@ -6,6 +6,7 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.compiled.closure_kernels import end_of_rows
 from hapticmech_ros.mechanism.compiled.many_rows import (
     FEW_ROWS,
     first_directions,
@@ -33,8 +34,7 @@ def factor_dense(tables: Tables, space: Packed, tolerance: float) -> int:
     closures, carriers, joints = tables.closures, tables.carriers, tables.joints
     for index in range(closures.shape[0]):
         _, a, b, first = closures[index]
-        end = m if index + 1 == closures.shape[0] else closures[index + 1, 3]
-        for row in range(first, end):
+        for row in range(first, end_of_rows(closures, index, m)):
             for c in range(jacobian.shape[1]):
                 jacobian[row, c] = 0.0
             add_pair(joints, axes, carriers[a], carriers[b], pairs[row], 1.0, jacobian[row])

@@ -8,23 +8,6 @@ from hapticmech_ros.mechanism.model import Array
 
 # Places in a packed array's tail, from its end.
 ERROR, RANK, LEAST, RESOLVED_RANK = -4, -3, -2, -1
-PARTS = (
-    "residual",
-    "pairs",
-    "joint_jacobian",
-    "poses",
-    "places",
-    "bodies",
-    "factor",
-    "jacobian",
-    "basis",
-    "sigma",
-    "rows",
-    "hinges",
-    "band",
-    "row_places",
-    "tail",
-)
 
 
 @structure
@@ -71,6 +54,10 @@ class Packed(Structure):
     band = Part(28, 2)
     row_places = Part(29, 2)
     tail = Part(30, 1)
+
+
+# Their names.
+PARTS = tuple(name for name, part in vars(Packed).items() if isinstance(part, Part))
 
 
 def packed_size(tables: Tables) -> int:

@@ -7,8 +7,17 @@ the same for both, so is what their wrenches share.
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, leaf
+from hapticmech_ros.mechanism.compiled.small_matrices import dot6
 from hapticmech_ros.mechanism.model import Array
+
+
+@leaf
+def _of_both(axis: Array, pair: Array) -> float:
+    """Return the power of both wrenches; added first, so that what they share cancels exactly."""
+    power = axis[0] * (pair[0] + pair[6]) + axis[1] * (pair[1] + pair[7])
+    power += axis[2] * (pair[2] + pair[8]) + axis[3] * (pair[3] + pair[9])
+    return float(power + (axis[4] * (pair[4] + pair[10]) + axis[5] * (pair[5] + pair[11])))
 
 
 @inner
@@ -29,20 +38,14 @@ def add_pair(
     while a != b:
         joint, side = (a, 0) if a > b else (b, 6)
         for row in range(joints[joint, 1], joints[joint, 1] + joints[joint, 2]):
-            power = axes[row, 0] * pair[side] + axes[row, 1] * pair[side + 1]
-            power += axes[row, 2] * pair[side + 2] + axes[row, 3] * pair[side + 3]
-            power += axes[row, 4] * pair[side + 4] + axes[row, 5] * pair[side + 5]
-            force[row] += scale * power
+            force[row] += scale * dot6(axes[row], pair[side : side + 6])
         if a > b:
             a = joints[a, 0]
         else:
             b = joints[b, 0]
     while a > 0:
         for row in range(joints[a, 1], joints[a, 1] + joints[a, 2]):
-            power = axes[row, 0] * (pair[0] + pair[6]) + axes[row, 1] * (pair[1] + pair[7])
-            power += axes[row, 2] * (pair[2] + pair[8]) + axes[row, 3] * (pair[3] + pair[9])
-            power += axes[row, 4] * (pair[4] + pair[10]) + axes[row, 5] * (pair[5] + pair[11])
-            force[row] += scale * power
+            force[row] += scale * _of_both(axes[row], pair)
         a = joints[a, 0]
 
 
@@ -53,20 +56,14 @@ def pair_power(joints: Array, axes: Array, a: int, b: int, pair: Array, rates: A
     while a != b:
         joint, side = (a, 0) if a > b else (b, 6)
         for row in range(joints[joint, 1], joints[joint, 1] + joints[joint, 2]):
-            power = axes[row, 0] * pair[side] + axes[row, 1] * pair[side + 1]
-            power += axes[row, 2] * pair[side + 2] + axes[row, 3] * pair[side + 3]
-            power += axes[row, 4] * pair[side + 4] + axes[row, 5] * pair[side + 5]
-            total += rates[row] * power
+            total += rates[row] * dot6(axes[row], pair[side : side + 6])
         if a > b:
             a = joints[a, 0]
         else:
             b = joints[b, 0]
     while a > 0:
         for row in range(joints[a, 1], joints[a, 1] + joints[a, 2]):
-            power = axes[row, 0] * (pair[0] + pair[6]) + axes[row, 1] * (pair[1] + pair[7])
-            power += axes[row, 2] * (pair[2] + pair[8]) + axes[row, 3] * (pair[3] + pair[9])
-            power += axes[row, 4] * (pair[4] + pair[10]) + axes[row, 5] * (pair[5] + pair[11])
-            total += rates[row] * power
+            total += rates[row] * _of_both(axes[row], pair)
         a = joints[a, 0]
     return total
 

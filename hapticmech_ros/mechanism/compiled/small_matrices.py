@@ -50,6 +50,12 @@ def dot_with_row(matrix: Array, i: int, vector: Array) -> float:
 
 
 @leaf
+def dot6(a: Array, b: Array) -> float:
+    """Return the product of the first six entries."""
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
+
+
+@leaf
 def cross(a: Array, b: Array, out: Array) -> None:
     """Put a × b into ``out``, which must be neither of them."""
     out[0] = a[1] * b[2] - a[2] * b[1]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import Part, Structure, inner, structure
+from hapticmech_ros.mechanism.compiled.closure_kernels import end_of_rows
 from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
 from hapticmech_ros.mechanism.compiled.manifold_kernels import local_rates, move
 from hapticmech_ros.mechanism.compiled.metric_kernels import accelerate
@@ -22,24 +23,6 @@ from hapticmech_ros.mechanism.compiled.pair_kernels import pair_power
 from hapticmech_ros.mechanism.compiled.tables import ACCOUNT, MOST_STAGES, SETTINGS, Tables
 from hapticmech_ros.mechanism.compiled.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.model import Array
-
-# In the order in which they follow each other, but for the last one, which is two of them.
-PARTS = (
-    "settings",
-    "scheme",
-    "account",
-    "q0",
-    "v0",
-    "q",
-    "v",
-    "theta",
-    "turn",
-    "turned",
-    "gained",
-    "held",
-    "wrenches",
-    "state",
-)
 
 
 @structure
@@ -85,6 +68,10 @@ class Work(Structure):
     held = Part(42, 1)
     wrenches = Part(43, 2)
     state = Part(44, 1)
+
+
+# Their names.
+PARTS = tuple(name for name, part in vars(Work).items() if isinstance(part, Part))
 
 
 def work_size(nq: int, nv: int, points: int) -> int:
@@ -145,8 +132,7 @@ def _pull(tables: Tables, space: Packed, parts: Work, bias: Array) -> None:
     residual, v = space.residual, parts.v
     for index in range(closures.shape[0]):
         _, a, b, first = closures[index]
-        end = tables.m if index + 1 == closures.shape[0] else closures[index + 1, 3]
-        for i in range(first, end):
+        for i in range(first, end_of_rows(closures, index, tables.m)):
             speed = pair_power(joints, axes, carriers[a], carriers[b], pairs[i], v)
             bias[i] += 2.0 * pull * speed + pull * pull * residual[i]
 

@@ -85,8 +85,16 @@ class Constants(NamedTuple):
 
 # Which parts are where: their number in the table of places, behind the sizes.
 _WHOLE = ("carriers", "joints", "closures", "points", "elements", "springs", "order", "sequence")
-_REAL = ("damping", "lengths", "placements", "effort", "element_values", "spring_values")
-_MORE_REAL = ("joint_values", "gravity")
+_REAL = (
+    "damping",
+    "lengths",
+    "placements",
+    "effort",
+    "element_values",
+    "spring_values",
+    "joint_values",
+    "gravity",
+)
 _COLUMNS = {
     "joints": JOINT_NUMBERS,
     "closures": 4,
@@ -104,9 +112,9 @@ _PARTS = 45
 def fold(constants: Constants) -> tuple[Array, Array]:
     """Return constants as an array of integers and an array of floats; see :class:`Tables`."""
     whole = [np.asarray(getattr(constants, name), dtype=np.int64) for name in _WHOLE]
-    real = [np.asarray(getattr(constants, name), dtype=float) for name in (*_REAL, *_MORE_REAL)]
+    real = [np.asarray(getattr(constants, name), dtype=float) for name in _REAL]
     places = _places(_WHOLE, whole, SIZES + 3 * _PARTS)
-    places += _places((*_REAL, *_MORE_REAL), real, 0)
+    places += _places(_REAL, real, 0)
     of_packed, size = _packed_places(constants)
     places += of_packed + _work_places(constants)
     sizes = (*constants[:6], size)

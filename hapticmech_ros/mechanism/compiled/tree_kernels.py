@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.compiled.packed import Packed
-from hapticmech_ros.mechanism.compiled.small_matrices import cross
+from hapticmech_ros.mechanism.compiled.small_matrices import cross, dot6
 from hapticmech_ros.mechanism.compiled.tables import JOINT_COLUMNS, Tables
 from hapticmech_ros.mechanism.model import Array
 
@@ -230,20 +230,13 @@ def inertia_of(tables: Tables, space: Packed, inertia: Array) -> None:
         for row in range(first, first + joints[joint, 2]):
             momentum(subtree[joint], axes[row], moved)
             for col in range(first, row + 1):
-                inertia[row, col] = _power(axes, col, moved)
+                inertia[row, col] = dot6(axes[col], moved)
             above = parent
             while above > 0:
                 start = joints[above, 1]
                 for col in range(start, start + joints[above, 2]):
-                    inertia[row, col] = _power(axes, col, moved)
+                    inertia[row, col] = dot6(axes[col], moved)
                 above = joints[above, 0]
-
-
-@leaf
-def _power(axes: Array, row: int, wrench: Array) -> float:
-    total = axes[row, 0] * wrench[0] + axes[row, 1] * wrench[1] + axes[row, 2] * wrench[2]
-    total += axes[row, 3] * wrench[3] + axes[row, 4] * wrench[4] + axes[row, 5] * wrench[5]
-    return float(total)
 
 
 @inner
@@ -271,7 +264,7 @@ def bias_force_of(tables: Tables, space: Packed, motions: Array, force: Array) -
     for joint in range(joints.shape[0] - 1, 0, -1):
         parent, first = joints[joint, 0], joints[joint, 1]
         for row in range(first, first + joints[joint, 2]):
-            force[row] = _power(axes, row, wrenches[joint])
+            force[row] = dot6(axes[row], wrenches[joint])
         if parent > 0:
             for k in range(6):
                 wrenches[parent, k] += wrenches[joint, k]
