@@ -118,9 +118,23 @@ def _while_held(record: ExperimentRecord, count: int) -> Json:
         "expected_torque_rms_nm": expected_torque,
         "force_to_expected_ratio": _ratio(force, expected_force),
         "torque_to_expected_ratio": _ratio(torque, expected_torque),
+        "force_gain_median": _typical_gain(felt[:, :3], expected[:, :3]),
         "force_difference_rms_n": root_mean_square(felt[:, :3] - expected[:, :3]),
         "torque_difference_rms_nm": root_mean_square(felt[:, 3:] - expected[:, 3:]),
     }
+
+
+def _typical_gain(felt: Array, expected: Array) -> float | None:
+    """Return the median of felt·expected / |expected|² over samples (n, 3); None if there are none.
+
+    A ratio of rms values counts a few samples that ring, or that lie beside a change of count, by
+    their squares; the median does not. Samples under half the rms expected say nothing of a gain.
+    """
+    sizes = np.sum(expected**2, axis=1)
+    strong = (sizes > 0.0) & (sizes >= 0.25 * np.mean(sizes)) if sizes.size else sizes > 0.0
+    if not strong.any():
+        return None
+    return float(np.median(np.sum(felt * expected, axis=1)[strong] / sizes[strong]))
 
 
 def _held_time(record: ExperimentRecord, count: int) -> float:

@@ -77,12 +77,33 @@ def test_wrench_while_each_count_holds(handmade, scene):
     assert one["torque_rms_nm"] == pytest.approx(0.1, rel=1e-14)
     assert one["force_to_expected_ratio"] == pytest.approx(1.0, rel=1e-14)
     assert one["torque_to_expected_ratio"] == pytest.approx(0.5, rel=1e-14)
+    assert one["force_gain_median"] == pytest.approx(1.0, rel=1e-14)
     assert one["force_difference_rms_n"] == 0.0
     assert two["force_rms_n"] == two["force_max_n"] == pytest.approx(12.0, rel=1e-14)
     assert two["torque_rms_nm"] == pytest.approx(0.5, rel=1e-14)
     assert two["force_to_expected_ratio"] == pytest.approx(2.0, rel=1e-14)
+    assert two["force_gain_median"] == pytest.approx(2.0, rel=1e-14)
     assert two["force_difference_rms_n"] == pytest.approx(6.0, rel=1e-14)
     assert two["torque_to_expected_ratio"] is None
+
+
+def test_a_few_samples_that_ring_do_not_change_the_typical_gain(handmade, scene):
+    record = handmade()
+    wrench = np.zeros((record.wrench_times.size, 6))
+    wrench[:, 0] = 1.9
+    wrench[:, 1] = 0.7  # across what is expected: no part of the gain
+    wrench[30:35, 0] = 50.0
+    expected = np.zeros((record.analysis_times.size, 6))
+    expected[:, 0] = np.where(record.analysis_times < 4.0, 2.0, 0.1)
+    summary = summarise(handmade(constraint_wrench=wrench, expected_wrench=expected), scene)
+    (held,) = summary["constraints"]["while_held"]
+    assert held["force_gain_median"] == pytest.approx(0.95, rel=1e-12)
+    assert held["force_to_expected_ratio"] > 2.0
+
+
+def test_a_gain_needs_something_expected(handmade, scene):
+    (held,) = summarise(handmade(), scene)["constraints"]["while_held"]
+    assert held["force_gain_median"] is None
 
 
 def test_energy_that_leaks(handmade, scene):

@@ -61,7 +61,9 @@ def test_graph_and_session_agree(
     changes = summary["constraints"]["changes"]
     assert [(change["from"], change["to"]) for change in changes] == [(1, 2)]
     for held in summary["constraints"]["while_held"]:
-        assert held["force_to_expected_ratio"] == pytest.approx(1.0, abs=0.02)
+        # Not the ratio of rms values: of the eighty samples of the constraint part, one that lies
+        # beside the change of count, or rings after a late command, is as much as is allowed.
+        assert held["force_gain_median"] == pytest.approx(1.0, abs=0.02)
     agreement = summary["agreement"]
     # A loop that latches a few ms later or earlier than the session's moves on from elsewhere.
     assert agreement["count_change_difference_max_s"] < 0.05
