@@ -75,6 +75,11 @@ class ConstraintSpace:
         """Number r of independent closure rows."""
         return int(self.sigma.size)
 
+    @property
+    def least_kept(self) -> float:
+        """Smallest σ kept, over the largest; 1 without any."""
+        return float(self.sigma[-1] / self.sigma[0]) if self.sigma.size else 1.0
+
     def to_mass_metric(self, force: Array) -> Array:
         """Return L⁻¹ force, for a joint force (nv,) or the columns of (nv, k)."""
         if force.ndim == 1:

@@ -12,8 +12,9 @@ from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.build import build, build_stepper
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.motion import NOTHING, Pushes, Start
 from hapticmech_ros.mechanism.projection import project
-from hapticmech_ros.mechanism.stepping import NOTHING, Pushes, Start, Stepped
+from hapticmech_ros.mechanism.stepping import Stepped
 from hapticmech_ros.scene.document import Scene
 
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.

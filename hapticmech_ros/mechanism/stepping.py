@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.constraint_space import NEAR, PASSING, ConstraintSpace
-from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
-from hapticmech_ros.mechanism.implicit import Springs
-from hapticmech_ros.mechanism.integrator import Rates
+from hapticmech_ros.mechanism.evaluation import Active, Closing
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.motion import (
+    HeldMotion,
+    Pushes,
+    Start,
+    check_pushes,
+    not_finite,
+)
 from hapticmech_ros.mechanism.projection import (
     BAUMGARTE_FAILURE,
     PROJECTION_TOLERANCE,
@@ -31,32 +33,7 @@ from hapticmech_ros.mechanism.singular import nearest_branch
 # in that time an acceleration that points off the branch does little harm, and beyond it the
 # closures are well determined.
 SHORT = 0.05
-NOTHING: Mapping[str, Array] = MappingProxyType({})
 _NO_SAMPLES = np.zeros((0, 0))
-
-
-class Start(NamedTuple):
-    """Where a step begins: a state on the closures, and what is known there already."""
-
-    q: Array
-    v: Array
-    active: Active
-    terms: Evaluation | None = None
-    closing: Closing | None = None
-
-
-class Pushes(NamedTuple):
-    """What acts from outside, held during a step.
-
-    Attributes:
-        wrenches: (points, 6) at the operational points, world axes, N and N m.
-        on_links: further wrenches (6,) by name of the link, at the origin of its frame.
-        in_joints: (nv,) further joint forces, N m or N; None for none.
-    """
-
-    wrenches: Array
-    on_links: Mapping[str, Array] = NOTHING
-    in_joints: Array | None = None
 
 
 class Stepped(NamedTuple):
@@ -105,8 +82,8 @@ class Stepper:
     def __init__(self, mechanism: Mechanism, plan: Plan) -> None:
         self._mechanism = mechanism
         self._plan = plan
-        self._shape = (len(mechanism.point_names), 6)
         self._step = plan.period / plan.substeps
+        self._pull = plan.baumgarte_rate
 
     def advance(self, start: Start, pushes: Pushes) -> Stepped:
         """Advance by one period with pushes held; see ``Simulator.step``."""
@@ -133,39 +110,39 @@ class Stepper:
             stepped = self._careful_substep(start, pushes)
             work_in += stepped.work_in
             energy_lost += stepped.energy_lost
-            start = Start(stepped.q, stepped.v, start.active, closing=stepped.closing)
+            start = end_of(stepped, start)
             if every and step % (every * substeps) == 0:
                 samples[step // (every * substeps) - 1] = np.concatenate((stepped.q, stepped.v))
         return stepped._replace(work_in=work_in, energy_lost=energy_lost)
 
     def _check(self, pushes: Pushes) -> None:
-        if pushes.wrenches.shape != self._shape:
-            rule = f"must have shape {self._shape}"
-            raise InvalidInputError("wrenches", pushes.wrenches.shape, rule)
-        if pushes.in_joints is not None:
-            _check_joint_forces(pushes.in_joints, self._mechanism.nv)
+        check_pushes(pushes, len(self._mechanism.point_names), self._mechanism.nv)
 
     def _careful_substep(self, start: Start, pushes: Pushes) -> Stepped:
         """Do a step; with care where branches of the motion cross, or nearly do.
 
         There closures gain rank in a step, or keep a σ that says little of the direction.
         """
-        if self._plan.baumgarte_rate > 0.0:
+        if self._pull > 0.0:
             return self._substep(start, pushes)
         known = start.closing if start.terms is None else start.terms.closing
         closing = known or self._mechanism.closing_terms(start.q, start.active)
-        if closing.least < care_limit(self._step * float(np.abs(start.v).max())):
+        start = start._replace(closing=closing)
+        limit = care_limit(self._step * float(np.abs(start.v).max()))
+        if closing.least < limit:
             return self._leave(start, pushes, closing) or self._substep(start, pushes)
-        stepped = self._substep(start, pushes)
+        stepped = self._watched_substep(start, pushes, limit)
+        if stepped is None:
+            stepped = self._step_around(start, pushes, closing)
         if stepped.closing.resolved <= closing.resolved:
             return stepped
         return self._leave(start, pushes, closing) or stepped
 
     def _leave(self, start: Start, pushes: Pushes, closing: Closing) -> Stepped | None:
         """Step away from a singular position along one branch; None if no branch takes it up."""
-        mechanism, step = self._mechanism, self._plan.period / self._plan.substeps
+        mechanism, step = self._mechanism, self._step
         q, v, active = start.q, start.v, start.active
-        motion = _Motion(mechanism, start, pushes, 0.0)
+        motion = HeldMotion(mechanism, start, pushes)
         first = motion(q, v)
         away = 0.5 * step * first.acceleration
         space = closing.space
@@ -181,23 +158,28 @@ class Stepper:
         last = motion(ended.q, ended.v)
         work_in = 0.5 * part * (first.power_in + last.power_in)
         lost = 0.5 * part * (first.power_lost + last.power_lost)
+        led = Stepped(*ended, work_in, lost)
         if not at_speed:
-            return Stepped(*ended, work_in, lost)
-        rest = Stepper(mechanism, self._plan._replace(period=step - part, substeps=1))
-        stepped = rest._substep(Start(ended.q, ended.v, active, closing=ended.closing), pushes)
-        return stepped._replace(
-            work_in=work_in + stepped.work_in, energy_lost=lost + stepped.energy_lost
-        )
+            return led
+        return _sum_of(led, self._part(end_of(led, start), pushes, step - part))
 
     def _substep(self, start: Start, pushes: Pushes) -> Stepped:
         """Do a step of the integrator, and bring it onto the closures."""
-        mechanism, plan = self._mechanism, self._plan
-        motion = _Motion(mechanism, start, pushes, plan.baumgarte_rate)
-        integrate, step = INTEGRATORS[plan.integrator], plan.period / plan.substeps
+        return self._follow(HeldMotion(self._mechanism, start, pushes, self._pull), start)
+
+    def _watched_substep(self, start: Start, pushes: Pushes, limit: float) -> Stepped | None:
+        """Do a step; None if a stage of it lies where a relative σ is below ``limit``."""
+        motion = HeldMotion(self._mechanism, start, pushes, self._pull)
+        stepped = self._follow(motion, start)
+        return None if motion.least < limit else stepped
+
+    def _follow(self, motion: HeldMotion, start: Start) -> Stepped:
+        mechanism, step = self._mechanism, self._step
+        integrate = INTEGRATORS[self._plan.integrator]
         moved = integrate(mechanism.model, motion, start.q, start.v, step)
         if not math.isfinite(moved.q @ moved.q + moved.v @ moved.v):
             raise not_finite("state", moved.q)
-        if plan.baumgarte_rate > 0.0:
+        if self._pull > 0.0:
             closing = mechanism.closing_terms(moved.q, start.active)
             refuse_open(mechanism, closing.error, start.active, BAUMGARTE_FAILURE)
             ended = Projected(moved.q, moved.v, closing.error, closing)
@@ -205,6 +187,41 @@ class Stepper:
             ended = project(mechanism, moved.q, moved.v, start.active, moved.change)
         refuse_flipped(mechanism, ended.q, ended.error, start.active)
         return Stepped(*ended, moved.work_in, moved.energy_lost)
+
+    def _step_around(self, start: Start, pushes: Pushes, closing: Closing) -> Stepped:
+        """Do a step as two, of which no stage lies where this step's own would be singular."""
+        after = self._substep(start, pushes).closing.least
+        where = closing.least / (closing.least + after)
+        first = self._part(start, pushes, self._step * split_around(where))
+        second = self._part(end_of(first, start), pushes, self._step * (1.0 - split_around(where)))
+        return _sum_of(first, second)
+
+    def _part(self, start: Start, pushes: Pushes, step: float) -> Stepped:
+        """Do a step of another length."""
+        plan = self._plan._replace(period=step, substeps=1)
+        return Stepper(self._mechanism, plan)._substep(start, pushes)
+
+
+def split_around(where: float) -> float:
+    """Return at which share of a step to split it if it is next to a singular one at ``where``.
+
+    Both halves of a step by a rule of Runge and Kutta have stages at their ends and in the middle.
+    That share is then between two of them, and no nearer to one than a tenth of the step.
+    """
+    split = (4.0 * where - 1.0) / 3.0 if where < 0.5 else 4.0 * where / 3.0
+    return min(0.9, max(0.1, split))
+
+
+def end_of(stepped: Stepped, start: Start) -> Start:
+    """Return where a step ended as where the next one begins."""
+    return Start(stepped.q, stepped.v, start.active, closing=stepped.closing)
+
+
+def _sum_of(first: Stepped, second: Stepped) -> Stepped:
+    """Return two steps as one."""
+    return second._replace(
+        work_in=first.work_in + second.work_in, energy_lost=first.energy_lost + second.energy_lost
+    )
 
 
 def care_limit(moved: float) -> float:
@@ -224,74 +241,3 @@ def _put(
     if closing.least < NEAR and closing.error <= PROJECTION_TOLERANCE * mechanism.length:
         return Projected(q, branch.closed_rates(v), closing.error, closing)
     return project(mechanism, q, v, active)
-
-
-class _Motion:
-    """The equations of motion with pushes held; see ``integrator.Motion``."""
-
-    def __init__(self, mechanism: Mechanism, start: Start, pushes: Pushes, pull: float) -> None:
-        self._mechanism = mechanism
-        self._start = start
-        self._pushes = pushes
-        self._pull = pull
-        self._first: Evaluation | None = None
-
-    def __call__(self, q: Array, v: Array) -> Rates:
-        """Return the rates at a stage."""
-        if not math.isfinite(v @ v):
-            raise not_finite("rates", v)
-        terms = self._evaluate(q, v)
-        force = self._force(q, terms)
-        power_in = float((force + terms.effort) @ v)
-        power_lost = -float(terms.dissipative_force @ v)
-        acceleration, _ = self._pulled(terms, v).acceleration(force)
-        return Rates(acceleration, power_in, power_lost)
-
-    def resistance(self, q: Array, v: Array, period: float, reach: float) -> Springs | None:
-        """Return springs and dampers at the step's start, or None where there is none."""
-        stiffness, damping = self._mechanism.slopes(q, v, period)
-        if not (stiffness.any() or damping.any()):
-            return None
-        return Springs(self._evaluate(q, v).space, stiffness, damping, reach)
-
-    def _evaluate(self, q: Array, v: Array) -> Evaluation:
-        start = self._start
-        if q is not start.q or v is not start.v:
-            return self._mechanism.evaluate(q, v, start.active)
-        if start.terms is not None:
-            return start.terms
-        if self._first is None:
-            self._first = self._mechanism.evaluate(q, v, start.active, start.closing)
-        return self._first
-
-    def _force(self, q: Array, terms: Evaluation) -> Array:
-        wrenches, on_links, in_joints = self._pushes
-        force = np.zeros(terms.bias_force.size) if in_joints is None else in_joints.copy()
-        for point, wrench in zip(terms.points, wrenches, strict=True):
-            force += wrench @ point.jacobian
-        for link, wrench in on_links.items():
-            force += wrench @ self._mechanism.link_jacobian(q, link)
-        return force
-
-    def _pulled(self, terms: Evaluation, v: Array) -> Evaluation:
-        """Return the terms with W v̇ = -Ẇv - 2a W v - a² φ for W v̇ = -Ẇv."""
-        if self._pull == 0.0:
-            return terms
-        gap, speed = terms.closure_residual, terms.closure_jacobian @ v
-        pull = 2.0 * self._pull * speed + self._pull**2 * gap
-        return terms._replace(closure_bias=terms.closure_bias + pull)
-
-
-def _check_joint_forces(forces: Array, nv: int) -> None:
-    """Check joint forces from outside.
-
-    Raises:
-        InvalidInputError: not (nv,), NaN or infinite.
-    """
-    if np.shape(forces) != (nv,) or not np.isfinite(forces).all():
-        raise InvalidInputError("joint_forces", forces, f"must be {nv} finite numbers")
-
-
-def not_finite(what: str, values: Array) -> InvalidInputError:
-    """Return the error of ``mechanism <what>`` that is NaN or infinite."""
-    return InvalidInputError(f"mechanism {what}", values.tolist(), "must stay finite")

@@ -6,9 +6,10 @@ import pytest
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.compiled.stepping import CompiledStepper
+from hapticmech_ros.mechanism.motion import Pushes, Start
 from hapticmech_ros.mechanism.projection import BAUMGARTE_FAILURE
 from hapticmech_ros.mechanism.schemes import INTEGRATORS
-from hapticmech_ros.mechanism.stepping import Plan, Pushes, Start, Stepper
+from hapticmech_ros.mechanism.stepping import Plan, Stepper
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition

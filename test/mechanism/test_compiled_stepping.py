@@ -12,8 +12,9 @@ from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.build import build_stepper
 from hapticmech_ros.mechanism.compiled.stepping import CompiledStepper
 from hapticmech_ros.mechanism.constraint_space import SingularInertiaError
+from hapticmech_ros.mechanism.motion import Pushes, Start
 from hapticmech_ros.mechanism.schemes import INTEGRATORS, SCHEMES
-from hapticmech_ros.mechanism.stepping import Plan, Pushes, Start, Stepper
+from hapticmech_ros.mechanism.stepping import Plan, Stepper
 from hapticmech_ros.scene import scene_from_document, shipped_scenes
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition

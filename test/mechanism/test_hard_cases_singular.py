@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from hapticmech_ros.bench.accuracy import n_four_bar
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.redundancy import redundancy
+from hapticmech_ros.mechanism.stepping import split_around
 from oracles import pendulum
 from oracles.planar_linkages import chain, elbow, pin_end
 from oracles.running import run, simulator, total_energy, unaccounted, with_start
@@ -63,6 +64,35 @@ def test_a_sample_on_a_singular_position_keeps_the_branch(compiled, steps):
     off = np.abs(tip - pendulum.windows(2, [2 * half])[0]).max()
     assert off < 1e-11
     assert abs(total_energy(sim, states[-1]) - 35.835) < 1e-9
+
+
+@BOTH
+@pytest.mark.parametrize("period", [1e-3, 2.5e-4])
+@pytest.mark.parametrize("share", [0.46, 0.5, 0.501, 0.54])
+def test_a_step_with_its_middle_next_to_a_singular_position_keeps_the_energy(
+    compiled, period, share
+):
+    """Stages of a step are not on the closures, and there the rows say nothing of a branch."""
+    passed = falls_in_line()
+    steps = round(passed / period)
+    period = passed / (steps + share)
+    quick, nothing = windows(True, period=period), np.zeros((1, 6))
+    before = quick.run(quick.initial_state(), steps - 5).end
+    sim = windows(compiled, period=period)
+    states = [before]
+    for _ in range(10):
+        states.append(sim.step(states[-1], nothing))
+    assert states[5].time < passed < states[6].time
+    assert max(np.ptp(state.q[UPRIGHTS]) for state in states) < 1e-9
+    assert max(abs(total_energy(sim, state) - 35.835) for state in states) < 1e-10
+
+
+@pytest.mark.parametrize("where", [0.3, 0.4, 0.499, 0.5, 0.6, 0.7])
+def test_a_split_step_has_no_stage_where_it_is_singular(where):
+    split = split_around(where)
+    stages = np.array([0.0, split / 2, split, (1 + split) / 2, 1.0])
+    assert np.abs(stages - where).min() > 0.09
+    assert 0.0 < split < 1.0
 
 
 @BOTH

@@ -5,9 +5,9 @@ import pytest
 
 from hapticmech_ros.errors import ClosureError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism, Simulator
+from hapticmech_ros.mechanism.motion import Pushes, Start
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.mechanism.schemes import INTEGRATORS
-from hapticmech_ros.mechanism.stepping import Pushes, Start
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import closed_chain, random_mechanism
 from oracles.planar_linkages import five_bar, five_bar_bent

@@ -20,8 +20,11 @@ from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.constraint_space import NEAR, PASSING
 from hapticmech_ros.mechanism.model import Array
 
-# A run ended before a step that starts at, or would leave, a singular position.
+# A run ended before a step that starts at, or would leave, a singular position, or has a stage
+# next to one.
 NEEDS_CARE = 10
+# What a step heeds: nothing, its stages only, or all of that.
+HEEDLESS, STAGES, EVERYTHING = 0, 1, 2
 # A failure in a stage rather than at the end: rates that are not finite.
 RATES_NOT_FINITE = -1_000_001
 
@@ -38,8 +41,12 @@ def _advance(
     pushes: Array,
     stages: int,
     implicit: bool,
+    limit: float,
 ) -> int:
-    """Do a step from ``parts.q0`` and ``parts.v0``; see :func:`advance`."""
+    """Do a step from ``parts.q0`` and ``parts.v0``; see :func:`advance`.
+
+    It is not done where a stage is nearer than ``limit`` (relative σ) to a singular position.
+    """
     result = np.empty(tables.nv + tables.m)
     start_step(parts)
     for stage in range(stages):
@@ -50,6 +57,8 @@ def _advance(
             code = factor(tables, parts.q, space)
             if code < 0:
                 return code
+        if stage > 0 and limit > 0.0 and _is_near(start, space, limit):
+            return NEEDS_CARE
         if implicit and stage == 0:
             bad = linearise(tables, start, parts, spring_work)
             if bad >= 0:
@@ -70,6 +79,17 @@ def _care_limit(parts: Work) -> float:
     for c in range(v0.size):
         fastest = max(fastest, abs(v0[c]))
     return float(max(NEAR, min(PASSING, parts.settings[0] * fastest)))
+
+
+@inner
+def _is_near(start: Packed, space: Packed, limit: float) -> bool:
+    """Return whether a stage is next to a singular position; see ``HeldMotion.least``."""
+    rank, sigma = int(space.tail[1]), space.sigma
+    if rank < start.tail[1]:
+        return True
+    if sigma.size == 0:
+        return bool(space.tail[2] < limit)
+    return bool(rank > 0 and sigma[rank - 1] < limit * sigma[0])
 
 
 @kernel(
@@ -105,8 +125,9 @@ def advance(
             1 for an implicit rule, 1 where terms at the start are known.
 
     Returns:
-        0; NEEDS_CARE before a step that starts at, or would leave, a singular position, where
-        ``q0`` and ``v0`` are its start and no terms are left; or how the step failed, see
+        0; NEEDS_CARE before a step that starts at, or would leave, a singular position, or has a
+        stage next to one, where ``q0`` and ``v0`` are its start and no terms are left; or how the
+        step failed, see
         ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. Account 5 is the number of steps
         done.
     """
@@ -115,7 +136,7 @@ def advance(
     steps, every, stages = plan[0], plan[1], plan[2]
     implicit, known = plan[3] != 0, plan[4] != 0
     first, last, stage_space = unpack(start, tables), unpack(end, tables), unpack(scratch, tables)
-    careful, sampled = parts.settings[8] != 0.0, 0
+    heeded, limit, sampled = int(parts.settings[8]), 0.0, 0
     q, q0, v, v0, state = parts.q, parts.q0, parts.v, parts.v0, parts.state
     account = parts.account
     for step in range(steps):
@@ -125,12 +146,14 @@ def advance(
             for i in range(v.size):
                 v0[i] = v[i]
             first, last, known = last, first, True
-        if careful and not known:
+        if heeded == EVERYTHING and not known:
             code = factor(tables, q0, first)
             if code < 0:
                 return code
             known = True
-        if careful and first.tail[2] < _care_limit(parts):
+        if heeded != HEEDLESS:
+            limit = _care_limit(parts)
+        if heeded == EVERYTHING and first.tail[2] < limit:
             return NEEDS_CARE
         work_in, lost = account[0], account[1]
         code = _advance(
@@ -144,8 +167,9 @@ def advance(
             pushes,
             stages,
             implicit,
+            limit,
         )
-        if careful and code == SETTLED and last.tail[3] > first.tail[3]:
+        if heeded == EVERYTHING and code == SETTLED and last.tail[3] > first.tail[3]:
             code = NEEDS_CARE
         if code != SETTLED:
             account[0], account[1] = work_in, lost

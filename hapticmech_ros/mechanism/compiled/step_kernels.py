@@ -33,8 +33,8 @@ class Work(Structure):
         settings: (9,) step (s); 1 where positions move with the rates at the step's end; φ at which
             the projection stops, up to which it may stop when φ halves no more, and beyond which a
             step may have been a jump (m); Baumgarte's rate a (1/s), 0 for the projection; φ beyond
-            which a loop has come apart (m); 1 where θ̇ differs from v at later stages; 1 to end a
-            run where a step needs care.
+            which a loop has come apart (m); 1 where θ̇ differs from v at later stages; and what
+            of singular positions ends a run, see ``run_kernels``.
         scheme: (4, 2) per stage its weight, and the fraction of the step at which the next one is.
         account: (6,) work done and energy lost since the run began (J), |φ| of the round before,
             in the mass metric how far the step went, if it may have been a jump, and the

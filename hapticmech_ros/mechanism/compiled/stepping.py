@@ -14,12 +14,20 @@ from hapticmech_ros.mechanism.compiled.implicit_kernels import springs_size
 from hapticmech_ros.mechanism.compiled.kernels import NOT_FINITE
 from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism, failure
 from hapticmech_ros.mechanism.compiled.packed import ERROR
-from hapticmech_ros.mechanism.compiled.run_kernels import NEEDS_CARE, RATES_NOT_FINITE, advance
+from hapticmech_ros.mechanism.compiled.run_kernels import (
+    EVERYTHING,
+    HEEDLESS,
+    NEEDS_CARE,
+    RATES_NOT_FINITE,
+    STAGES,
+    advance,
+)
 from hapticmech_ros.mechanism.compiled.settle_kernels import FLIPPED, JUMPED, OPEN, SETTLED
 from hapticmech_ros.mechanism.compiled.space import CompiledClosing
 from hapticmech_ros.mechanism.compiled.step_kernels import PARTS, Work, work_size
 from hapticmech_ros.mechanism.evaluation import Active, Closing
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.motion import Pushes, Start, not_finite
 from hapticmech_ros.mechanism.projection import (
     BAUMGARTE_FAILURE,
     PROJECTION_FAILURE,
@@ -30,7 +38,7 @@ from hapticmech_ros.mechanism.projection import (
     jumped,
 )
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.mechanism.stepping import Plan, Pushes, Start, Stepped, Stepper, not_finite
+from hapticmech_ros.mechanism.stepping import Plan, Stepped, Stepper, end_of
 
 _NO_SAMPLES = np.zeros((0, 0))
 _NO_PUSHES = np.zeros((0, 10))
@@ -91,11 +99,11 @@ class CompiledStepper(Stepper):
                 if steps == total:
                     return stepped
                 work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
-                now = _after(stepped, start.active)
+                now = end_of(stepped, start)
             if steps < count:
                 stepped = self._alone(code, now, pushes)
                 work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
-                now = _after(stepped, start.active)
+                now = end_of(stepped, start)
                 steps, since = steps + 1, 1
             done += steps
             if apart and since and done % apart == 0:
@@ -113,12 +121,19 @@ class CompiledStepper(Stepper):
         return self._careful_substep(start, pushes)
 
     def _substep(self, start: Start, pushes: Pushes) -> Stepped:
-        """Do a step whatever it starts at, or leaves."""
+        """Do a step whatever it starts at, leaves, or passes."""
+        return cast(Stepped, self._once(start, pushes, HEEDLESS))
+
+    def _watched_substep(self, start: Start, pushes: Pushes, limit: float) -> Stepped | None:
+        """Do a step; None if a stage of it is next to a singular position, see the kernel."""
+        return self._once(start, pushes, STAGES)
+
+    def _once(self, start: Start, pushes: Pushes, heeded: int) -> Stepped | None:
         chosen = self._compiled.chosen(start.active)
-        took = self._call(chosen, start, pushes, 1, _NO_SAMPLES, 0, careful=False)
-        if took.stepped is None:
-            took = self._call(chosen.dense, start, pushes, 1, _NO_SAMPLES, 0, careful=False)
-        return cast(Stepped, took.stepped)
+        took = self._call(chosen, start, pushes, 1, _NO_SAMPLES, 0, heeded)
+        if took.code == UNDECIDED:
+            took = self._call(chosen.dense, start, pushes, 1, _NO_SAMPLES, 0, heeded)
+        return took.stepped
 
     def _call(
         self,
@@ -128,7 +143,7 @@ class CompiledStepper(Stepper):
         count: int,
         samples: Array,
         apart: int,
-        careful: bool = True,
+        heeded: int = EVERYTHING,
     ) -> _Took:
         """Do steps by the kernel until one needs care, or cannot be done sparse.
 
@@ -141,7 +156,7 @@ class CompiledStepper(Stepper):
         parts.wrenches[:] = pushes.wrenches
         parts.held[:] = 0.0 if pushes.in_joints is None else pushes.in_joints
         # States that are pulled are off the closures anyway: no step needs care.
-        parts.settings[8] = careful and not self._pulled
+        parts.settings[8] = HEEDLESS if self._pulled else heeded
         account = parts.account
         account[0] = account[1] = account[5] = 0.0
         counts[0], counts[1], counts[4] = count, apart, known is not None
@@ -205,11 +220,6 @@ class CompiledStepper(Stepper):
             joint, placement = mechanism.link_place(link)
             rows.append(np.concatenate(([joint], placement.translation, wrench)))
         return np.array(rows, dtype=float)
-
-
-def _after(stepped: Stepped, active: Active) -> Start:
-    """Return where a step ended as where the next one begins."""
-    return Start(stepped.q, stepped.v, active, closing=stepped.closing)
 
 
 def _known(start: Start, chosen: Chosen) -> Array | None:
