@@ -53,9 +53,11 @@ help:
 demo: .venv/package
 	$(BIN)/hapticmech demo --out demo
 
+# Graphs of nodes need the cores for themselves; what starts none shares them.
 .PHONY: test
 test: lint
-	$(BIN)/pytest
+	$(BIN)/pytest -m 'not ros' -n auto --dist worksteal
+	$(BIN)/pytest -m ros
 
 .PHONY: lint
 lint: .venv/test-requirements .venv/package

@@ -109,6 +109,7 @@ setup(
             "mypy>=1.10",
             "pytest>=7.4",
             "pytest-cov",
+            "pytest-xdist>=3.2",  # worksteal
             "ruff>=0.6",
             # 70.1 builds wheels by itself; 80 dropped what `colcon build --symlink-install` calls.
             "setuptools>=70.1,<80",
