@@ -1,9 +1,10 @@
-"""From a YAML file, or a name of a shipped scene, to a validated frozen :class:`Scene`."""
+"""From a file, or a name of a shipped scene, to a validated frozen :class:`Scene`."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,17 @@ from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.rules import broken_rules
 from hapticmech_ros.share import shared
 
+MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf")
 FILE_SIZE_LIMIT = 4_000_000
 # Values in a document with its aliases written out: a short file can alias its way to billions.
 VALUE_LIMIT = 200_000
 
 
 def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scene:
-    """Load a scene from a YAML file, or a shipped scene by its bare name (``five_bar``).
+    """Load a scene from a file, or a shipped scene by its bare name (``five_bar``).
+
+    A file is YAML, with its links or with ``model``, the file that they come from; or that file
+    itself, URDF, MJCF or SDF (see ``formats``).
 
     Args:
         scene: path or name.
@@ -34,6 +39,17 @@ def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scen
             key path, value and rule for every problem found.
     """
     path = find_scene(scene)
+    document = _at_rate(_document(path), control_rate)
+    if isinstance(document, Mapping) and "model" in document:
+        found: Scene = import_module("hapticmech_ros.formats").scene_of(document, path)
+        return found
+    return scene_from_document(document, source=str(path))
+
+
+def _document(path: Path) -> object:
+    """Return what a scene's file says."""
+    if path.suffix.lower() in MODEL_SUFFIXES:
+        return {"format": "hapticmech-scene/1", "model": path.name}
     if path.stat().st_size > FILE_SIZE_LIMIT:
         problem = SceneProblem("file", path.stat().st_size, f"at most {FILE_SIZE_LIMIT} bytes")
         raise SceneError(str(path), [problem])
@@ -56,7 +72,7 @@ def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scen
     if not _values_within(document, VALUE_LIMIT):
         rule = f"at most {VALUE_LIMIT} values with all aliases written out"
         raise SceneError(str(path), [SceneProblem("file", str(path), rule)])
-    return scene_from_document(_at_rate(document, control_rate), source=str(path))
+    return document
 
 
 def _at_rate(document: object, control_rate: float) -> object:

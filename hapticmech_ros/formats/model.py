@@ -1,0 +1,159 @@
+"""What any of the formats says of a mechanism: bodies, hinges between them, ties, and what is left.
+
+A hinge carries a body from another; a body that two hinges carry closes a loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+Array = np.ndarray
+Document = dict[str, Any]
+WORLD = "world"
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Something in a file that the scene does not have, or has otherwise.
+
+    Attributes:
+        what: element or attribute.
+        count: how many of them.
+        why: what this means, or where to say it instead.
+    """
+
+    what: str
+    count: int
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.what} ({self.count} x): {self.why}"
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A rigid body.
+
+    Attributes:
+        name: as in the file.
+        mass: kg.
+        com: (3,) centre of mass in the body's frame, m.
+        inertia: (3, 3) about the centre of mass, axes of the body's frame, kg m².
+    """
+
+    name: str
+    mass: float = 0.0
+    com: Array = field(default_factory=lambda: np.zeros(3))
+    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+
+
+@dataclass(frozen=True, slots=True)
+class Hinge:
+    """A joint.
+
+    Attributes:
+        name: as in the file.
+        type: of a scene's joints.
+        parent, child: bodies, or ``world``.
+        in_parent: joint's frame in the parent's.
+        of_child: the child's frame in the joint's, at position 0.
+        axis: (3,) unit vector in the joint's frame.
+        damping: N m s/rad or N s/m.
+        friction: Coulomb, N m or N.
+        stiffness: N m/rad or N/m.
+        rest: rad or m, where that is slack.
+        limits: lower and upper, rad or m, or None.
+    """
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    in_parent: pin.SE3
+    of_child: pin.SE3 = field(default_factory=pin.SE3.Identity)
+    axis: Array = field(default_factory=lambda: np.array((0.0, 0.0, 1.0)))
+    damping: float = 0.0
+    friction: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    limits: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Tie:
+    """A closure: kind of a scene, its frames in two bodies, and whether it holds from the start."""
+
+    name: str
+    kind: str
+    a: tuple[str, pin.SE3]
+    b: tuple[str, pin.SE3]
+    active: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """θ_joint = ratio θ_leader + offset."""
+
+    name: str
+    joint: str
+    leader: str
+    ratio: float
+    offset: float
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A frame that the file names, fixed in a body: where people may take hold."""
+
+    name: str
+    body: str
+    origin: pin.SE3
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A file's mechanism, loops included.
+
+    Attributes:
+        name: of the model.
+        bodies: by name; ``world`` is not among them.
+        hinges: joints; those that close loops are among them.
+        ties, couplings, points: see there.
+        gravity: (3,) m/s² if the file says so.
+        bases: where bodies that nothing carries are in the world; the origin if left out.
+        notes: what the scene does not have.
+    """
+
+    name: str
+    bodies: Mapping[str, Body]
+    hinges: Sequence[Hinge]
+    ties: Sequence[Tie] = ()
+    couplings: Sequence[Coupling] = ()
+    points: Sequence[Point] = ()
+    gravity: tuple[float, float, float] | None = None
+    bases: Mapping[str, pin.SE3] = field(default_factory=dict)
+    notes: Sequence[Note] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """A model as parts of a scene's document.
+
+    Attributes:
+        document: ``name``, ``links``, ``closures`` and what else the file says.
+        places: name in the file -> link of the scene, or ``world``, and the frame in it.
+        joints: name in the file -> name in the scene.
+        tips: links at the ends of the tree, the one furthest from the world first.
+        notes: what the scene does not have.
+    """
+
+    document: Document
+    places: Mapping[str, tuple[str, pin.SE3]]
+    joints: Mapping[str, str]
+    tips: Sequence[str]
+    notes: Sequence[Note]

@@ -1,0 +1,190 @@
+"""A scene whose links come from a file: ``model: robot.urdf`` beside what no such file can say."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pinocchio as pin
+from pydantic import ValidationError
+
+from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.formats.mjcf import read_mjcf
+from hapticmech_ros.formats.model import Document, Imported, Model
+from hapticmech_ros.formats.model_part import ModelPart
+from hapticmech_ros.formats.sdf import read_sdf
+from hapticmech_ros.formats.stops import with_metrics, with_stops
+from hapticmech_ros.formats.tree import origin_of, to_scene
+from hapticmech_ros.formats.urdf import read_urdf
+from hapticmech_ros.formats.xml_nodes import Source
+from hapticmech_ros.mechanism.model import se3
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.loader import scene_from_document
+from hapticmech_ros.scene.mechanism import Origin
+
+# What reads a file, by its outermost element.
+READERS = {"robot": read_urdf, "mujoco": read_mjcf, "sdf": read_sdf}
+# Nobody holds it but who takes it.
+NO_HAND: Document = {"kind": "constant_wrench"}
+
+
+def read_model(path: Path, free_base: bool = False) -> Imported:
+    """Read a URDF, MJCF or SDF file.
+
+    Args:
+        path: of the file; what it is, its outermost element says.
+        free_base: whether bodies that nothing carries float; they are the world otherwise.
+
+    Raises:
+        SceneError: cannot be read, or breaks a rule of its format or of ours.
+    """
+    source = Source(path)
+    reader = READERS.get(source.root.tag)
+    if reader is None:
+        rule = f"must be one of {sorted(READERS)}: URDF, MJCF or SDF"
+        raise source.error(source.root, source.root.tag, rule)
+    model: Model = reader(source)
+    return to_scene(model, str(path), free_base)
+
+
+def scene_of(document: Mapping[str, Any], source: Path) -> Scene:
+    """Return the scene of a document with ``model``; see :func:`expand`.
+
+    Raises:
+        SceneError: what breaks a rule is named by its link, not by a number that no file has.
+    """
+    expanded = expand(document, source)
+    try:
+        return scene_from_document(expanded, str(source))
+    except SceneError as error:
+        names = [link["name"] for link in expanded["links"]]
+        raise SceneError(error.source, [_named(one, names) for one in error.problems]) from None
+
+
+def _named(problem: SceneProblem, names: list[str]) -> SceneProblem:
+    found = re.match(r"links\[(\d+)\]", problem.key_path)
+    if found is None:
+        return problem
+    rest = problem.key_path[found.end() :]
+    return replace(problem, key_path=f"link {names[int(found[1])]}{rest}")
+
+
+def expand(document: Mapping[str, Any], source: Path) -> Document:
+    """Return a scene's document with ``model`` replaced by what that file says.
+
+    What the document says itself goes before the file. Names of the file stand for the links and
+    joints that became of them. Where it is silent: the point held is the tip of the longest branch,
+    nobody pushes, and stops get a stiffness (see ``with_stops``).
+
+    Args:
+        document: as written.
+        source: its file; ``model.file`` is relative to it.
+
+    Raises:
+        SceneError: see :func:`read_model`; or ``model`` breaks a rule.
+    """
+    part = _model_part(document["model"], source)
+    imported = read_model(source.parent / part.file, part.base == "free")
+    found: Document = {"hand": NO_HAND, **imported.document}
+    own = {key: value for key, value in document.items() if key != "model"}
+    for key in ("closures", "couplings"):
+        if key in own and key in found:
+            own[key] = [*found[key], *_list(own[key])]
+    found |= _in_links(own, imported)
+    found["links"] = [_changed(link, part, imported) for link in found["links"]]
+    _refuse_unknown(part, imported, source)
+    if "operational_points" not in found and imported.tips:
+        found["operational_points"] = [{"name": "tip_point", "link": imported.tips[0]}]
+    return with_stops(with_metrics(found), str(source))
+
+
+def _model_part(written: object, source: Path) -> ModelPart:
+    given = {"file": written} if isinstance(written, str) else written
+    try:
+        return ModelPart.model_validate(given)
+    except ValidationError as error:
+        problems = [
+            SceneProblem(
+                ".".join(("model", *map(str, item["loc"]))), item["input"], item["msg"].lower()
+            )
+            for item in error.errors()
+        ]
+        raise SceneError(str(source), problems) from None
+
+
+def _list(value: object) -> list[Any]:
+    return list(value) if isinstance(value, list | tuple) else [value]
+
+
+def _in_links(document: Document, imported: Imported) -> Document:
+    """Return the document with the file's names of bodies, frames and joints as the scene's."""
+    found = dict(document)
+    for key in ("closures", "springs"):
+        if key in found:
+            found[key] = [_with_ends(item, imported) for item in _list(found[key])]
+    for key in ("operational_points", "shapes"):
+        if key in found:
+            found[key] = [_placed(item, imported) for item in _list(found[key])]
+    state = found.get("initial_state")
+    if isinstance(state, Mapping):
+        found["initial_state"] = {
+            part: {imported.joints.get(name, name): value for name, value in values.items()}
+            if isinstance(values, Mapping)
+            else values
+            for part, values in state.items()
+        }
+    return found
+
+
+def _with_ends(item: object, imported: Imported) -> object:
+    if not isinstance(item, Mapping):
+        return item
+    return {
+        key: _placed(value, imported) if key in ("a", "b") else value for key, value in item.items()
+    }
+
+
+def _placed(item: object, imported: Imported) -> object:
+    """Return something with ``link`` and ``origin`` moved from the file's frame to a link's."""
+    if not isinstance(item, Mapping) or item.get("link") not in imported.places:
+        return item
+    link, place = imported.places[item["link"]]
+    origin = _transform(item.get("origin", {}))
+    if origin is None:
+        return item
+    moved = dict(item) | {"link": link}
+    if item["link"] != link or not place.isIdentity(0.0):
+        moved["origin"] = origin_of(place * origin)
+    return moved
+
+
+def _changed(link: Document, part: ModelPart, imported: Imported) -> Document:
+    """Return a link with what the scene says of its joint."""
+    for name, change in part.joints.items():
+        if imported.joints.get(name, name) == link["joint"]["name"]:
+            given = change.model_dump(exclude_unset=True)
+            joint = {k: v for k, v in {**link["joint"], **given}.items() if v is not None}
+            return {**link, "joint": joint}
+    return link
+
+
+def _refuse_unknown(part: ModelPart, imported: Imported, source: Path) -> None:
+    known = {*imported.joints, *imported.joints.values()}
+    problems = [
+        SceneProblem(f"model.joints.{name}", name, f"must be one of {sorted(imported.joints)}")
+        for name in part.joints
+        if name not in known
+    ]
+    if problems:
+        raise SceneError(str(source), problems)
+
+
+def _transform(origin: object) -> pin.SE3 | None:
+    """Return a written origin; None where it is not one, which validation then says."""
+    try:
+        return se3(Origin.model_validate(origin))
+    except ValidationError:
+        return None

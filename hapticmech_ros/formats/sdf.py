@@ -1,0 +1,238 @@
+"""SDFormat: one model, loops included: a link that two joints carry closes one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.formats.model import WORLD, Body, Hinge, Model, Note, Point
+from hapticmech_ros.formats.xml_nodes import Node, Source
+
+JOINT_TYPES = {
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "ball": "spherical",
+    "fixed": "fixed",
+}
+SHAPE = "say shapes and contacts in a scene file"
+WHY = {
+    "visual": "pictures are drawn from the joints",
+    "collision": SHAPE,
+    "plugin": "of another simulator",
+    "sensor": "nothing is sensed but poses and wrenches",
+    "limit effort": "nothing drives a joint but the hand and what the scene says",
+    "limit velocity": "nothing drives a joint but the hand and what the scene says",
+}
+UNKNOWN = "not of a mechanism, or not known"
+HERE = "__model__"
+# A limit beyond this is none, as SDFormat has it.
+NO_LIMIT = 1e15
+JOINT_KNOWN = {"parent", "child", "pose", "axis"}
+LINK_KNOWN = {"pose", "inertial"}
+
+
+def read_sdf(source: Source) -> Model:
+    """Read an SDF file with one model, alone or in a world.
+
+    Raises:
+        SceneError: it breaks a rule; names line, element, value and rule.
+    """
+    world = source.root.first("world")
+    models = [*source.root.all("model"), *(world.all("model") if world is not None else [])]
+    if len(models) != 1:
+        raise source.error(source.root, len(models), "needs one <model>")
+    gravity = world.first("gravity") if world is not None else None
+    vector = None
+    if gravity is not None:
+        x, y, z = source.numbers(gravity, gravity.text, 3)
+        vector = (x, y, z)
+    return _Reader(source, models[0]).read(vector)
+
+
+@dataclass
+class _Reader:
+    source: Source
+    model: Node
+    notes: Counter[str] = field(default_factory=Counter)
+    placed: dict[str, tuple[str, pin.SE3]] = field(default_factory=dict)
+    poses: dict[str, pin.SE3] = field(default_factory=dict)
+    asked: list[str] = field(default_factory=list)
+
+    def read(self, gravity: tuple[float, float, float] | None) -> Model:
+        source, model = self.source, self.model
+        for node in model.children:
+            if node.tag in ("model", "include"):
+                name = node.attributes.get("name")
+                raise source.error(node, name, "models in models are not read")
+            if node.tag in ("link", "joint", "frame"):
+                self._place(node)
+            elif node.tag not in ("pose", "static", "self_collide"):
+                self.notes[node.tag] += 1
+        own = self._written(model)[1] if model.first("pose") is not None else pin.SE3.Identity()
+        self.poses = {HERE: own, WORLD: pin.SE3.Identity()}
+        bodies = {}
+        for link in model.all("link"):
+            body = self._body(link)
+            bodies[body.name] = body
+        hinges = [self._hinge(joint, bodies) for joint in model.all("joint")]
+        points = [self._point(frame) for frame in model.all("frame")]
+        notes = [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in self.notes.items()]
+        name = model.attributes.get("name") or source.path.stem
+        bases = {body: self._pose(body, model) for body in bodies}
+        return Model(name, bodies, hinges, points=points, gravity=gravity, bases=bases, notes=notes)
+
+    def _place(self, node: Node) -> None:
+        """Note where a link, joint or frame is said to be: in what other, and how."""
+        name = self.source.text(node, "name")
+        if name in self.placed or name in (WORLD, HERE):
+            raise self.source.error(node, name, "names of links, joints, frames must be unique")
+        relative, pose = self._written(node)
+        if not relative:
+            attached = node.attributes.get("attached_to", HERE)
+            relative = self._child_name(node) if node.tag == "joint" else attached
+        self.placed[name] = (relative, pose)
+
+    def _written(self, node: Node) -> tuple[str, pin.SE3]:
+        """Return what an element's pose is relative to, empty if it does not say, and the pose."""
+        written = node.first("pose")
+        if written is None:
+            return "", pin.SE3.Identity()
+        if written.attributes.get("rotation_format", "euler_rpy") != "euler_rpy":
+            rule = "rotations must be euler_rpy"
+            raise self.source.error(written, written.attributes["rotation_format"], rule)
+        values = self.source.numbers(written, written.text or "0 0 0 0 0 0", 6, "a pose")
+        turn = np.array(values[3:])
+        if written.attributes.get("degrees", "false") in ("true", "1"):
+            turn = np.deg2rad(turn)
+        pose = pin.SE3(pin.rpy.rpyToMatrix(*turn), np.array(values[:3]))
+        return written.attributes.get("relative_to", ""), pose
+
+    def _pose(self, name: str, node: Node) -> pin.SE3:
+        """Return where something is in the world."""
+        chain: list[str] = []
+        while name not in self.poses:
+            if name not in self.placed:
+                raise self.source.error(node, name, "no such link, joint or frame")
+            if name in chain:
+                raise self.source.error(node, chain, "poses are relative to each other in a circle")
+            chain.append(name)
+            name = self.placed[name][0]
+        for one in reversed(chain):
+            relative, pose = self.placed[one]
+            self.poses[one] = self.poses[relative] * pose
+        return self.poses[chain[0] if chain else name]
+
+    def _body(self, link: Node) -> Body:
+        name = self.source.text(link, "name")
+        self.notes.update(part.tag for part in link.children if part.tag not in LINK_KNOWN)
+        inertial = link.first("inertial")
+        if inertial is None:
+            return Body(name, 1.0, np.zeros(3), np.eye(3))  # SDFormat's own default
+        mass = self._number(inertial, "mass", 1.0)
+        inertia = inertial.first("inertia")
+        given = {
+            key: self._number(inertia, key, float(key in ("ixx", "iyy", "izz")))
+            for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        }
+        own = np.array(
+            [
+                [given["ixx"], given["ixy"], given["ixz"]],
+                [given["ixy"], given["iyy"], given["iyz"]],
+                [given["ixz"], given["iyz"], given["izz"]],
+            ]
+        )
+        place = self._written(inertial)[1]
+        return Body(name, mass, place.translation.copy(), place.rotation @ own @ place.rotation.T)
+
+    def _number(self, node: Node | None, tag: str, default: float) -> float:
+        """Return the number in an element."""
+        found = node.first(tag) if node is not None else None
+        return default if found is None else self.source.numbers(found, found.text, 1, tag)[0]
+
+    def _child_name(self, joint: Node) -> str:
+        return self._end_name(joint, "child")
+
+    def _end_name(self, joint: Node, end: str) -> str:
+        found = joint.first(end)
+        name = found.text.strip() if found is not None else ""
+        if not name:
+            raise self.source.error(joint, joint.attributes.get("name"), f"needs a <{end}>")
+        return name
+
+    def _hinge(self, joint: Node, bodies: Mapping[str, Body]) -> Hinge:
+        name, kind = self.source.text(joint, "name"), self.source.text(joint, "type")
+        if kind not in JOINT_TYPES:
+            rule = f"type must be one of {sorted(JOINT_TYPES)}"
+            raise self.source.error(joint, kind, rule)
+        self.notes.update(part.tag for part in joint.children if part.tag not in JOINT_KNOWN)
+        parent, child = (self._end_name(joint, end) for end in ("parent", "child"))
+        for body in (parent, child):
+            if body not in bodies and body != WORLD:
+                raise self.source.error(joint, body, "no such link")
+        place = self._pose(name, joint)
+        before, behind = self._pose(parent, joint), self._pose(child, joint)
+        moves = kind in ("revolute", "continuous", "prismatic")
+        axis = joint.first("axis")
+        if moves and axis is None:
+            raise self.source.error(joint, name, "needs an <axis>")
+        dynamics = axis.first("dynamics") if axis is not None else None
+        return Hinge(
+            name,
+            JOINT_TYPES[kind],
+            parent,
+            child,
+            before.actInv(place),
+            place.actInv(behind),
+            self._axis(axis, place) if moves and axis is not None else np.array((0.0, 0.0, 1.0)),
+            damping=self._number(dynamics, "damping", 0.0),
+            friction=self._number(dynamics, "friction", 0.0) if moves else 0.0,
+            stiffness=self._number(dynamics, "spring_stiffness", 0.0) if moves else 0.0,
+            rest=self._number(dynamics, "spring_reference", 0.0) if moves else 0.0,
+            limits=self._limits(axis) if kind in ("revolute", "prismatic") else None,
+        )
+
+    def _axis(self, axis: Node, place: pin.SE3) -> np.ndarray:
+        written = axis.first("xyz")
+        if written is None:
+            return np.array((0.0, 0.0, 1.0))
+        vector = np.array(self.source.numbers(written, written.text, 3, "an axis"))
+        size = float(np.linalg.norm(vector))
+        if not size > 0.0:
+            raise self.source.error(written, vector.tolist(), "an axis must not be zero")
+        frame = written.attributes.get("expressed_in", "")
+        if frame:
+            vector = place.rotation.T @ self._pose(frame, written).rotation @ vector
+        return np.asarray(vector / size)
+
+    def _limits(self, axis: Node | None) -> tuple[float, float] | None:
+        limit = axis.first("limit") if axis is not None else None
+        if limit is None:
+            return None
+        self.notes.update(f"limit {t}" for t in ("effort", "velocity") if limit.first(t))
+        lower = self._number(limit, "lower", -np.inf)
+        upper = self._number(limit, "upper", np.inf)
+        if lower > upper:
+            raise self.source.error(limit, (lower, upper), "lower must not be above upper")
+        return (lower, upper) if max(-lower, upper) < NO_LIMIT else None
+
+    def _point(self, frame: Node) -> Point:
+        """Return a frame of the file, fixed in the link that it is attached to."""
+        name = self.source.text(frame, "name")
+        links = {self.source.text(link, "name") for link in self.model.all("link")}
+        joints = {self.source.text(j, "name"): j for j in self.model.all("joint")}
+        body, seen = frame.attributes.get("attached_to", ""), {name}
+        while body and body not in links and body not in seen:
+            seen.add(body)
+            if body in joints:
+                body = self._child_name(joints[body])
+            else:
+                found = [f for f in self.model.all("frame") if f.attributes.get("name") == body]
+                body = found[0].attributes.get("attached_to", "") if found else ""
+        body = body if body in links else WORLD
+        place = self._pose(body, frame).actInv(self._pose(name, frame))
+        return Point(name, body, place)

@@ -1,0 +1,127 @@
+"""What files do not say of stops, friction and metrics, and a scene needs: by a rule."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.formats.model import Document
+from hapticmech_ros.mechanism.model import authored_state, build_tree
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.loader import scene_from_document
+
+# A stop and what its joint moves swing at this over the step, rad: explicit rules bear 2.8 of the
+# square root of the inertia's changes, so that it may fall to a hundredth before they do not.
+SWING = 0.3
+# Of the damping at which they would swing no more.
+DAMPING_RATIO = 0.5
+# Depth at which a stop has that damping, rad or m.
+DEPTH = 0.01
+# Friction slows what its joint moves by this share of the step at most: explicit rules bear 2.
+SLOWED = 0.3
+FRICTION_SPEED = 0.01
+
+
+def with_stops(document: Document, source: str) -> Document:
+    """Return a document whose stops have a stiffness, and whose friction does not shake.
+
+    With m the inertia that a joint meets where the scene starts, 1 / (D⁻¹)_cc, and T the step:
+    stiffness (0.3 / T)² m, damping 2 · 0.5 √(k m) at a depth of 0.01, and Coulomb friction f turns
+    around within f T / (0.3 m), but 0.01 at the least. What the document says stays.
+    """
+    bare = [_is_bare(link["joint"]) for link in document["links"]]
+    rough = [_is_rough(link["joint"]) for link in document["links"]]
+    if not (any(bare) or any(rough)):
+        return document
+    without = [_bared(link) for link in document["links"]]
+    scene = scene_from_document({**document, "links": without}, source)
+    met = _inertia_met(scene)
+    period = scene.simulation.period / scene.simulation.substeps
+    links = []
+    for link in document["links"]:
+        joint = dict(link["joint"])
+        inertia = met.get(joint["name"])
+        if inertia is None:
+            joint.pop("limits", None)
+        else:
+            if _is_bare(joint):
+                joint["limits"] = _stop(joint["limits"], inertia, period)
+            if _is_rough(joint):
+                slow = joint["friction"] * period / (SLOWED * inertia)
+                joint["friction_speed"] = float(max(FRICTION_SPEED, slow))
+        links.append({**link, "joint": joint})
+    return {**document, "links": links}
+
+
+def with_metrics(document: Document) -> Document:
+    """Return a document in which every operational point on a body has a metric.
+
+    A link of no inertia of its own, such as a tool's frame, is given that of the mechanism: its
+    mass, and the mean radius of gyration of its links about their own centres.
+    """
+    points = document.get("operational_points")
+    if not isinstance(points, list):
+        return document
+    links = {link["name"]: link for link in document["links"]}
+    return {**document, "operational_points": [_measured(point, links) for point in points]}
+
+
+def _measured(point: object, links: dict[str, Document]) -> object:
+    """Return an operational point with a metric, its own or its link's where there is one."""
+    if not isinstance(point, dict) or "metric" in point or point.get("link") not in links:
+        return point
+    if _has_inertia(links[point["link"]]):
+        return point
+    return {**point, "metric": _whole_metric(list(links.values()))}
+
+
+def _is_bare(joint: Document) -> bool:
+    limits = joint.get("limits")
+    return isinstance(limits, dict) and "stiffness" not in limits
+
+
+def _is_rough(joint: Document) -> bool:
+    return joint.get("friction", 0.0) > 0.0 and "friction_speed" not in joint
+
+
+def _bared(link: Document) -> Document:
+    joint = {key: value for key, value in link["joint"].items() if key != "limits"}
+    return {**link, "joint": joint}
+
+
+def _stop(limits: dict[str, Any], inertia: float, period: float) -> Document:
+    stiffness = (SWING / period) ** 2 * inertia
+    damping = 2.0 * DAMPING_RATIO * float(np.sqrt(stiffness * inertia))
+    return {**limits, "stiffness": float(stiffness), "damping": damping, "depth": DEPTH}
+
+
+def _inertia_met(scene: Scene) -> dict[str, float]:
+    """Return by name of the joint what it would have to move, the others free."""
+    tree = build_tree(scene)
+    model, (q, _) = tree.pinocchio, authored_state(scene, tree)
+    inertia = pin.crba(model, model.createData(), q).reshape(model.nv, model.nv)
+    try:
+        mobile = np.diag(np.linalg.inv(np.triu(inertia) + np.triu(inertia, 1).T))
+    except np.linalg.LinAlgError:
+        return {}  # a joint moves no mass, which the mechanism refuses, and says how to mend
+    return {
+        name: 1.0 / float(mobile[tree.velocity_slice(i)][0])
+        for i, name in enumerate(tree.joint_names)
+    }
+
+
+def _has_inertia(link: Document) -> bool:
+    i = link["inertial"]["inertia"]
+    rows = [[i["ixx"], i["ixy"], i["ixz"]], [i["ixy"], i["iyy"], i["iyz"]]]
+    moments = np.linalg.eigvalsh(np.array([*rows, [i["ixz"], i["iyz"], i["izz"]]]))
+    return bool(link["inertial"]["mass"] > 0.0 and moments.min() > 0.0)
+
+
+def _whole_metric(links: list[Document]) -> Document:
+    mass = sum(link["inertial"]["mass"] for link in links)
+    moments = [link["inertial"]["inertia"] for link in links]
+    total = sum(i["ixx"] + i["iyy"] + i["izz"] for i in moments)
+    length = float(np.sqrt(total / (3.0 * mass))) if mass > 0.0 and total > 0.0 else 0.1
+    return {"mass": float(mass) or 1.0, "length": length}

@@ -1,0 +1,302 @@
+"""From bodies and hinges to a scene's links: a tree from the world, and closures for the rest."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.formats.model import (
+    WORLD,
+    Body,
+    Coupling,
+    Document,
+    Hinge,
+    Imported,
+    Model,
+    Note,
+    Tie,
+)
+
+LINK_LIMIT = 1000
+# What closes a loop where a body is carried a second time.
+TIES = {"revolute": "revolute", "spherical": "spherical", "fixed": "weld"}
+NO_SENSE = "a hinge that closes a loop is a bare one: say springs and dampers in a scene file"
+RAISED = "a principal moment was above the sum of the others, which were raised alike to meet it"
+# Moments this far below zero, as a share of the largest, are rounding of what was written.
+ROUNDING = 1e-6
+# kg m², below which a moment is rounding in any case.
+NO_INERTIA = 1e-12
+Place = tuple[str, pin.SE3]
+
+
+def to_scene(model: Model, source: str, free_base: bool = False) -> Imported:
+    """Return a model as parts of a scene.
+
+    A body that no hinge carries is the world itself, or floats if the base is free. Frames of links
+    are those of their joints: bodies may have others, which ``places`` tells.
+
+    Args:
+        model: what a file says.
+        source: file, for messages.
+        free_base: whether such a body floats.
+
+    Raises:
+        SceneError: too large, names twice, hinges in a circle, or a loop that cannot be closed.
+    """
+    if len(model.bodies) > LINK_LIMIT:
+        raise _refused(source, "bodies", len(model.bodies), f"at most {LINK_LIMIT}")
+    return _Builder(model, source, free_base).build()
+
+
+class _Builder:
+    def __init__(self, model: Model, source: str, free_base: bool) -> None:
+        self._model, self._source, self._free = model, source, free_base
+        self._links: list[Document] = []
+        self._places: dict[str, Place] = {WORLD: (WORLD, pin.SE3.Identity())}
+        self._names = Names()
+        self._joints: dict[str, str] = {}
+        self._closing: list[Hinge] = []
+        self._depth = {WORLD: 0}
+        self._raised = self._dropped = 0
+
+    def build(self) -> Imported:
+        if not self._model.bodies:
+            raise _refused(self._source, "bodies", 0, "there must be one at least")
+        for base in self._bases():
+            self._carry(base)
+        self._grow()
+        if not any(link["joint"]["type"] != "fixed" for link in self._links):
+            rule = "no joint moves: with base: free it floats"
+            raise _refused(self._source, "joints", len(self._model.hinges), rule)
+        closures = [self._tie(_tie_of(hinge, self._source)) for hinge in self._closing]
+        closures += [self._tie(tie) for tie in self._model.ties]
+        document: Document = {"links": self._links}
+        if closures:
+            document["closures"] = closures
+        if self._model.couplings:
+            document["couplings"] = [self._coupling(one) for one in self._model.couplings]
+        if self._model.gravity is not None:
+            document["gravity"] = list(self._model.gravity)
+        for point in self._model.points:
+            if point.body not in self._places:
+                raise _refused(self._source, point.name, point.body, "no such body")
+            link, place = self._places[point.body]
+            self._places.setdefault(point.name, (link, place * point.origin))
+        return Imported(
+            {"name": clean(self._model.name), **document},
+            self._places,
+            self._joints,
+            self._tips(),
+            self._notes(),
+        )
+
+    def _bases(self) -> Iterable[Hinge]:
+        """Yield a hinge to the world for each body that nothing carries."""
+        carried = {hinge.child for hinge in self._model.hinges}
+        bases = [name for name in self._model.bodies if name not in carried]
+        if not bases and not any(hinge.parent == WORLD for hinge in self._model.hinges):
+            raise _refused(
+                self._source, "bodies", sorted(self._model.bodies)[:5], "hinges go in a circle"
+            )
+        kind = "free" if self._free else "fixed"
+        for name in bases:
+            if name != WORLD:
+                place = self._model.bases.get(name, pin.SE3.Identity())
+                yield Hinge(f"{name}_base", kind, WORLD, name, place)
+
+    def _grow(self) -> None:
+        """Carry body after body, from the world outwards, in the file's order."""
+        below: dict[str, list[Hinge]] = {}
+        for hinge in self._model.hinges:
+            below.setdefault(hinge.parent, []).append(hinge)
+        waiting = list(self._places)
+        done: set[str] = set()
+        while waiting:
+            parent = waiting.pop()
+            if parent in done:
+                continue
+            done.add(parent)
+            for hinge in below.get(parent, []):
+                if hinge.child in self._places:
+                    self._closing.append(hinge)
+                else:
+                    self._carry(hinge)
+            waiting += [hinge.child for hinge in reversed(below.get(parent, []))]
+        lost = sorted(set(self._model.bodies) - set(self._places))
+        if lost:
+            raise _refused(self._source, "bodies", lost[:5], "hinges of these go in a circle")
+
+    def _carry(self, hinge: Hinge) -> None:
+        link, place = self._places[hinge.parent]
+        origin = place * hinge.in_parent
+        body = self._model.bodies[hinge.child]
+        self._depth[hinge.child] = self._depth[hinge.parent] + 1
+        if hinge.type == "fixed" and link == WORLD:
+            self._places[hinge.child] = (WORLD, origin * hinge.of_child)
+            return
+        own = hinge.of_child
+        if hinge.type == "fixed":
+            origin, own = origin * own, pin.SE3.Identity()
+        name = self._names.new(hinge.child)
+        self._places[hinge.child] = (name, own)
+        if hinge.name in self._joints:
+            raise _refused(self._source, "joint", hinge.name, "names must be unique")
+        self._joints[hinge.name] = self._names.new(hinge.name)
+        self._links.append(
+            {
+                "name": name,
+                "parent": link,
+                "joint": _joint(hinge, self._joints[hinge.name], origin),
+                "inertial": self._inertial(body, own),
+            }
+        )
+
+    def _inertial(self, body: Body, place: pin.SE3) -> Document:
+        turned = place.rotation @ body.inertia @ place.rotation.T
+        if body.mass == 0.0:
+            self._dropped += bool(turned.any())
+            turned = np.zeros((3, 3))
+        inertia, raised = balanced(turned)
+        self._raised += raised
+        keys = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2)}
+        keys |= {"ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
+        return {
+            "mass": float(body.mass),
+            "com": _floats(place.act(body.com)),
+            "inertia": {key: float(inertia[at]) for key, at in keys.items()},
+        }
+
+    def _tie(self, tie: Tie) -> Document:
+        ends = {}
+        for end, (body, place) in (("a", tie.a), ("b", tie.b)):
+            if body not in self._places:
+                raise _refused(self._source, f"closure {tie.name}", body, "no such body")
+            link, own = self._places[body]
+            ends[end] = {"link": link, "origin": origin_of(own * place)}
+        found: Document = {"name": self._names.new(tie.name), "kind": tie.kind, **ends}
+        return found if tie.active else {**found, "active": False}
+
+    def _coupling(self, coupling: Coupling) -> Document:
+        for joint in (coupling.joint, coupling.leader):
+            if joint not in self._joints:
+                raise _refused(self._source, f"coupling {coupling.name}", joint, "no such joint")
+        return {
+            "name": self._names.new(coupling.name),
+            "joint": self._joints[coupling.joint],
+            "leader": self._joints[coupling.leader],
+            "ratio": coupling.ratio,
+            "offset": coupling.offset,
+        }
+
+    def _tips(self) -> list[str]:
+        """Return the links that carry no other, the one most joints from the world first."""
+        parents = {link["parent"] for link in self._links}
+        depth = {self._places[body][0]: depth for body, depth in self._depth.items()}
+        tips = [link["name"] for link in self._links if link["name"] not in parents]
+        return sorted(tips, key=lambda name: -depth[name])
+
+    def _notes(self) -> list[Note]:
+        notes = list(self._model.notes)
+        acting = [h for h in self._closing if h.damping or h.friction or h.stiffness or h.limits]
+        if acting:
+            notes.append(Note("what acts in joints that close loops", len(acting), NO_SENSE))
+        if self._dropped:
+            notes.append(
+                Note("inertia without mass", self._dropped, "a body without mass has none")
+            )
+        if self._raised:
+            notes.append(Note("inertia of no body", self._raised, RAISED))
+        return notes
+
+
+def balanced(inertia: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Return a body's inertia (3, 3), and whether it had to be made one.
+
+    No body has a principal moment above the sum of the other two; files have. The smaller two are
+    raised by half of what is missing each. Moments clearly below zero are left for the scene's
+    rules to refuse.
+    """
+    if not np.isfinite(inertia).all():
+        return inertia, False
+    moments, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
+    largest = moments[2]
+    if moments[0] < 0.0 and np.abs(moments).max() <= NO_INERTIA:
+        return np.zeros((3, 3)), False
+    missing = largest - moments[0] - moments[1]
+    if moments[0] < -ROUNDING * largest or (moments[0] >= 0.0 and missing <= 1e-9 * largest):
+        return inertia, False
+    raised = moments + np.array((0.5, 0.5, 0.0)) * max(missing, 0.0)
+    made = (axes * np.maximum(raised, 0.0)) @ axes.T
+    return made, bool(missing > ROUNDING * largest)
+
+
+class Names:
+    """Names as a scene has them, no two alike."""
+
+    def __init__(self) -> None:
+        self._taken = {WORLD}
+
+    def new(self, name: str) -> str:
+        """Return the name, or the nearest that is allowed and not taken."""
+        cleaned = found = clean(name)
+        count = 2
+        while found in self._taken:
+            found = f"{cleaned}_{count}"
+            count += 1
+        self._taken.add(found)
+        return found
+
+
+def clean(name: str) -> str:
+    """Return a name of letters, digits and underscores that begins with a letter."""
+    found = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return found if re.match(r"[A-Za-z]", found) else f"n{found}"
+
+
+def origin_of(place: pin.SE3) -> Document:
+    """Return a transform as a scene's origin."""
+    rpy = pin.rpy.matrixToRpy(place.rotation)
+    return {"xyz": _floats(place.translation), "rpy": _floats(rpy)}
+
+
+def _joint(hinge: Hinge, name: str, origin: pin.SE3) -> Document:
+    found: Document = {"name": name, "type": hinge.type, "origin": origin_of(origin)}
+    if hinge.type in ("revolute", "prismatic"):
+        found["axis"] = _floats(hinge.axis)
+    values: Mapping[str, Any] = {
+        "damping": hinge.damping,
+        "friction": hinge.friction,
+        "stiffness": hinge.stiffness,
+        "rest": hinge.rest,
+    }
+    found |= {key: float(value) for key, value in values.items() if value}
+    if hinge.limits is not None:
+        found["limits"] = {"lower": hinge.limits[0], "upper": hinge.limits[1]}
+    return found
+
+
+def _tie_of(hinge: Hinge, source: str) -> Tie:
+    """Return the closure that a hinge is where it carries a body that others carry already."""
+    if hinge.type not in TIES:
+        rule = f"closes a loop, which only these can: {sorted(TIES)}"
+        raise _refused(source, f"joint {hinge.name}", hinge.type, rule)
+    level = pin.SE3.Identity()
+    if hinge.type == "revolute":
+        up = np.array((0.0, 0.0, 1.0))
+        level.rotation = pin.Quaternion.FromTwoVectors(up, hinge.axis).matrix()
+    a = (hinge.parent, hinge.in_parent * level)
+    b = (hinge.child, hinge.of_child.inverse() * level)
+    return Tie(hinge.name, TIES[hinge.type], a, b)
+
+
+def _floats(values: Sequence[float] | np.ndarray) -> list[float]:
+    return [float(value) for value in values]
+
+
+def _refused(source: str, key: str, value: object, rule: str) -> SceneError:
+    return SceneError(source, [SceneProblem(key, value, rule)])

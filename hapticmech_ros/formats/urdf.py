@@ -1,0 +1,171 @@
+"""URDF: links, joints, inertias, limits and what acts in joints; a scene file adds the loops."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.formats.model import Body, Coupling, Hinge, Model, Note
+from hapticmech_ros.formats.xml_nodes import Node, Source
+
+JOINT_TYPES = {
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "fixed": "fixed",
+    "floating": "free",
+    "planar": "planar",
+}
+SHAPE = "say shapes and contacts in a scene file"
+DRIVEN = "nothing drives a joint but the hand and what the scene says"
+WHY = {
+    "visual": "pictures are drawn from the joints",
+    "collision": SHAPE,
+    "safety_controller": "a virtual mechanism has no controller of its own",
+    "calibration": "a virtual mechanism needs none",
+    "transmission": "joints are moved by forces, not through motors",
+    "material": "pictures are drawn from the joints",
+    "gazebo": "of another simulator",
+    "ros2_control": "a virtual mechanism has no controller of its own",
+    "limit effort": DRIVEN,
+    "limit velocity": DRIVEN,
+    "limit of no width": "lower = upper, as where they are left out: no stops",
+    "sensor": "nothing is sensed but poses and wrenches",
+}
+UNKNOWN = "not of a mechanism, or not known"
+FIRST_NUMBERS = (1.0, 0.0, 0.0)
+
+
+def read_urdf(source: Source) -> Model:
+    """Read a URDF file.
+
+    Raises:
+        SceneError: it breaks a rule; names line, element, value and rule.
+    """
+    notes: Counter[str] = Counter()
+    bodies: dict[str, Body] = {}
+    hinges: list[Hinge] = []
+    couplings: list[Coupling] = []
+    for node in source.root.children:
+        if node.tag == "link":
+            body = _body(source, node, notes)
+            if body.name in bodies:
+                raise source.error(node, body.name, "names of links must be unique")
+            bodies[body.name] = body
+        elif node.tag == "joint":
+            hinges.append(_hinge(source, node, notes))
+            couplings += _mimic(source, node)
+        else:
+            notes[node.tag] += 1
+    for hinge in hinges:
+        for name in (hinge.parent, hinge.child):
+            if name not in bodies:
+                raise source.error(None, name, f"joint {hinge.name!r} needs this link")
+    found = [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in notes.items()]
+    return Model(
+        source.root.attributes.get("name") or source.path.stem,
+        bodies,
+        hinges,
+        couplings=couplings,
+        notes=found,
+    )
+
+
+def placement_in(source: Source, node: Node | None) -> pin.SE3:
+    """Return the transform of an element's xyz and rpy; the identity without."""
+    xyz = source.values(node, "xyz", (0.0, 0.0, 0.0))
+    rpy = source.values(node, "rpy", (0.0, 0.0, 0.0))
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
+
+
+def _body(source: Source, node: Node, notes: Counter[str]) -> Body:
+    name = source.text(node, "name")
+    notes.update(part.tag for part in node.children if part.tag != "inertial")
+    inertial = node.first("inertial")
+    if inertial is None:
+        return Body(name)
+    mass, inertia = inertial.first("mass"), inertial.first("inertia")
+    if mass is None or inertia is None:
+        raise source.error(inertial, name, "an <inertial> needs <mass> and <inertia>")
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    xx, xy, xz, yy, yz, zz = (source.value(inertia, name) for name in names)
+    own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    place = placement_in(source, inertial.first("origin"))
+    turned = place.rotation @ own @ place.rotation.T
+    return Body(name, source.value(mass, "value"), place.translation.copy(), turned)
+
+
+def _hinge(source: Source, node: Node, notes: Counter[str]) -> Hinge:
+    name, kind = source.text(node, "name"), source.text(node, "type")
+    if kind not in JOINT_TYPES:
+        raise source.error(node, kind, f"type must be one of {sorted(JOINT_TYPES)}")
+    known = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
+    notes.update(part.tag for part in node.children if part.tag not in known)
+    parent, child = (_link_of(source, node, end) for end in ("parent", "child"))
+    dynamics = node.first("dynamics")
+    moving = kind in ("revolute", "continuous", "prismatic")
+    axis = _axis(source, node) if moving or kind == "planar" else np.array((0.0, 0.0, 1.0))
+    level = pin.SE3.Identity()
+    if kind == "planar":
+        level.rotation = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), axis).matrix()
+        axis = np.array((0.0, 0.0, 1.0))
+    return Hinge(
+        name,
+        JOINT_TYPES[kind],
+        parent,
+        child,
+        placement_in(source, node.first("origin")) * level,
+        level.inverse(),
+        axis,
+        source.value(dynamics, "damping", 0.0),
+        source.value(dynamics, "friction", 0.0) if moving else 0.0,
+        limits=_limits(source, node, kind, notes),
+    )
+
+
+def _link_of(source: Source, node: Node, end: str) -> str:
+    found = node.first(end)
+    if found is None:
+        raise source.error(node, node.attributes.get("name"), f"needs <{end} link=.../>")
+    return source.text(found, "link")
+
+
+def _axis(source: Source, node: Node) -> np.ndarray:
+    written = node.first("axis")
+    axis = np.array(source.values(written, "xyz", FIRST_NUMBERS))
+    size = float(np.linalg.norm(axis))
+    if not size > 0.0:
+        raise source.error(written, axis.tolist(), "an axis must not be zero")
+    return np.asarray(axis / size)
+
+
+def _limits(
+    source: Source, node: Node, kind: str, notes: Counter[str]
+) -> tuple[float, float] | None:
+    limit = node.first("limit")
+    if limit is not None:
+        for attribute in ("effort", "velocity"):
+            if source.value(limit, attribute, 0.0) > 0.0:
+                notes[f"limit {attribute}"] += 1
+    if kind not in ("revolute", "prismatic"):
+        return None
+    if limit is None:
+        raise source.error(node, node.attributes.get("name"), f"a {kind} joint needs <limit>")
+    lower, upper = source.value(limit, "lower", 0.0), source.value(limit, "upper", 0.0)
+    if lower > upper:
+        raise source.error(limit, (lower, upper), "lower must not be above upper")
+    if lower == upper:
+        notes["limit of no width"] += 1
+        return None
+    return lower, upper
+
+
+def _mimic(source: Source, node: Node) -> list[Coupling]:
+    mimic = node.first("mimic")
+    if mimic is None:
+        return []
+    name, leader = source.text(node, "name"), source.text(mimic, "joint")
+    ratio, offset = source.value(mimic, "multiplier", 1.0), source.value(mimic, "offset", 0.0)
+    return [Coupling(f"{name}_mimics_{leader}", name, leader, ratio, offset)]

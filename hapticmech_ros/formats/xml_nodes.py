@@ -1,0 +1,164 @@
+"""XML files as plain nodes that remember their lines: bounded, no entities, numbers checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+from xml.sax.saxutils import escape, quoteattr
+
+from hapticmech_ros.errors import SceneError, SceneProblem
+
+FILE_SIZE_LIMIT = 32_000_000
+NODE_LIMIT = 200_000
+DEPTH_LIMIT = 200
+
+
+@dataclass(slots=True)
+class Node:
+    """An element.
+
+    Attributes:
+        tag: its name.
+        attributes: as written.
+        line: where it begins.
+        children: elements in it.
+        text: what is written in it.
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    children: list[Node] = field(default_factory=list)
+    text: str = ""
+
+    def all(self, tag: str) -> list[Node]:
+        """Return the children of a kind."""
+        return [child for child in self.children if child.tag == tag]
+
+    def first(self, tag: str) -> Node | None:
+        """Return the first child of a kind, or None."""
+        return next((child for child in self.children if child.tag == tag), None)
+
+    def walk(self) -> Iterator[Node]:
+        """Yield this element and all in it, as they are written."""
+        pending = [self]
+        while pending:
+            node = pending.pop()
+            yield node
+            pending += reversed(node.children)
+
+
+def written(node: Node) -> str:
+    """Return an element and all in it as XML."""
+    attributes = "".join(f" {key}={quoteattr(value)}" for key, value in node.attributes.items())
+    inside = escape(node.text.strip()) + "".join(written(child) for child in node.children)
+    return f"<{node.tag}{attributes}>{inside}</{node.tag}>"
+
+
+class Source:
+    """An XML file, and the errors that name it.
+
+    Args:
+        path: of the file.
+
+    Attributes:
+        path: of the file.
+        root: its outermost element.
+
+    Raises:
+        SceneError: cannot be read, too large, too deep, or not XML; entities are refused.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.root = self._parse(self._read())
+
+    def error(self, node: Node | None, value: object, rule: str) -> SceneError:
+        """Return the error of something in the file."""
+        where = "file" if node is None else f"line {node.line}, <{node.tag}>"
+        return SceneError(str(self.path), [SceneProblem(where, value, rule)])
+
+    def text(self, node: Node, attribute: str, default: str | None = None) -> str:
+        """Return an attribute; required where there is no default."""
+        found = node.attributes.get(attribute, default)
+        if found is None or (default is None and not found.strip()):
+            raise self.error(node, found, f"needs {attribute}=...")
+        return found.strip()
+
+    def numbers(
+        self, node: Node, written: str, count: int, what: str = "value"
+    ) -> tuple[float, ...]:
+        """Return so many finite numbers that are written one after the other."""
+        try:
+            found = tuple(float(part) for part in written.split())
+        except ValueError:
+            raise self.error(node, written, f"{what} must be numbers") from None
+        if len(found) != count or not all(math.isfinite(value) for value in found):
+            raise self.error(node, written, f"{what} must be {count} finite number(s)")
+        return found
+
+    def values(
+        self, node: Node | None, attribute: str, default: Sequence[float]
+    ) -> tuple[float, ...]:
+        """Return the numbers in an attribute, or the default; as many as the default has."""
+        if node is None or attribute not in node.attributes:
+            return tuple(default)
+        return self.numbers(node, node.attributes[attribute], len(default), attribute)
+
+    def value(self, node: Node | None, attribute: str, default: float | None = None) -> float:
+        """Return the number in an attribute; required where there is no default."""
+        if node is not None and default is None:
+            self.text(node, attribute)
+        return self.values(node, attribute, (0.0 if default is None else default,))[0]
+
+    def _read(self) -> bytes:
+        try:
+            size = self.path.stat().st_size
+            if size > FILE_SIZE_LIMIT:
+                raise self.error(None, size, f"at most {FILE_SIZE_LIMIT} bytes")
+            return self.path.read_bytes()
+        except OSError as error:
+            raise self.error(None, str(error), "cannot be read") from None
+
+    def _parse(self, data: bytes) -> Node:
+        above: list[Node] = [Node("", {}, 0)]
+        count = 0
+        parser = expat.ParserCreate()
+
+        def start(tag: str, attributes: dict[str, str]) -> None:
+            nonlocal count
+            count += 1
+            node = Node(tag, attributes, parser.CurrentLineNumber)
+            if count > NODE_LIMIT:
+                raise self.error(node, count, f"at most {NODE_LIMIT} elements")
+            if len(above) > DEPTH_LIMIT:
+                raise self.error(node, len(above), f"at most {DEPTH_LIMIT} elements in each other")
+            above[-1].children.append(node)
+            above.append(node)
+
+        def end(_tag: str) -> None:
+            above.pop()
+
+        def characters(text: str) -> None:
+            above[-1].text += text
+
+        def entity(name: str, *_rest: object) -> None:
+            raise self.error(None, name, "entities are not read")
+
+        parser.StartElementHandler = start
+        parser.EndElementHandler = end
+        parser.CharacterDataHandler = characters
+        parser.EntityDeclHandler = entity
+        parser.buffer_text = True
+        try:
+            parser.Parse(data, True)
+        except expat.ExpatError as error:
+            where = f"line {error.lineno}"
+            problem = SceneProblem(where, expat.errors.messages[error.code], "not valid XML")
+            raise SceneError(str(self.path), [problem]) from None
+        except (ValueError, LookupError) as error:  # an encoding that nobody knows
+            raise self.error(None, str(error), "not valid XML") from None
+        return above[0].children[0]
