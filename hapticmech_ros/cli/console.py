@@ -12,7 +12,9 @@ from rich.progress import BarColumn, Progress, TextColumn
 console = Console()
 errors = Console(stderr=True)
 
-SceneArgument = Annotated[str, typer.Argument(help="shipped scene, or path of a YAML file")]
+SceneArgument = Annotated[
+    str, typer.Argument(help="shipped scene, or path of a YAML, URDF, MJCF or SDF file")
+]
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="folder for the results")]
 ComposedOption = Annotated[bool, typer.Option(help="all four nodes in one process")]
 

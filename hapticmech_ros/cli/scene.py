@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from hapticmech_ros.cli.console import SceneArgument
 
-app = typer.Typer(help="Scenes: what one makes run.", no_args_is_help=True)
+app = typer.Typer(help="Scenes: what they are, and what they make run.", no_args_is_help=True)
 
 
 @app.callback()
 def _options() -> None:
-    """Scenes: what one makes run."""
+    """Scenes: what they are, and what they make run."""
 
 
 @app.command()
@@ -39,3 +40,67 @@ def plan(
         print(json.dumps(asdict(found), ensure_ascii=False))
     else:
         show_plan(found)
+
+
+@app.command("list")
+def list_scenes() -> None:
+    """List the scenes that come with the package."""
+    from hapticmech_ros.cli.scene_tables import show_scenes
+    from hapticmech_ros.scene import load_scene, shipped_scenes
+
+    show_scenes([(name, load_scene(path).description) for name, path in shipped_scenes().items()])
+
+
+@app.command()
+def check(
+    scene: SceneArgument,
+    json_only: Annotated[
+        bool, typer.Option("--json", help="print the result as JSON, and nothing else")
+    ] = False,
+) -> None:
+    """Load SCENE, say what it is, what of its model's file it leaves out, and what to look at."""
+    from hapticmech_ros.cli.scene_tables import show_check
+    from hapticmech_ros.formats import notes_of
+    from hapticmech_ros.plan import check_scene
+    from hapticmech_ros.scene import load_scene
+    from hapticmech_ros.scene.loader import find_scene
+
+    found, notes = check_scene(load_scene(scene)), notes_of(find_scene(scene))
+    if json_only:
+        import json
+        from dataclasses import asdict
+
+        print(json.dumps({**asdict(found), "notes": [str(note) for note in notes]}))
+    else:
+        show_check(found, notes)
+
+
+@app.command()
+def show(
+    scene: SceneArgument,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="PNG file", show_default="SCENE's name")
+    ] = None,
+    point: Annotated[
+        str, typer.Option(help="operational point held", show_default="the scene's first")
+    ] = "",
+) -> None:
+    """Draw SCENE at its start: the point held, and its rigid and free directions."""
+    from hapticmech_ros.cli.console import console
+    from hapticmech_ros.scene import load_scene
+    from hapticmech_ros.view.still import draw_scene
+
+    loaded = load_scene(scene)
+    path = Path(f"{loaded.name}.png") if out is None else out
+    draw_scene(loaded, path, point)
+    console.print(f"{path}", highlight=False, markup=False, soft_wrap=True)
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of scene files, for editors."""
+    import json
+
+    from hapticmech_ros.scene.schema import scene_schema
+
+    print(json.dumps(scene_schema(), indent=2, ensure_ascii=False))

@@ -1,8 +1,8 @@
-"""A scene's plan as lines and tables for a terminal."""
+"""Scenes, what they are and what they make run, as lines and tables for a terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import JustifyMethod
@@ -10,7 +10,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from hapticmech_ros.cli.console import console
-from hapticmech_ros.plan import ClosurePlan, ScenePlan
+from hapticmech_ros.formats import Note
+from hapticmech_ros.plan import ClosurePlan, SceneCheck, ScenePlan
 
 NUMBERS = {"rows", "times", "bytes"}
 
@@ -23,6 +24,37 @@ def show_plan(plan: ScenePlan) -> None:
         console.print(_closures(plan.closures))
     console.print(_tick(plan))
     console.print(_arrays(plan))
+
+
+def show_scenes(scenes: Sequence[tuple[str, str]]) -> None:
+    """Print names of scenes, and what they are for."""
+    for name, purpose in scenes:
+        console.print(f"{name:<20} {purpose}", highlight=False, markup=False, soft_wrap=True)
+
+
+def show_check(check: SceneCheck, notes: Sequence[Note]) -> None:
+    """Print what a scene is, what its model's file has besides, and what to look at."""
+    lines = {
+        "scene": check.scene,
+        "mechanism": f"{check.links} links of {check.mass_kg:.4g} kg, {check.joints} moving joints",
+        "freedoms": f"nv = {check.nv}, closures of rank {check.rank}, mobility {check.mobility}",
+    }
+    for name, text in lines.items():
+        console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
+    if check.closures:
+        table = _table("closures", "name", "kind", "rows", "independent")
+        for closure, kind, rows, independent in check.closures:
+            table.add_row(closure, kind, str(rows), str(independent))
+        console.print(table)
+    table = _table("operational points, at the start", "name", "link", "rank of X", "count", "kg")
+    for point in check.points:
+        felt = "-" if point.mass_kg is None else f"{point.mass_kg[0]:.3g} to {point.mass_kg[1]:.3g}"
+        table.add_row(point.name, point.link, str(point.rank), str(point.count), felt)
+    console.print(table)
+    for note in notes:
+        console.print(f"not in the scene: {note}", highlight=False, markup=False, soft_wrap=True)
+    for warning in check.warnings:
+        console.print(f"[yellow]warning:[/] {escape(warning)}", highlight=False, soft_wrap=True)
 
 
 def _lines(plan: ScenePlan) -> Iterator[tuple[str, str]]:

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.formats.mjcf import read_mjcf
-from hapticmech_ros.formats.model import Document, Imported, Model
+from hapticmech_ros.formats.model import Document, Imported, Model, Note
 from hapticmech_ros.formats.model_part import ModelPart
 from hapticmech_ros.formats.sdf import read_sdf
 from hapticmech_ros.formats.stops import with_metrics, with_stops
@@ -22,7 +22,7 @@ from hapticmech_ros.formats.urdf import read_urdf
 from hapticmech_ros.formats.xml_nodes import Source
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.loader import scene_from_document
+from hapticmech_ros.scene.loader import scene_from_document, written_document
 from hapticmech_ros.scene.mechanism import Origin
 
 # What reads a file, by its outermost element.
@@ -62,6 +62,19 @@ def scene_of(document: Mapping[str, Any], source: Path) -> Scene:
     except SceneError as error:
         names = [link["name"] for link in expanded["links"]]
         raise SceneError(error.source, [_named(one, names) for one in error.problems]) from None
+
+
+def notes_of(path: Path) -> tuple[Note, ...]:
+    """Return what the model's file of a scene has and the scene has not; nothing without one.
+
+    Raises:
+        SceneError: see :func:`read_model`.
+    """
+    document = written_document(path)
+    if not isinstance(document, Mapping) or "model" not in document:
+        return ()
+    part = _model_part(document["model"], path)
+    return tuple(read_model(path.parent / part.file, part.base == "free").notes)
 
 
 def _named(problem: SceneProblem, names: list[str]) -> SceneProblem:

@@ -2,7 +2,18 @@
 
 from hapticmech_ros.plan.arrays import ArraySize
 from hapticmech_ros.plan.choices import Choice
+from hapticmech_ros.plan.scene_check import PointCheck, SceneCheck, check_scene
 from hapticmech_ros.plan.scene_plan import ClosurePlan, ScenePlan, plan_scene
 from hapticmech_ros.plan.tick import TickPart
 
-__all__ = ["ArraySize", "Choice", "ClosurePlan", "ScenePlan", "TickPart", "plan_scene"]
+__all__ = [
+    "ArraySize",
+    "Choice",
+    "ClosurePlan",
+    "PointCheck",
+    "SceneCheck",
+    "ScenePlan",
+    "TickPart",
+    "check_scene",
+    "plan_scene",
+]

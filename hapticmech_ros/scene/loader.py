@@ -39,14 +39,14 @@ def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scen
             key path, value and rule for every problem found.
     """
     path = find_scene(scene)
-    document = _at_rate(_document(path), control_rate)
+    document = _at_rate(written_document(path), control_rate)
     if isinstance(document, Mapping) and "model" in document:
         found: Scene = import_module("hapticmech_ros.formats").scene_of(document, path)
         return found
     return scene_from_document(document, source=str(path))
 
 
-def _document(path: Path) -> object:
+def written_document(path: Path) -> object:
     """Return what a scene's file says."""
     if path.suffix.lower() in MODEL_SUFFIXES:
         return {"format": "hapticmech-scene/1", "model": path.name}

@@ -1,0 +1,157 @@
+"""What a scene is, and what its author should look at before anybody takes hold of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticmech_ros.mechanism import MechanismState, Simulator
+from hapticmech_ros.mechanism.model import authored_state
+from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.scene.document import Scene
+
+# Relative σ below which a start is next to a singular position: directions change within degrees.
+NEAR_SINGULAR = 1e-2
+# Of the scene's length: beyond this a start as written was not closed.
+FAR = 1e-3
+# Explicit rules bear k T² / m up to about 7.7 (rk4) and 4 (rk2, semi-implicit Euler).
+STIFF = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class PointCheck:
+    """An operational point at the start.
+
+    Attributes:
+        name, link: as the scene has them.
+        rank: of X: directions in which it can be moved.
+        count: joint constraints felt.
+        mass_kg: least and largest inertia to forces, kg; None where it cannot be pushed.
+    """
+
+    name: str
+    link: str
+    rank: int
+    count: int
+    mass_kg: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class SceneCheck:
+    """What a scene is.
+
+    Attributes:
+        scene: name.
+        links: all of them.
+        joints: moving ones.
+        nv: degrees of freedom of the open tree.
+        mass_kg: of all links.
+        closures: name, kind, rows m, and how many of them are independent of those before them.
+        rank: of all active closures.
+        mobility: nv - rank.
+        points: operational points.
+        warnings: what to look at.
+    """
+
+    scene: str
+    links: int
+    joints: int
+    nv: int
+    mass_kg: float
+    closures: tuple[tuple[str, str, int, int], ...]
+    rank: int
+    mobility: int
+    points: tuple[PointCheck, ...]
+    warnings: tuple[str, ...]
+
+
+def check_scene(scene: Scene) -> SceneCheck:
+    """Return what a scene is at its start.
+
+    Raises:
+        SingularInertiaError: a joint moves no mass.
+        ClosureError: its loops cannot be closed.
+    """
+    simulator = Simulator(scene)
+    mechanism, state = simulator.mechanism, simulator.initial_state()
+    rows = redundancy(mechanism, state.q, state.active)
+    followed = {one.name: len(one.redundant) for one in rows.closures}
+    return SceneCheck(
+        scene=scene.name,
+        links=len(scene.links),
+        joints=len(mechanism.tree.joints),
+        nv=mechanism.nv,
+        mass_kg=sum(link.inertial.mass for link in scene.links),
+        closures=tuple(
+            (loop.name, loop.kind, loop.rows, loop.rows - followed.get(loop.name, 0))
+            for loop in mechanism.closures
+        ),
+        rank=rows.rank,
+        mobility=rows.mobility,
+        points=tuple(_points(simulator, state)),
+        warnings=tuple(_warnings(simulator, state, rows)),
+    )
+
+
+def _points(simulator: Simulator, state: MechanismState) -> Iterator[PointCheck]:
+    scene = simulator.mechanism.scene
+    terms = simulator.evaluate(state)
+    for point in scene.operational_points:
+        analysis = Analyser(simulator.mechanism, point.name).analyse(terms)
+        rows = [row for row in analysis.rows.tolist() if row < 3]
+        mobile = np.linalg.eigvalsh(analysis.inverse_inertia[np.ix_(rows, rows)])
+        moved = mobile[mobile > 1e-9 * max(float(mobile[-1]), 1e-300)]
+        masses = (1.0 / float(moved[-1]), 1.0 / float(moved[0])) if moved.size else None
+        count = first_count(analysis.spectrum.s, scene.perception).count
+        yield PointCheck(point.name, point.link, analysis.rank, count, masses)
+
+
+def _warnings(simulator: Simulator, state: MechanismState, rows: Redundancy) -> Iterator[str]:
+    mechanism, scene = simulator.mechanism, simulator.mechanism.scene
+    if rows.mobility == 0:
+        yield "nothing can move: the closures leave no freedom"
+    if rows.wholly_redundant:
+        yield f"closures that follow from the others: {', '.join(rows.wholly_redundant)}"
+    closing = mechanism.closing_terms(state.q, state.active)
+    if closing.least < NEAR_SINGULAR:
+        yield f"the start is next to a singular position: relative σ {closing.least:.1e}"
+    yield from _start(simulator, state)
+    yield from _stiffness(simulator, state)
+    for link in scene.links:
+        if link.joint.limits is not None and not link.joint.locked:
+            at = scene.initial_state.q.get(link.joint.name, 0.0)
+            low, high = link.joint.limits.lower, link.joint.limits.upper
+            if isinstance(at, float) and not low <= at <= high:
+                name = link.joint.name
+                yield f"joint {name} starts at {at:g}, beyond its stops at {low:g} and {high:g}"
+
+
+def _start(simulator: Simulator, state: MechanismState) -> Iterator[str]:
+    mechanism = simulator.mechanism
+    written, _ = authored_state(mechanism.scene, mechanism.tree)
+    moved = float(np.abs(mechanism.difference(written, state.q)).max())
+    if moved > FAR:
+        yield f"the start as written was not closed: joints were moved by up to {moved:.2g}"
+
+
+def _stiffness(simulator: Simulator, state: MechanismState) -> Iterator[str]:
+    """Yield springs and stops that an explicit rule does not bear."""
+    mechanism, scene = simulator.mechanism, simulator.mechanism.scene
+    if scene.simulation.integrator == "linearly_implicit":
+        return
+    step = scene.simulation.period / scene.simulation.substeps
+    inertia = simulator.evaluate(state).inertia
+    mobile = np.diag(np.linalg.inv(inertia))
+    for index, joint in enumerate(mechanism.tree.joints):
+        limits = joint.limits
+        stiffness = max(joint.stiffness, limits.stiffness if limits is not None else 0.0)
+        ratio = stiffness * step**2 * float(mobile[mechanism.tree.velocity_slice(index)].max())
+        if ratio > STIFF:
+            yield (
+                f"joint {joint.name}: k T² / m = {ratio:.3g} is above {STIFF:g}, which"
+                f" {scene.simulation.integrator} does not bear: integrator: linearly_implicit"
+            )

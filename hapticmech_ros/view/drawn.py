@@ -1,0 +1,110 @@
+"""A picture as a file: shapes seen from afar, in parallel projection, the nearer ones last."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from scipy.spatial import ConvexHull, QhullError
+
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.view.palette import Colour
+from hapticmech_ros.view.shapes import Shape, rotation_to
+
+SIDE_INCHES, DPI = 7.0, 150
+# What is seen from above is drawn as it lies in the world's plane; bodies are seen from here.
+ABOVE = np.array((0.0, 0.0, 1.0))
+ASIDE = np.array((1.0, -1.6, 0.9))
+MARGIN = 0.08
+CORNERS = 24
+LETTERS_PT = 11.0
+
+
+def view_from(towards: Array) -> Array:
+    """Return (3, 3) rows right, up and towards the viewer, who is in that direction (3,)."""
+    near = towards / np.linalg.norm(towards)
+    up = ABOVE if abs(near[2]) < 0.99 else np.array((0.0, 1.0, 0.0))
+    right = np.cross(up, near)
+    right /= np.linalg.norm(right)
+    return np.array((right, np.cross(near, right), near))
+
+
+def draw_shapes(shapes: Sequence[Shape], path: Path, planar: bool, title: str = "") -> None:
+    """Write a picture of shapes as a PNG file.
+
+    Args:
+        shapes: what is seen.
+        path: of the file.
+        planar: whether it is seen from above, else from aside.
+        title: above it.
+    """
+    view = view_from(ABOVE if planar else ASIDE)
+    figure = Figure(figsize=(SIDE_INCHES, SIDE_INCHES), dpi=DPI)
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.01, 0.01, 0.98, 0.93))
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    seen = [shape for shape in shapes if shape.kind != "text"]
+    outlines = [outline @ view.T for shape in seen for outline in _outlines(shape, view)]
+    colours = [shape.colour for shape in seen for _ in _outlines(shape, view)]
+    nearest = np.argsort([float(outline[:, 2].mean()) for outline in outlines], kind="stable")
+    for index in nearest:
+        _fill(axes, outlines[index][:, :2], colours[index])
+    _frame(axes, np.vstack([outline[:, :2] for outline in outlines]))
+    words = [shape.text for shape in shapes if shape.kind == "text"]
+    figure.text(0.02, 0.97, "  ·  ".join([title, *words]), fontsize=LETTERS_PT, va="top")
+    figure.savefig(path)
+
+
+def _outlines(shape: Shape, view: Array) -> list[Array]:
+    """Return (k, 3) points of the world whose hull is what is seen, one array for each part."""
+    if shape.kind == "sphere":
+        turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+        circle = np.column_stack((np.cos(turn), np.sin(turn))) @ view[:2]
+        return [shape.pose.translation + 0.5 * shape.size[0] * circle]
+    if shape.kind == "box":
+        signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        corners = 0.5 * signs * np.array(shape.size)
+        return [shape.pose.translation + corners @ shape.pose.rotation.T]
+    if shape.kind == "cylinder":
+        half = 0.5 * shape.size[2] * shape.pose.rotation[:, 2]
+        centre, (first, last, _) = shape.pose.translation, shape.size
+        return [_tube(centre - half, centre + half, first, last)]
+    if shape.kind == "strip":
+        ends = zip(shape.points[:-1], shape.points[1:], strict=True)
+        return [_tube(start, end, shape.size[0], shape.size[0]) for start, end in ends]
+    tail, tip = shape.points
+    along = (tip - tail) / np.linalg.norm(tip - tail)
+    neck = tip - shape.size[2] * along
+    return [_tube(tail, neck, shape.size[0], shape.size[0]), _tube(neck, tip, shape.size[1], 0.0)]
+
+
+def _tube(start: Array, end: Array, first: float, last: float) -> Array:
+    """Return points on the rims, of these diameters, of what is round from start to end."""
+    turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+    rim = np.column_stack((np.cos(turn), np.sin(turn))) @ rotation_to(end - start)[:, :2].T
+    return np.vstack((start + 0.5 * first * rim, end + 0.5 * last * rim))
+
+
+def _fill(axes: Axes, points: Array, colour: Colour) -> None:
+    """Fill the hull of points (k, 2)."""
+    edge = (*(0.7 * part for part in colour[:3]), colour[3])
+    try:
+        hull = points[ConvexHull(points).vertices]
+    except QhullError:  # all on one line
+        axes.plot(points[:, 0], points[:, 1], color=colour, linewidth=1.0)
+        return
+    axes.add_patch(Polygon(hull, closed=True, facecolor=colour, edgecolor=edge, linewidth=0.5))
+
+
+def _frame(axes: Axes, points: Array) -> None:
+    low, high = points.min(axis=0), points.max(axis=0)
+    half = (0.5 + MARGIN) * max(float((high - low).max()), 1e-6)
+    centre = 0.5 * (low + high)
+    axes.set_xlim(centre[0] - half, centre[0] + half)
+    axes.set_ylim(centre[1] - half, centre[1] + half)

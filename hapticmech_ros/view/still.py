@@ -1,0 +1,40 @@
+"""A still picture of a scene where it starts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from hapticmech_ros.mechanism import Simulator
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.view.drawn import draw_shapes
+from hapticmech_ros.view.picture import Picture, Snapshot
+from hapticmech_ros.view.placement import Placer
+
+
+def draw_scene(scene: Scene, path: Path, point: str = "") -> None:
+    """Write a picture of a scene at its start as a PNG file.
+
+    The mechanism, its closures, and at the point held the directions that are rigid and free.
+
+    Args:
+        scene: what is drawn.
+        path: of the file; its folder is made.
+        point: operational point that is held; the scene's first one if empty.
+
+    Raises:
+        InvalidInputError: no such point.
+        ClosureError: the scene cannot close.
+    """
+    simulator = Simulator(scene)
+    mechanism, state = simulator.mechanism, simulator.initial_state()
+    analyser = Analyser(mechanism, point)
+    analysis = analyser.analyse(simulator.evaluate(state))
+    count = first_count(analysis.spectrum.s, scene.perception).count
+    snapshot = Snapshot(state.active, held=analyser.point.name, analysis=analysis, count=count)
+    shapes = Picture(mechanism, 0.0, 0.0).draw(snapshot, Placer(mechanism).at(np.array(state.q)))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draw_shapes(shapes, path, scene.task_space == "planar", scene.name)

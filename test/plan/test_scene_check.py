@@ -1,0 +1,91 @@
+"""What ``scene check`` says of scenes, and what it warns of."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.cli import app
+from hapticmech_ros.plan import check_scene
+from hapticmech_ros.scene import document_of, scene_from_document
+
+FIVE_BAR = document_of(load_scene("five_bar"))
+
+
+def changed(**parts):
+    return scene_from_document({**FIVE_BAR, **parts})
+
+
+def with_joint(name, **parts):
+    links = [dict(link) for link in FIVE_BAR["links"]]
+    for link in links:
+        if link["joint"]["name"] == name:
+            link["joint"] = {**link["joint"], **parts}
+    return links
+
+
+def test_the_five_bar():
+    found = check_scene(load_scene("five_bar"))
+    assert (found.links, found.joints, found.nv, found.rank, found.mobility) == (4, 4, 4, 2, 2)
+    assert found.mass_kg == pytest.approx(3.5)
+    assert found.closures == (("ground_pin", "planar_pin", 2, 2),)
+    (point,) = found.points
+    assert (point.name, point.link, point.rank, point.count) == ("handle", "link2", 2, 1)
+    assert found.warnings == ()
+
+
+@pytest.mark.parametrize("name", ["five_bar", "four_bar_closing", "spatial_arm", "two_link"])
+def test_masses_are_those_of_the_inverse_inertia(name):
+    scene = load_scene(name)
+    (point,) = check_scene(scene).points
+    least, largest = point.mass_kg
+    assert 0.0 < least <= largest
+    assert np.isfinite(largest)
+
+
+def test_a_start_that_was_not_closed_is_told():
+    (warning,) = check_scene(changed(initial_state={"q": {"joint1": 1.9}})).warnings
+    assert "was not closed" in warning
+
+
+def test_a_joint_beyond_its_stops_is_told():
+    stops = {"lower": -1.0, "upper": 1.0, "stiffness": 1.0}
+    (warning,) = check_scene(changed(links=with_joint("joint1", limits=stops))).warnings
+    assert warning == "joint joint1 starts at 1.9, beyond its stops at -1 and 1"
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "linearly_implicit"])
+def test_a_spring_that_is_too_stiff_is_told(integrator):
+    scene = changed(
+        links=with_joint("joint2", stiffness=1e5, rest=-1.2),
+        simulation={"period": 0.001, "integrator": integrator},
+    )
+    warnings = check_scene(scene).warnings
+    assert len(warnings) == (integrator == "rk4")
+    assert all("joint joint2: k T² / m" in warning for warning in warnings)
+
+
+def test_redundant_closures_are_told():
+    twice = [*FIVE_BAR["closures"], {**FIVE_BAR["closures"][0], "name": "again"}]
+    found = check_scene(changed(closures=twice))
+    assert [one[3] for one in found.closures] == [2, 0]
+    assert found.warnings == ("closures that follow from the others: again",)
+
+
+def test_the_command_prints_the_same(tmp_path):
+    found = CliRunner().invoke(app, ["scene", "check", "five_bar"])
+    assert found.exit_code == 0, found.output
+    assert "mobility 2" in found.output
+    told = CliRunner().invoke(app, ["scene", "check", "five_bar", "--json"])
+    assert json.loads(told.output)["mobility"] == 2
+    assert json.loads(told.output)["notes"] == []
+
+
+def test_the_list_has_each_scene_and_its_purpose():
+    found = CliRunner().invoke(app, ["scene", "list"])
+    assert found.exit_code == 0, found.output
+    for name in ("five_bar", "spatial_arm"):
+        assert f"{name} " in found.output
+        assert load_scene(name).description in found.output

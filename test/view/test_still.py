@@ -1,0 +1,81 @@
+"""Still pictures of scenes: everything that is drawn is in them, and seen from the right side."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from matplotlib import image
+from typer.testing import CliRunner
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.cli import app
+from hapticmech_ros.view.drawn import ABOVE, ASIDE, draw_shapes, view_from
+from hapticmech_ros.view.palette import CLOSED, LINK
+from hapticmech_ros.view.shapes import arrow, box, cylinder, sphere, strip, text
+from hapticmech_ros.view.still import draw_scene
+
+RED, BLUE = (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)
+
+
+def pixels(path, colour):
+    """Return rows and columns of the pixels that have a colour."""
+    picture = image.imread(path)[:, :, :3]
+    return np.nonzero(np.abs(picture - np.array(colour[:3])).max(axis=2) < 0.02)
+
+
+@pytest.mark.parametrize("towards", [ABOVE, ASIDE, np.array((0.0, -1.0, 0.0))])
+def test_views_are_right_handed(towards):
+    view = view_from(towards)
+    assert np.abs(view @ view.T - np.eye(3)).max() < 1e-15
+    assert np.linalg.det(view) == pytest.approx(1.0)
+    assert view[2] @ towards == pytest.approx(np.linalg.norm(towards))
+
+
+def test_from_above_x_is_right_and_y_is_up(tmp_path):
+    path = tmp_path / "a.png"
+    here, right, up = np.zeros(3), np.array((1.0, 0.0, 0.0)), np.array((0.0, 1.0, 0.0))
+    shapes = [sphere(here, 0.1, CLOSED), sphere(right, 0.1, RED), sphere(up, 0.1, BLUE)]
+    draw_shapes(shapes, path, planar=True)
+    rows, columns = pixels(path, CLOSED)
+    assert np.median(pixels(path, RED)[1]) > np.median(columns) + 100
+    assert np.median(pixels(path, BLUE)[0]) < np.median(rows) - 100
+
+
+def test_what_is_nearer_hides_what_is_behind(tmp_path):
+    path = tmp_path / "a.png"
+    near = sphere(np.array((0.0, 0.0, 1.0)), 1.0, RED)
+    draw_shapes([near, sphere(np.zeros(3), 0.8, BLUE)], path, planar=True)
+    assert pixels(path, BLUE)[0].size == 0
+    assert pixels(path, RED)[0].size > 1000
+
+
+@pytest.mark.parametrize(
+    "shapes",
+    [
+        [box(pin.SE3.Random(), (0.2, 0.3, 0.4), RED)],
+        [cylinder(np.zeros(3), np.array((0.1, 0.2, 0.3)), 0.1, RED)],
+        [strip(np.array(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0))), 0.05, RED)],
+        arrow(np.zeros(3), np.ones(3), 0.05, RED),
+    ],
+    ids=["box", "cylinder", "strip", "arrow"],
+)
+@pytest.mark.parametrize("planar", [True, False])
+def test_every_kind_of_shape_is_seen(tmp_path, shapes, planar):
+    path = tmp_path / "a.png"
+    draw_shapes([*shapes, text(np.zeros(3), "words", 0.1, RED)], path, planar)
+    assert pixels(path, RED)[0].size > 500
+
+
+@pytest.mark.parametrize(("name", "closed"), [("five_bar", True), ("spatial_arm", False)])
+def test_a_scene_is_drawn_with_its_closures(tmp_path, name, closed):
+    path = tmp_path / "new" / "scene.png"
+    draw_scene(load_scene(name), path)
+    assert (pixels(path, CLOSED)[0].size > 500) == closed
+    assert pixels(path, LINK)[0].size > 500
+
+
+def test_the_command_names_its_file(tmp_path):
+    path = tmp_path / "five.png"
+    found = CliRunner().invoke(app, ["scene", "show", "five_bar", "--out", str(path)])
+    assert found.exit_code == 0, found.output
+    assert path.stat().st_size > 10_000
+    assert "five.png" in found.output.replace("\n", "")
