@@ -2,8 +2,9 @@
 
 A kernel's functions would pass each array of a named tuple by itself, seven numbers an array, from
 one to the next: for tuples of twenty arrays that takes longer than what many of the functions do.
-Inside a kernel a structure does not own its arrays, so that nobody counts who looks at a part of
-them: whoever calls the kernel holds them until it returns.
+Inside a kernel a structure is where its two arrays begin, an int64 one and a float64 one, and owns
+neither, so that nobody counts who looks at a part of them: whoever calls the kernel holds them
+until it returns.
 """
 
 from __future__ import annotations
@@ -86,30 +87,31 @@ def _teach(kind: type) -> None:
     types = core.types
 
     class Type(types.Type):  # type: ignore[misc, name-defined]
-        def __init__(self, numbers: Any, data: Any) -> None:
-            self.members = [("numbers", numbers), ("data", data)]
-            super().__init__(name=f"{kind.__name__}({numbers}, {data})")
+        def __init__(self) -> None:
+            super().__init__(name=kind.__name__)
 
     class Model(extending.models.StructModel):  # type: ignore[misc]
         def __init__(self, manager: Any, typed: Any) -> None:
-            super().__init__(manager, typed, typed.members)
+            super().__init__(manager, typed, list(members.items()))
 
+    members = {"numbers": types.CPointer(types.int64), "data": types.CPointer(types.float64)}
     extending.register_model(Type)(Model)
 
     def typing(_context: Any) -> Any:
-        def typer(numbers: Any, data: Any) -> Any:
-            return Type(numbers, data)
+        def typer(_numbers: Any, _data: Any) -> Any:
+            return Type()
 
         return typer
 
     def make(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         made = cgutils.create_struct_proxy(signature.return_type)(context, builder)
-        unowned = []
+        starts = []
         for typed, value in zip(signature.args, values, strict=True):
-            array = arrays.make_array(typed)(context, builder, value)
-            array.meminfo = cgutils.get_null_value(array.meminfo.type)
-            unowned.append(array._getvalue())
-        made.numbers, made.data = unowned
+            if isinstance(typed, types.Array):
+                starts.append(arrays.make_array(typed)(context, builder, value).data)
+            else:
+                starts.append(value)
+        made.numbers, made.data = starts
         return made._getvalue()
 
     extending.type_callable(kind)(typing)
@@ -118,43 +120,42 @@ def _teach(kind: type) -> None:
     class Attributes(templates.AttributeTemplate):  # type: ignore[misc]
         key = Type
 
-        def generic_resolve(self, typed: Any, name: str) -> Any:
-            members, part = dict(typed.members), getattr(kind, "__dict__", {}).get(name)
+        def generic_resolve(self, _typed: Any, name: str) -> Any:
+            part = getattr(kind, "__dict__", {}).get(name)
             if name in members:
                 return members[name]
             if isinstance(part, Size):
                 return types.int64
             if isinstance(part, Part):
-                held = members["numbers" if part.whole else "data"]
-                return types.Array(held.dtype, part.dimensions, "C")
+                return found_type(part)
             return None
 
     templates.infer_getattr(Attributes)
 
+    def found_type(part: Part) -> Any:
+        return types.Array(members["numbers" if part.whole else "data"].dtype, part.dimensions, "C")
+
     def look(context: Any, builder: Any, typed: Any, value: Any, name: str) -> Any:
         held = cgutils.create_struct_proxy(typed)(context, builder, value)
-        if name in ("numbers", "data"):
+        if name in members:
             return getattr(held, name)
-        members, part = dict(typed.members), vars(kind)[name]
-        numbers = arrays.make_array(members["numbers"])(context, builder, held.numbers)
+        part = vars(kind)[name]
 
         def number(at: int) -> Any:
             place = context.get_constant(types.intp, at)
-            return builder.load(builder.gep(numbers.data, [place]))
+            return builder.load(builder.gep(held.numbers, [place]))
 
         if isinstance(part, Size):
             return number(part.index)
-        source = "numbers" if part.whole else "data"
-        array = arrays.make_array(members[source])(context, builder, getattr(held, source))
-        found_type = types.Array(members[source].dtype, part.dimensions, "C")
-        found = arrays.make_array(found_type)(context, builder)
-        start = number(part.at)
+        found = arrays.make_array(found_type(part))(context, builder)
+        source = held.numbers if part.whole else held.data
         shape = [number(part.at + 1 + k) for k in range(part.dimensions)]
-        size = array.itemsize
+        # Of a float64 as of an int64.
+        size = context.get_constant(types.intp, 8)
         strides = [size] if part.dimensions == 1 else [builder.mul(shape[1], size), size]
         arrays.populate_array(
             found,
-            data=builder.gep(array.data, [start]),
+            data=builder.gep(source, [number(part.at)]),
             shape=shape,
             strides=strides,
             itemsize=size,

@@ -54,14 +54,13 @@ def see_point(
         0; NO_SPECTRUM where the SVD of S does not converge; or a negative code.
     """
     tables = Tables(numbers, values)
-    nv, m = tables.nv, tables.m
+    nv = tables.nv
     space = unpack(packed, tables)
     code = factor(tables, q, space)
     if code < 0:
         return code
-    motions = np.empty((tables.joints.shape[0], 12))
-    bias, bias_force = np.empty(m), np.empty(nv)
-    passive, dissipative = np.empty(nv), np.empty(nv)
+    motions, bias, forces = tables.motions, tables.bias, tables.forces
+    bias_force, passive, dissipative = forces[0], forces[1], forces[2]
     move_joints(tables, space, v, motions)
     bias_force_of(tables, space, motions, bias_force)
     closure_bias(tables, space, motions, bias)

@@ -13,7 +13,7 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.compiled.packed import Packed
-from hapticmech_ros.mechanism.compiled.small_matrices import dot6
+from hapticmech_ros.mechanism.compiled.small_matrices import clear, dot6
 from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 
@@ -22,7 +22,9 @@ from hapticmech_ros.mechanism.model import Array
 def articulate(tables: Tables, space: Packed) -> int:
     """Fill ``space.hinges``; return the first rate that moves no mass, or -1."""
     joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
-    carried, bodies = np.zeros((joints.shape[0], 6, 6)), space.bodies
+    sweep, bodies = tables.sweep, space.bodies
+    clear(sweep, 36)
+    carried = sweep.reshape(joints.shape[0], 6, 6)
     for joint in range(joints.shape[0] - 1, 0, -1):
         inertia = carried[joint]
         _add_body(bodies[joint], inertia)
@@ -77,7 +79,8 @@ def _add_body(body: Array, inertia: Array) -> None:
 def force_to_metric(tables: Tables, space: Packed, vector: Array) -> None:
     """Replace joint forces (nv,) by L⁻¹ of them."""
     joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
-    wrenches = np.zeros((joints.shape[0], 6))
+    wrenches = tables.sweep
+    clear(wrenches, 6)
     for joint in range(joints.shape[0] - 1, 0, -1):
         wrench = wrenches[joint]
         for row in range(joints[joint, 1] + joints[joint, 2] - 1, joints[joint, 1] - 1, -1):
@@ -109,8 +112,9 @@ def _sweep_outwards(tables: Tables, space: Packed, vector: Array, from_rates: bo
     ``vector`` (nv,) is v, to be replaced by y = Lᵀv, if it is said to be rates; else the reverse.
     """
     joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
-    twists = np.empty((joints.shape[0], 6))
-    twists[0] = 0.0
+    twists = tables.sweep
+    for i in range(6):
+        twists[0, i] = 0.0
     for joint in range(1, joints.shape[0]):
         twist, parent = twists[joint], twists[joints[joint, 0]]
         for i in range(6):
@@ -137,7 +141,7 @@ def pair_to_metric(
     those before them, and nowhere else.
     """
     joints, axes, hinges, order = tables.joints, space.joint_jacobian, space.hinges, tables.order
-    wrenches = np.empty((2, 6))
+    wrenches = tables.handful
     for i in range(6):
         wrenches[0, i], wrenches[1, i] = scale * pair[i], scale * pair[6 + i]
     while a > 0 or b > 0:

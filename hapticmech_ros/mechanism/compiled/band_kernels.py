@@ -38,7 +38,7 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
         space: with hinges and wrenches filled.
         tolerance: share of the largest row below which what is left of a row says nothing.
     """
-    places, band, column = space.row_places, space.band, np.zeros(tables.nv)
+    places, band, column = space.row_places, space.band, tables.turned
     sequence, pairs, lengths, width = tables.sequence, space.pairs, tables.lengths, tables.width
     free, hit, rank, largest = 0, 0, 0, 0.0
     for j in range(tables.m):
@@ -171,7 +171,9 @@ def _above(places: Array, band: Array, j: int, turned: Array) -> float:
 def _least(tables: Tables, space: Packed, rank: int) -> float:
     """Return an estimate from above of R's smallest singular value, by inverse iteration."""
     places, band, m = space.row_places, space.band, tables.m
-    turned, before, size = np.zeros(tables.nv), np.ones(m), np.sqrt(float(rank))
+    turned, before, size = tables.turned, tables.along, np.sqrt(float(rank))
+    for j in range(m):
+        before[j] = 1.0
     for _ in range(_ROUNDS):
         for j in range(m):
             pivot = int(places[j, PIVOT])

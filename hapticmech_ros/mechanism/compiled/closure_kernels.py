@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.compiled.pair_kernels import pull_between
 from hapticmech_ros.mechanism.compiled.small_matrices import cross, dot
@@ -59,12 +57,11 @@ def _residual_of_axes(kind: int, a: Array, b: Array, out: Array) -> None:
     if kind == REVOLUTE:
         out[0], out[1] = dot(b[0:3], a[6:9]), dot(b[3:6], a[6:9])
         return
-    turn = np.empty(3)
-    out[0:3] = 0.0
-    for k in range(3):
-        cross(b[3 * k : 3 * k + 3], a[3 * k : 3 * k + 3], turn)
-        for i in range(3):
-            out[i] += 0.5 * turn[i]
+    for i in range(3):
+        j, k, total = (i + 1) % 3, (i + 2) % 3, 0.0
+        for axis in range(0, 9, 3):
+            total += b[axis + j] * a[axis + k] - b[axis + k] * a[axis + j]
+        out[i] = 0.5 * total
 
 
 @inner
@@ -93,20 +90,15 @@ def wrenches_of(
 
 @inner
 def _wrenches_of_axes(kind: int, a: Array, b: Array, out: Array) -> None:
-    gain_a, gain_b = np.empty((3, 3)), np.empty((3, 3))
-    turns = 2
-    if kind == REVOLUTE:
-        for k in range(2):
-            cross(a[6:9], b[3 * k : 3 * k + 3], gain_a[k])
-            for i in range(3):
-                gain_b[k, i] = -gain_a[k, i]
-    else:
-        turns = 3
-        _weld_gains(a, b, gain_a, gain_b)
-    for row in range(turns):
+    for row in range(2 if kind == REVOLUTE else 3):
         for i in range(3):
             out[row, i], out[row, 6 + i] = 0.0, 0.0
-            out[row, 3 + i], out[row, 9 + i] = gain_a[row, i], gain_b[row, i]
+        if kind == REVOLUTE:
+            cross(a[6:9], b[3 * row : 3 * row + 3], out[row, 3:6])
+            for i in range(3):
+                out[row, 9 + i] = -out[row, 3 + i]
+    if kind == WELD:
+        _weld_gains(a, b, out[:, 3:6], out[:, 9:])
 
 
 @inner
@@ -119,11 +111,12 @@ def bias_of(
     motion_b: Array,
     first: int,
     bias: Array,
+    work: Array,
 ) -> None:
     """Fill Ẇv of frames ``frame_a`` and ``frame_b`` into ``bias`` (m,), from row ``first`` on.
 
     A motion (12,) is a frame's velocity and angular rate, then its acceleration and angular
-    acceleration at v̇ = 0, world axes.
+    acceleration at v̇ = 0, world axes. ``work`` (2, 12) is used up.
     """
     if kind == ROD:
         total = 0.0
@@ -137,29 +130,29 @@ def bias_of(
     for i in range(points):
         bias[first + i] = motion_a[6 + i] - motion_b[6 + i]
     if kind in (REVOLUTE, WELD):
-        _bias_of_axes(kind, poses[frame_a], poses[frame_b], motion_a, motion_b, bias[first:])
+        a, b = poses[frame_a], poses[frame_b]
+        _bias_of_axes(kind, a, b, motion_a, motion_b, bias[first:], work)
 
 
 @inner
 def _bias_of_axes(
-    kind: int, a: Array, b: Array, motion_a: Array, motion_b: Array, out: Array
+    kind: int, a: Array, b: Array, motion_a: Array, motion_b: Array, out: Array, work: Array
 ) -> None:
-    rates = np.empty((4, 3))
+    rates, turn = work[0].reshape(4, 3), work[1].reshape(4, 3)
     if kind == REVOLUTE:
         z = a[6:9]
-        _axis_rates(z, motion_a, rates[0], rates[1])
+        _axis_rates(z, motion_a, rates[0], rates[1], turn[3])
         for k in range(2):
             axis = b[3 * k : 3 * k + 3]
-            _axis_rates(axis, motion_b, rates[2], rates[3])
+            _axis_rates(axis, motion_b, rates[2], rates[3], turn[3])
             twice = 2.0 * dot(rates[2], rates[0])
             out[3 + k] = dot(rates[3], z) + twice + dot(axis, rates[1])
     else:
         out[3:6] = 0.0
-        turn = np.empty((3, 3))
         for k in range(3):
             of_a, of_b = a[3 * k : 3 * k + 3], b[3 * k : 3 * k + 3]
-            _axis_rates(of_a, motion_a, rates[0], rates[1])
-            _axis_rates(of_b, motion_b, rates[2], rates[3])
+            _axis_rates(of_a, motion_a, rates[0], rates[1], turn[3])
+            _axis_rates(of_b, motion_b, rates[2], rates[3], turn[3])
             cross(rates[3], of_a, turn[0])
             cross(rates[2], rates[0], turn[1])
             cross(of_b, rates[1], turn[2])
@@ -168,9 +161,8 @@ def _bias_of_axes(
 
 
 @inner
-def _axis_rates(axis: Array, motion: Array, first: Array, second: Array) -> None:
+def _axis_rates(axis: Array, motion: Array, first: Array, second: Array, bend: Array) -> None:
     """Fill first and second derivative of a unit axis at zero joint acceleration."""
-    bend = np.empty(3)
     cross(motion[3:6], axis, first)
     cross(motion[3:6], first, bend)
     cross(motion[9:], axis, second)

@@ -42,16 +42,16 @@ def factor_dense(tables: Tables, space: Packed, tolerance: float) -> int:
     if m > FEW_ROWS:
         rank = _resolve_many(tables.lengths, tolerance, space)
     if rank == UNDECIDED:
-        rank = _resolve_few(tables.lengths, tolerance, space)
+        rank = _resolve_few(tables, tolerance, space)
     return rank
 
 
 @inner
-def _resolve_few(lengths: Array, tolerance: float, space: Packed) -> int:
+def _resolve_few(tables: Tables, tolerance: float, space: Packed) -> int:
     """Fill basis, σ and rows by an SVD; return the rank, or NO_SVD."""
-    jacobian, factor = space.jacobian, space.factor
+    jacobian, factor, lengths = space.jacobian, space.factor, tables.lengths
     m, nv = jacobian.shape
-    scaled, turn = np.empty((m, nv)), np.empty((m, m))
+    scaled, turn = tables.scaled, tables.turn
     for i in range(m):
         for c in range(nv):
             scaled[i, c] = jacobian[i, c] / lengths[i]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.compiled.packed import Packed
 from hapticmech_ros.mechanism.compiled.pair_kernels import add_pair, pair_power, pull_between
@@ -36,7 +34,7 @@ def element_forces(
         passive[rate] += elastic + lossy
     if tables.springs.shape[0] == 0:
         return
-    pair = np.empty(12)
+    pair = tables.handful[0]
     joints, axes = tables.joints, space.joint_jacobian
     for row in range(tables.springs.shape[0]):
         values = tables.spring_values[row]
@@ -78,7 +76,7 @@ def element_slopes(
                 damping[rate, rate] += values[STOP_DAMPING] * min(deepest / values[DEPTH], 1.0)
     if tables.springs.shape[0] == 0:
         return
-    gradient, pair = np.empty(tables.nv), np.empty(12)
+    gradient, pair = tables.turned, tables.handful[0]
     for row in range(tables.springs.shape[0]):
         _stretch(tables, space, row, pair)
         a, b = tables.carriers[tables.springs[row, 0]], tables.carriers[tables.springs[row, 1]]

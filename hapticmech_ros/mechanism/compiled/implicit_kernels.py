@@ -71,7 +71,7 @@ def springs_of(work: Array, nv: int) -> Springs:
 
 
 @inner
-def _linearise(space: Packed, springs: Springs, reach: float) -> int:
+def _linearise(tables: Tables, space: Packed, springs: Springs, reach: float) -> int:
     """Fill S and its factor from K and C, seen over γh; return the first bad row, or -1.
 
     The factor is computed in place: its lower triangle is read before it is written.
@@ -89,7 +89,7 @@ def _linearise(space: Packed, springs: Springs, reach: float) -> int:
     for _ in range(2):
         for i in range(nv):
             solve_lower(space.factor, seen[i])
-            remove(space.basis, rank, seen[i])
+            remove(space.basis, rank, seen[i], tables.along)
         for i in range(nv):
             for j in range(i):
                 seen[i, j], seen[j, i] = seen[j, i], seen[i, j]
@@ -99,17 +99,19 @@ def _linearise(space: Packed, springs: Springs, reach: float) -> int:
 
 
 @inner
-def _answer(space: Packed, springs: Springs) -> None:
+def _answer(tables: Tables, space: Packed, springs: Springs) -> None:
     """Replace ``springs.force`` by x with (D + S) x + Wᵀμ = force and W x = 0."""
     solve_lower(space.factor, springs.force)
-    remove(space.basis, int(space.tail[1]), springs.force)
+    remove(space.basis, int(space.tail[1]), springs.force, tables.along)
     solve_lower(springs.factor, springs.force)
     solve_lower_transposed(springs.factor, springs.force)
     solve_lower_transposed(space.factor, springs.force)
 
 
 @inner
-def _respond(space: Packed, parts: Work, springs: Springs, stage: int, rates: Array) -> None:
+def _respond(
+    tables: Tables, space: Packed, parts: Work, springs: Springs, stage: int, rates: Array
+) -> None:
     """Fill k of θ and v at a stage, from θ̇ and v̇."""
     period, nv = parts.settings[0], rates.size
     turn, gain = springs.turns[stage], springs.gains[stage]
@@ -126,7 +128,7 @@ def _respond(space: Packed, parts: Work, springs: Springs, stage: int, rates: Ar
             force[c] = dot_with_row(springs.stiffness, c, met)
             force[c] += dot_with_row(springs.damping, c, moved)
             force[c] = dot_with_row(springs.slope, c, gain) + period * force[c]
-        _answer(space, springs)
+        _answer(tables, space, springs)
         for c in range(nv):
             gain[c] -= force[c]
     for c in range(nv):
@@ -154,7 +156,7 @@ def linearise(tables: Tables, space: Packed, parts: Work, spring_work: Array) ->
     springs = springs_of(spring_work, tables.nv)
     step = parts.settings[0]
     element_slopes(tables, space, parts.q, parts.v, step, springs.stiffness, springs.damping)
-    return _linearise(space, springs, DIAGONAL * step)
+    return _linearise(tables, space, springs, DIAGONAL * step)
 
 
 @inner
@@ -172,5 +174,5 @@ def aim_implicitly(
         rates: (nv,) v̇.
     """
     springs = springs_of(spring_work, tables.nv)
-    _respond(start, parts, springs, stage, rates)
+    _respond(tables, start, parts, springs, stage, rates)
     _aim(tables, parts, springs, stage)

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.compiled.tree_kernels import (
@@ -40,8 +38,9 @@ _BERNOULLI = (
 @inner
 def move(tables: Tables, start: Array, theta: Array, q: Array) -> None:
     """Fill ``q`` (nq,) with start ⊕ theta; it may be ``start`` itself."""
-    turn, moved, rotation = np.empty(3), np.empty(3), np.empty((3, 3))
-    joints = tables.joints
+    joints, handful = tables.joints, tables.handful
+    turn, moved, along = handful[0, :3], handful[0, 3:6], handful[0, 6:9]
+    rotation = handful[1, :9].reshape(3, 3)
     for joint in range(1, joints.shape[0]):
         first, kind, at = joints[joint, 1], joints[joint, 3], joints[joint, 4]
         if kind in (REVOLUTE, PRISMATIC):
@@ -54,7 +53,6 @@ def move(tables: Tables, start: Array, theta: Array, q: Array) -> None:
             for i in range(3):
                 moved[i], turn[i] = theta[first + i], theta[first + 3 + i]
             rotation_of(start[at + 3 : at + 7], rotation)
-            along = np.empty(3)
             # The left Jacobian of the rotation turns a constant twist into a displacement.
             angular_rate(turn, moved, along)
             for i in range(3):
@@ -100,7 +98,8 @@ def _turn_quaternion(start: Array, turn: Array, q: Array) -> None:
 @inner
 def local_rates(tables: Tables, theta: Array, v: Array, rates: Array) -> None:
     """Fill ``rates`` (nv,) with θ̇ = J_r(θ)⁻¹ v."""
-    twist, speed, joints = np.empty(6), np.empty(6), tables.joints
+    joints, handful = tables.joints, tables.handful
+    twist, speed = handful[0, :6], handful[0, 6:]
     for joint in range(1, joints.shape[0]):
         first, kind = joints[joint, 1], joints[joint, 3]
         if kind in (REVOLUTE, PRISMATIC):
@@ -113,7 +112,7 @@ def local_rates(tables: Tables, theta: Array, v: Array, rates: Array) -> None:
         for k in range(count):
             at = _place_in_twist(kind, k)
             twist[at], speed[at] = theta[first + k], v[first + k]
-        _inverse_right(twist, speed)
+        _inverse_right(twist, speed, handful[1, :6], handful[1, 6:])
         for k in range(count):
             rates[first + k] = speed[_place_in_twist(kind, k)]
 
@@ -139,14 +138,15 @@ def _bracket(twist: Array, speed: Array) -> None:
 
 
 @inner
-def _inverse_right(twist: Array, speed: Array) -> None:
+def _inverse_right(twist: Array, speed: Array, power: Array, total: Array) -> None:
     """Replace ``speed`` (6,) by J_r(twist)⁻¹ speed, J_r of the exponential of twists.
 
     1 + ad/2 + A ad² + B ad⁴ (Bullo and Murray, Proportional derivative control on the Euclidean
-    group, 1995), or the series that this sums.
+    group, 1995), or the series that this sums. ``power`` and ``total`` (6,) are used up.
     """
     angle = math.sqrt(twist[3] * twist[3] + twist[4] * twist[4] + twist[5] * twist[5])
-    power, total = speed.copy(), speed.copy()
+    for i in range(6):
+        power[i] = total[i] = speed[i]
     _bracket(twist, power)
     for i in range(6):
         total[i] += 0.5 * power[i]

@@ -70,12 +70,12 @@ def free_part(tables: Tables, space: Packed, vector: Array) -> None:
     if rank == 0:
         return
     if tables.path == SPARSE:
-        turned = np.empty(tables.nv)
+        turned = tables.turned
         turn_in(tables, space, vector, turned)
         clear_pivots(tables, space, turned)
         turn_back(tables, space, turned, vector)
     else:
-        remove(space.basis, rank, vector)
+        remove(space.basis, rank, vector, tables.along)
 
 
 @inner
@@ -94,13 +94,13 @@ def accelerate(
     if tables.path == SPARSE:
         multipliers[:] = np.nan
         if rank > 0:
-            turned = np.empty(nv)
+            turned = tables.turned
             turn_in(tables, space, rates, turned)
             solve_rows(tables, space, bias, -1.0, turned)
             turn_back(tables, space, turned, rates)
     else:
         multipliers[:] = 0.0
-        basis, rows, sigma, surplus = space.basis, space.rows, space.sigma, np.empty(rank)
+        basis, rows, sigma, surplus = space.basis, space.rows, space.sigma, tables.along
         for i in range(rank):
             surplus[i] = dot_with_row(basis, i, rates)
             surplus[i] += dot_with_row(rows, i, bias) / sigma[i]
@@ -118,7 +118,8 @@ def correction_of(tables: Tables, space: Packed, residual: Array, change: Array)
     change[:] = 0.0
     rank = int(space.tail[1])
     if tables.path == SPARSE:
-        turned = np.zeros(tables.nv)
+        turned = tables.turned
+        turned[:] = 0.0
         solve_rows(tables, space, residual, 1.0, turned)
         turn_back(tables, space, turned, change)
     else:

@@ -6,8 +6,6 @@ body is its parent's and its joint's, and so is the derivative of it.
 
 from __future__ import annotations
 
-import numpy as np
-
 from hapticmech_ros.compilation import inner, kernel, leaf
 from hapticmech_ros.mechanism.compiled.closure_kernels import bias_of
 from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
@@ -71,12 +69,13 @@ def _move_frame(tables: Tables, space: Packed, motions: Array, frame: int, motio
 @inner
 def closure_bias(tables: Tables, space: Packed, motions: Array, bias: Array) -> None:
     """Fill ``bias`` (m,) with Ẇv, given the joints' motions."""
-    motion_a, motion_b, closures, poses = np.empty(12), np.empty(12), tables.closures, space.poses
+    handful, closures, poses = tables.handful, tables.closures, space.poses
+    motion_a, motion_b = handful[0], handful[1]
     for index in range(closures.shape[0]):
         kind, a, b, first = closures[index]
         _move_frame(tables, space, motions, a, motion_a)
         _move_frame(tables, space, motions, b, motion_b)
-        bias_of(kind, poses, a, b, motion_a, motion_b, first, bias)
+        bias_of(kind, poses, a, b, motion_a, motion_b, first, bias, handful[2:])
 
 
 @inner
@@ -107,7 +106,8 @@ def add_wrench(
     tables: Tables, space: Packed, joint: int, origin: Array, wrench: Array, force: Array
 ) -> None:
     """Add Jᵀ F to ``force`` (nv,) for a wrench (6,) on a joint at a point (3,), world axes."""
-    pair = np.zeros(12)
+    pair = tables.handful[0]
+    pair[6:] = 0.0
     x, y, z = origin[0], origin[1], origin[2]
     fx, fy, fz = wrench[0], wrench[1], wrench[2]
     pair[0], pair[1], pair[2] = fx, fy, fz
@@ -137,7 +137,7 @@ def add_link_forces(tables: Tables, space: Packed, pushes: Array, force: Array) 
             that joint (3,), and the wrench (6,) there, world axes.
         force: to add to.
     """
-    origin = np.empty(3)
+    origin = tables.handful[1]
     for index in range(pushes.shape[0]):
         push = pushes[index]
         joint = int(push[0])
@@ -177,7 +177,7 @@ def move_frames(
     nv, m = tables.nv, tables.m
     space = unpack(packed, tables)
     element_forces(tables, space, q, v, terms[nv : 2 * nv], terms[2 * nv : 3 * nv])
-    motions = np.empty((tables.joints.shape[0], 12))
+    motions = tables.motions
     move_joints(tables, space, v, motions)
     bias_force_of(tables, space, motions, terms[:nv])
     closure_bias(tables, space, motions, terms[3 * nv : 3 * nv + m])

@@ -47,7 +47,7 @@ def _advance(
 
     It is not done where a stage is nearer than ``limit`` (relative σ) to a singular position.
     """
-    result = np.empty(tables.nv + tables.m)
+    result = tables.result
     start_step(parts)
     for stage in range(stages):
         if not np.isfinite(dot(parts.v, parts.v)):

@@ -30,7 +30,9 @@ SETTLED, OPEN, JUMPED, FLIPPED = 0, 1, 2, 3
 @inner
 def _size(tables: Tables, space: Packed, change: Array) -> float:
     """Return |Lᵀ change|, the length of a change in the mass metric."""
-    lifted = change.copy()
+    lifted = tables.turned
+    for c in range(lifted.size):
+        lifted[c] = change[c]
     lift(tables, space, lifted)
     return float(np.sqrt(dot(lifted, lifted)))
 

@@ -32,6 +32,14 @@ def copy_matrix(source: Array, target: Array) -> None:
 
 
 @leaf
+def clear(matrix: Array, columns: int) -> None:
+    """Put zero into the first columns."""
+    for i in range(matrix.shape[0]):
+        for j in range(columns):
+            matrix[i, j] = 0.0
+
+
+@leaf
 def dot_rows(matrix: Array, i: int, j: int) -> float:
     """Return the product of two rows, summed in order; a view of each would take longer."""
     total = 0.0
@@ -113,9 +121,11 @@ def solve_lower_transposed(factor: Array, vector: Array) -> None:
 
 
 @inner
-def remove(basis: Array, rank: int, vector: Array) -> None:
-    """Replace ``vector`` by (1 - U Uᵀ) vector, U's columns being the first ``rank`` rows."""
-    along = np.empty(rank)
+def remove(basis: Array, rank: int, vector: Array, along: Array) -> None:
+    """Replace ``vector`` by (1 - U Uᵀ) vector, U's columns being the first ``rank`` rows.
+
+    ``along`` (rank or more,) is used up.
+    """
     for i in range(rank):
         along[i] = dot_with_row(basis, i, vector)
     for i in range(rank):
@@ -179,16 +189,13 @@ def _rotate(rows: Array, i: int, j: int, cosine: float, sine: float) -> None:
 @inner
 def _longest_first(rows: Array, turn: Array) -> None:
     count = rows.shape[0]
-    squares = np.empty(count)
-    for i in range(count):
-        squares[i] = dot_rows(rows, i, i)
     for i in range(count - 1):
-        best = i
+        best, largest = i, dot_rows(rows, i, i)
         for j in range(i + 1, count):
-            if squares[j] > squares[best]:
-                best = j
+            square = dot_rows(rows, j, j)
+            if square > largest:
+                best, largest = j, square
         if best != i:
-            squares[i], squares[best] = squares[best], squares[i]
             _swap(rows, i, best)
             _swap(turn, i, best)
 

@@ -101,8 +101,7 @@ def find_rates(
     ``space`` has been filled there. ``weight`` times its powers goes to the account.
     """
     nv, m = tables.nv, tables.m
-    bias, forces = np.empty(m), np.empty((3, nv))
-    motions = np.empty((tables.joints.shape[0], 12))
+    bias, forces, motions = tables.bias, tables.forces, tables.motions
     move_joints(tables, space, parts.v, motions)
     passive, dissipative, bias_force = forces[0], forces[1], forces[2]
     bias_force_of(tables, space, motions, bias_force)

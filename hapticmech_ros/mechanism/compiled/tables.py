@@ -1,7 +1,8 @@
 """What kernels know of a mechanism: its constants for one set of active closures, in two arrays.
 
 A call of a kernel pays for each of its arrays, so that few long ones take the place of many. The
-whole numbers begin with sizes, and with where each part is.
+whole numbers begin with sizes, and with where each part is; the others end with room to work in,
+since to allocate a dozen numbers takes longer than to compute them.
 """
 
 from __future__ import annotations
@@ -106,7 +107,9 @@ _COLUMNS = {
     "spring_values": 4,
     "joint_values": JOINT_COLUMNS,
 }
-_PARTS = 45
+_PARTS = 55
+# Rows of ``Tables.handful``.
+_HANDFUL = 4
 
 
 def fold(constants: Constants) -> tuple[Array, Array]:
@@ -117,10 +120,12 @@ def fold(constants: Constants) -> tuple[Array, Array]:
     places += _places(_REAL, real, 0)
     of_packed, size = _packed_places(constants)
     places += of_packed + _work_places(constants)
+    rooms, room = _stacked(_room(constants), sum(part.size for part in real))
+    places += rooms
     sizes = (*constants[:6], size)
     return (
         np.concatenate([np.array((*sizes, *places)), *(part.ravel() for part in whole)]),
-        np.concatenate([part.ravel() for part in real]),
+        np.concatenate([*(part.ravel() for part in real), np.zeros(room)]),
     )
 
 
@@ -157,18 +162,42 @@ def _work_places(constants: Constants) -> list[int]:
     return [*places, places[15], nq + nv, 1]
 
 
-def _stacked(shapes: Sequence[tuple[int, int]]) -> tuple[list[int], int]:
+def _room(constants: Constants) -> list[tuple[int, int]]:
+    """Return rows and columns of the parts to work in; see :class:`Tables`."""
+    nv, m, joints = constants.nv, constants.m, len(constants.joints)
+    shapes = [(joints, 36), (joints, 12), (3, nv), (m, 1), (nv + m, 1), (nv, 1), (m, 1)]
+    of_dense = m if constants.path == DENSE else 0
+    return [*shapes, (of_dense, nv), (of_dense, of_dense), (_HANDFUL, FRAME_COLUMNS)]
+
+
+def _stacked(shapes: Sequence[tuple[int, int]], start: int = 0) -> tuple[list[int], int]:
     """Return start, rows and columns of parts that follow each other, and their length."""
-    places, start = [], 0
+    places, length = [], 0
     for height, columns in shapes:
-        places += [start, height, columns]
-        start += height * columns
-    return places, start
+        places += [start + length, height, columns]
+        length += height * columns
+    return places, length
 
 
 @structure
 class Tables(Structure):
-    """:class:`Constants`, folded: each part a view, found when it is asked for."""
+    """:class:`Constants`, folded: each part a view, found when it is asked for.
+
+    What follows the constants is room, which no function expects to find as it left it, and of
+    which it uses nothing that a function above it still needs.
+
+    Attributes:
+        sweep: (joints, 36) what is carried from joint to joint.
+        motions: (joints, 12) the joints' motions; see ``motion_kernels.move_joints``.
+        forces: (3, nv) h, forces of elements, and their dissipative part.
+        bias: (m,) Ẇv.
+        result: (nv + m,) v̇ and λ.
+        turned: (nv,) a vector by places, of one function at a time.
+        along: (m,) numbers along the closures' directions, likewise.
+        scaled: (m, nv) rows to be made orthogonal; dense.
+        turn: (m, m) what that takes; dense.
+        handful: (4, 12) rows for a frame, a pair of wrenches, or less.
+    """
 
     __slots__ = ()
 
@@ -194,3 +223,13 @@ class Tables(Structure):
     spring_values = Part(13, 2)
     joint_values = Part(14, 2)
     gravity = Part(15, 1)
+    sweep = Part(45, 2)
+    motions = Part(46, 2)
+    forces = Part(47, 2)
+    bias = Part(48, 1)
+    result = Part(49, 1)
+    turned = Part(50, 1)
+    along = Part(51, 1)
+    scaled = Part(52, 2)
+    turn = Part(53, 2)
+    handful = Part(54, 2)

@@ -54,7 +54,7 @@ def joint_row(placement: pin.SE3, axis: Array, inertia: pin.Inertia) -> Array:
 @inner
 def place_tree(tables: Tables, q: Array, space: Packed) -> None:
     """Fill joint axes, poses of joints and frames, and inertias at q (nq,)."""
-    local, moved = np.empty(9), np.empty(3)
+    local, moved, turn = tables.handful[0], tables.handful[1], tables.handful[2]
     joints, all_values = tables.joints, tables.joint_values
     places, bodies, axes = space.places, space.bodies, space.joint_jacobian
     for i in range(12):
@@ -64,7 +64,7 @@ def place_tree(tables: Tables, q: Array, space: Packed) -> None:
         parent, kind = joints[joint, 0], joints[joint, 3]
         first, at = joints[joint, 1], joints[joint, 4]
         values = all_values[joint]
-        _move_joint(kind, values, q[at:], local, moved)
+        _move_joint(kind, values, q[at:], turn, local, moved)
         place, base = places[joint], places[parent]
         for i in range(3):
             total = base[9 + i]
@@ -81,8 +81,10 @@ def place_tree(tables: Tables, q: Array, space: Packed) -> None:
 
 
 @leaf
-def _move_joint(kind: int, values: Array, q: Array, local: Array, moved: Array) -> None:
-    """Fill the axes (9,) and origin (3,) of a joint in its parent's joint."""
+def _move_joint(
+    kind: int, values: Array, q: Array, turn: Array, local: Array, moved: Array
+) -> None:
+    """Fill the axes (9,) and origin (3,) of a joint in its parent's joint; ``turn`` is used up."""
     for i in range(3):
         moved[i] = values[_ORIGIN + i]
     if kind == REVOLUTE:
@@ -98,8 +100,8 @@ def _move_joint(kind: int, values: Array, q: Array, local: Array, moved: Array) 
             for k in range(3):
                 moved[i] += values[3 * k + i] * (values[_AXIS + k] * q[0])
         return
-    turn = np.zeros(9)
     if kind == PLANAR:
+        turn[:9] = 0.0
         turn[0], turn[1], turn[3], turn[4], turn[8] = q[2], q[3], -q[3], q[2], 1.0
         for i in range(3):
             moved[i] += values[i] * q[0] + values[3 + i] * q[1]
@@ -216,7 +218,7 @@ def momentum(body: Array, twist: Array, out: Array) -> None:
 def inertia_of(tables: Tables, space: Packed, inertia: Array) -> None:
     """Fill the lower triangle of D (nv, nv)."""
     joints, axes = tables.joints, space.joint_jacobian
-    subtree, moved, bodies = np.empty((joints.shape[0], 10)), np.empty(6), space.bodies
+    subtree, moved, bodies = tables.sweep, tables.handful[0], space.bodies
     for joint in range(joints.shape[0]):
         for k in range(10):
             subtree[joint, k] = bodies[joint, k]
@@ -243,7 +245,7 @@ def inertia_of(tables: Tables, space: Packed, inertia: Array) -> None:
 def bias_force_of(tables: Tables, space: Packed, motions: Array, force: Array) -> None:
     """Fill ``force`` (nv,) with h, given the joints' motions (see ``motion_kernels``)."""
     joints, axes, gravity = tables.joints, space.joint_jacobian, tables.gravity
-    wrenches, lifted, carried = np.empty((joints.shape[0], 6)), np.empty(6), np.empty(6)
+    wrenches, lifted, carried = tables.sweep, tables.handful[0], tables.handful[1]
     bodies = space.bodies
     for joint in range(1, joints.shape[0]):
         for k in range(6):
