@@ -26,6 +26,7 @@ _SOURCES = (
     "mechanism/compiled/articulated_kernels.py",
     "mechanism/compiled/band_kernels.py",
     "mechanism/compiled/closure_kernels.py",
+    "mechanism/compiled/coupling_kernels.py",
     "mechanism/compiled/dense_kernels.py",
     "mechanism/compiled/metric_kernels.py",
     "mechanism/compiled/kernels.py",

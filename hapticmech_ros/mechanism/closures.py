@@ -10,6 +10,8 @@ Each residual is built from two blocks that are exact on the whole configuration
   sin(angle) times the rotation axis.
 
 Rates follow from ȧ = ω_a × a, so that no logarithm has to be differentiated.
+
+A ``coupling`` is one row between two joints, ``θ - ratio θ_leader - offset``.
 """
 
 from __future__ import annotations
@@ -20,35 +22,46 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.mechanism.model import Array, TreeModel
-from hapticmech_ros.scene.mechanism import Closure, ClosureKind
+from hapticmech_ros.scene.mechanism import Closure, Coupling, LoopKind, Origin
 
 WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-ROWS: dict[ClosureKind, int] = {
+ROWS: dict[LoopKind, int] = {
     "spherical": 3,
     "weld": 6,
     "revolute": 5,
     "planar_pin": 2,
     "rod": 1,
+    "coupling": 1,
 }
-_POINT_ROWS: dict[ClosureKind, int] = {
+_POINT_ROWS: dict[LoopKind, int] = {
     "spherical": 3,
     "weld": 3,
     "revolute": 3,
     "planar_pin": 2,
     "rod": 1,
+    "coupling": 0,
 }
 
 
 @dataclass(frozen=True)
 class LoopClosure:
-    """One closure bound to its two frames in the Pinocchio model; ``rod_length`` (m) of a rod."""
+    """One closure bound to its two frames in the Pinocchio model.
+
+    Attributes:
+        frame_a, frame_b: frames in it; of a coupling any frames that its two joints carry.
+        rod_length: m, of a rod.
+        gear: ratio and offset of a coupling.
+        linear: whether a coupling's joint slides.
+    """
 
     name: str
-    kind: ClosureKind
+    kind: LoopKind
     frame_a: int
     frame_b: int
     latch_distance: float | None
     rod_length: float = 0.0
+    gear: tuple[float, float] = (0.0, 0.0)
+    linear: bool = False
 
     @property
     def rows(self) -> int:
@@ -58,15 +71,18 @@ class LoopClosure:
     @property
     def has_axes(self) -> bool:
         """Whether there are rows of axes, and with them a root of φ that is a branch of its own."""
-        return self.rows > _POINT_ROWS[self.kind]
+        return self.kind in ("revolute", "weld")
 
     def row_lengths(self, length: float) -> Array:
         """Return (m,) the unit of each row: ``length`` (m) for points, 1 for axes."""
-        points = _POINT_ROWS[self.kind]
+        points = self.rows if self.linear else _POINT_ROWS[self.kind]
         return np.array([length] * points + [1.0] * (self.rows - points))
 
-    def residual(self, data: pin.Data) -> Array:
-        """Return (m,) φ from placements already in ``data.oMf``: m, then rad to first order."""
+    def residual(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return (m,) φ from placements already in ``data``: m, then rad to first order."""
+        if self.kind == "coupling":
+            joint, leader = (data.joints[k].joint_q.item() for k in self._joints(model))
+            return np.array([joint - self.gear[0] * leader - self.gear[1]])
         a, b = data.oMf[self.frame_a], data.oMf[self.frame_b]
         if self.kind == "rod":
             gap, length = a.translation - b.translation, self.rod_length
@@ -89,6 +105,8 @@ class LoopClosure:
 
     def jacobian(self, model: pin.Model, data: pin.Data) -> Array:
         """Return (m, nv) W = ∂φ/∂q, from ``computeJointJacobians`` and placements in ``data``."""
+        if self.kind == "coupling":
+            return self._gear_row(model)
         # Pinocchio gives a vector instead of a matrix where there is one degree of freedom.
         shape = (6, model.nv)
         jacobian_a = pin.getFrameJacobian(model, data, self.frame_a, WORLD_AXES).reshape(shape)
@@ -109,6 +127,8 @@ class LoopClosure:
 
     def bias(self, model: pin.Model, data: pin.Data) -> Array:
         """Return (m,) γ = Ẇv, from ``forwardKinematics(q, v, 0)`` in ``data``; m/s², 1/s²."""
+        if self.kind == "coupling":
+            return np.zeros(1)
         motion = pin.getFrameClassicalAcceleration
         accel_a = motion(model, data, self.frame_a, WORLD_AXES)
         accel_b = motion(model, data, self.frame_b, WORLD_AXES)
@@ -134,6 +154,18 @@ class LoopClosure:
             ).sum(axis=0)
         return np.concatenate((points, turning))
 
+    def _joints(self, model: pin.Model) -> tuple[int, int]:
+        """Return the joints that carry the two frames."""
+        a, b = model.frames[self.frame_a], model.frames[self.frame_b]
+        return int(a.parentJoint), int(b.parentJoint)
+
+    def _gear_row(self, model: pin.Model) -> Array:
+        row = np.zeros((1, model.nv))
+        joint, leader = self._joints(model)
+        row[0, model.idx_vs[joint]] = 1.0
+        row[0, model.idx_vs[leader]] -= self.gear[0]
+        return row
+
     def _rod_bias(self, model: pin.Model, data: pin.Data, acceleration: Array) -> Array:
         """Return (1,) Ẇv = (|ḋ|² + d·d̈) / L with d = p_a - p_b and d̈ at v̇ = 0."""
         a, b = self.frame_a, self.frame_b
@@ -149,6 +181,18 @@ def bind_closure(closure: Closure, tree: TreeModel) -> LoopClosure:
     frame_b = tree.add_frame(f"{closure.name}/b", closure.b.link, closure.b.origin)
     latch, length = closure.latch_distance, closure.length or 0.0
     return LoopClosure(closure.name, closure.kind, frame_a, frame_b, latch, length)
+
+
+def bind_coupling(coupling: Coupling, tree: TreeModel) -> LoopClosure:
+    """Add a frame of each joint to the model and return the coupling bound to them."""
+    at = [tree.joint_names.index(name) for name in (coupling.joint, coupling.leader)]
+    a, b = (
+        tree.add_frame(f"{coupling.name}/{side}", tree.links[index], Origin())
+        for side, index in zip("ab", at, strict=True)
+    )
+    linear = tree.joint_types[at[0]] == "prismatic"
+    gear = (coupling.ratio, coupling.offset)
+    return LoopClosure(coupling.name, "coupling", a, b, None, gear=gear, linear=linear)
 
 
 def _misalignment(a: Array, b: Array) -> Array:

@@ -13,7 +13,12 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.closures import WORLD_AXES, LoopClosure, bind_closure
+from hapticmech_ros.mechanism.closures import (
+    WORLD_AXES,
+    LoopClosure,
+    bind_closure,
+    bind_coupling,
+)
 from hapticmech_ros.mechanism.constraint_space import (
     SingularInertiaError,
     cholesky_of_upper,
@@ -47,8 +52,9 @@ class Mechanism:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.tree: TreeModel = build_tree(scene)
-        self.closures: tuple[LoopClosure, ...] = tuple(
-            bind_closure(closure, self.tree) for closure in scene.closures
+        self.closures: tuple[LoopClosure, ...] = (
+            *(bind_closure(closure, self.tree) for closure in scene.closures),
+            *(bind_coupling(coupling, self.tree) for coupling in scene.couplings),
         )
         self.point_names = tuple(point.name for point in scene.operational_points)
         self._point_frames = tuple(
@@ -65,7 +71,8 @@ class Mechanism:
         self._zero = np.zeros(self.model.nv)
         self._neutral: Array = np.asarray(pin.neutral(self.model))
         self._choices: dict[Active, tuple[list[LoopClosure], Array]] = {}
-        self.initially_active: Active = tuple(closure.active for closure in scene.closures)
+        closed = [closure.active for closure in scene.closures]
+        self.initially_active: Active = (*closed, *(True for _ in scene.couplings))
 
     def evaluate(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
@@ -114,9 +121,9 @@ class Mechanism:
         pin.updateFramePlacements(model, data)
         loops, lengths = self._chosen(active)
         if len(loops) == 1:
-            residual, jacobian = loops[0].residual(data), loops[0].jacobian(model, data)
+            residual, jacobian = loops[0].residual(model, data), loops[0].jacobian(model, data)
         elif loops:
-            residual = np.concatenate([loop.residual(data) for loop in loops])
+            residual = np.concatenate([loop.residual(model, data) for loop in loops])
             jacobian = np.vstack([loop.jacobian(model, data) for loop in loops])
         else:
             residual, jacobian = _NOTHING, np.zeros((0, self.nv))
@@ -138,7 +145,7 @@ class Mechanism:
         """Return |φ| of closure ``index``, active or not, and the rate at which it grows."""
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
-        residual = self.closures[index].residual(self.data)
+        residual = self.closures[index].residual(self.model, self.data)
         distance = float(np.sqrt(residual @ residual))
         rate = residual @ (self.closures[index].jacobian(self.model, self.data) @ v)
         return distance, float(rate) / distance if distance > 0.0 else 0.0

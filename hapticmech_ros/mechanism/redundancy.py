@@ -18,17 +18,18 @@ from hapticmech_ros.mechanism.constraint_space import SOLVER_RANK_TOLERANCE, sol
 from hapticmech_ros.mechanism.evaluation import Active, Closing
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene.mechanism import ClosureKind
+from hapticmech_ros.scene.mechanism import LoopKind
 
 POINT = ("x", "y", "z")
 # As LoopClosure lists them: points along the world's axes; the tilt of b's x and y axis out of the
 # hinge's plane; turns about the world's axes; the distance.
-ROW_NAMES: Mapping[ClosureKind, tuple[str, ...]] = {
+ROW_NAMES: Mapping[LoopKind, tuple[str, ...]] = {
     "spherical": POINT,
     "revolute": (*POINT, "tilt_x", "tilt_y"),
     "weld": (*POINT, "turn_x", "turn_y", "turn_z"),
     "planar_pin": ("x", "y"),
     "rod": ("length",),
+    "coupling": ("gear",),
 }
 _IN_METRES = frozenset((*POINT, "length"))
 

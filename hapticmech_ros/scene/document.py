@@ -14,6 +14,7 @@ from pydantic import Field
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.mechanism import (
     Closure,
+    Coupling,
     InitialState,
     Link,
     OperationalPoint,
@@ -42,6 +43,7 @@ class Scene(Part):
     gravity: Vector3 = (0.0, 0.0, 0.0)
     links: Annotated[tuple[Link, ...], Field(min_length=1)]
     closures: tuple[Closure, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
     springs: tuple[Spring, ...] = ()
     operational_points: Annotated[tuple[OperationalPoint, ...], Field(min_length=1)]
     initial_state: InitialState = InitialState()

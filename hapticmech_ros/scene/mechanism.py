@@ -19,6 +19,8 @@ from hapticmech_ros.scene.part import (
 
 JointType = Literal["revolute", "prismatic", "fixed", "spherical", "free", "planar"]
 ClosureKind = Literal["spherical", "weld", "revolute", "planar_pin", "rod"]
+# What keeps joints together: closures, and couplings, which are treated alike.
+LoopKind = Literal["spherical", "weld", "revolute", "planar_pin", "rod", "coupling"]
 IntegratorName = Literal["rk4", "rk2", "semi_implicit_euler", "linearly_implicit"]
 
 
@@ -132,6 +134,21 @@ class Closure(Part):
     length: Positive | None = None
     active: Flag = True
     latch_distance: Positive | None = None
+
+
+class Coupling(Part):
+    """A gear between two joints: position of ``joint`` = ratio · position of ``leader`` + offset.
+
+    Attributes:
+        ratio: of rad or m to rad or m, not zero.
+        offset: rad or m.
+    """
+
+    name: Name
+    joint: Name
+    leader: Name
+    ratio: Real = 1.0
+    offset: Real = 0.0
 
 
 class Spring(Part):

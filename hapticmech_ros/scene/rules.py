@@ -43,6 +43,7 @@ def broken_rules(scene: Scene) -> list[SceneProblem]:
         *_bodies(scene),
         *_references(scene),
         *_joint_elements(scene),
+        *_couplings(scene),
         *_initial_state(scene),
         *_plane(scene),
         *_thresholds(scene),
@@ -55,6 +56,7 @@ def _names(scene: Scene) -> Iterator[SceneProblem]:
         ("links[{}].name", [link.name for link in scene.links]),
         ("links[{}].joint.name", [link.joint.name for link in scene.links]),
         ("closures[{}].name", [closure.name for closure in scene.closures]),
+        ("couplings[{}].name", [coupling.name for coupling in scene.couplings]),
         ("springs[{}].name", [spring.name for spring in scene.springs]),
         ("operational_points[{}].name", [point.name for point in scene.operational_points]),
     )
@@ -159,6 +161,26 @@ def _joint_elements(scene: Scene) -> Iterator[SceneProblem]:
             yield SceneProblem(f"{key}.limits.upper", limits.upper, rule)
     if all(link.joint.locked or link.joint.type == "fixed" for link in scene.links):
         yield SceneProblem("links", len(scene.links), "at least one joint must move")
+
+
+def _couplings(scene: Scene) -> Iterator[SceneProblem]:
+    """Couplings are between two joints that turn or slide."""
+    joints = {link.joint.name: link.joint for link in scene.links}
+    closures = {closure.name for closure in scene.closures}
+    for index, coupling in enumerate(scene.couplings):
+        key = f"couplings[{index}]"
+        for end, name in (("joint", coupling.joint), ("leader", coupling.leader)):
+            joint = joints.get(name)
+            if joint is None:
+                rule = f"unknown joint: must be one of {sorted(joints)}"
+                yield SceneProblem(f"{key}.{end}", name, rule)
+            elif joint.type not in ("revolute", "prismatic") or joint.locked:
+                rule = "only revolute and prismatic joints that are not locked can be coupled"
+                yield SceneProblem(f"{key}.{end}", name, rule)
+        if coupling.joint == coupling.leader:
+            yield SceneProblem(f"{key}.leader", coupling.leader, "must be another joint")
+        if coupling.name in closures:
+            yield SceneProblem(f"{key}.name", coupling.name, "must differ from closures' names")
 
 
 def _initial_state(scene: Scene) -> Iterator[SceneProblem]:

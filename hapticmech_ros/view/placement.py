@@ -52,7 +52,9 @@ class Placer:
             link.name: np.array(link.joint.axis) / np.linalg.norm(link.joint.axis)
             for link in scene.links
         }
-        self._closures = {c.name: (c.frame_a, c.frame_b) for c in mechanism.closures}
+        self._closures = {
+            c.name: (c.frame_a, c.frame_b) for c in mechanism.closures if c.kind != "coupling"
+        }
         self._rods = frozenset(c.name for c in mechanism.closures if c.kind == "rod")
         self._points = {
             point.name: (*self._links[point.link], se3(point.origin))

@@ -1,7 +1,8 @@
 """Residual φ, Jacobian W and bias Ẇv of each kind of closure, as :mod:`closures` defines them.
 
 A pose is a row of ``poses``, 12 numbers: a frame's three axes in the world, then its origin. A
-rod's length is that of the first axis of its frame a.
+rod's length is that of the first axis of its frame a. A coupling has ratio and offset in the place
+of that frame, and no wrenches: see ``coupling_kernels``.
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ from hapticmech_ros.mechanism.compiled.pair_kernels import pull_between
 from hapticmech_ros.mechanism.compiled.small_matrices import cross, dot
 from hapticmech_ros.mechanism.model import Array
 
-SPHERICAL, REVOLUTE, WELD, PLANAR_PIN, ROD = range(5)
+SPHERICAL, REVOLUTE, WELD, PLANAR_PIN, ROD, COUPLING = range(6)
 KINDS = {
     "spherical": SPHERICAL,
     "revolute": REVOLUTE,
     "weld": WELD,
     "planar_pin": PLANAR_PIN,
     "rod": ROD,
+    "coupling": COUPLING,
 }
 
 

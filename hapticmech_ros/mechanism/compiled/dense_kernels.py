@@ -6,7 +6,8 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
-from hapticmech_ros.mechanism.compiled.closure_kernels import end_of_rows
+from hapticmech_ros.mechanism.compiled.closure_kernels import COUPLING, end_of_rows
+from hapticmech_ros.mechanism.compiled.coupling_kernels import add_gear
 from hapticmech_ros.mechanism.compiled.many_rows import (
     FEW_ROWS,
     first_directions,
@@ -33,11 +34,13 @@ def factor_dense(tables: Tables, space: Packed, tolerance: float) -> int:
         return 0
     closures, carriers, joints = tables.closures, tables.carriers, tables.joints
     for index in range(closures.shape[0]):
-        _, a, b, first = closures[index]
+        kind, a, b, first = closures[index]
         for row in range(first, end_of_rows(closures, index, m)):
             for c in range(jacobian.shape[1]):
                 jacobian[row, c] = 0.0
             add_pair(joints, axes, carriers[a], carriers[b], pairs[row], 1.0, jacobian[row])
+        if kind == COUPLING:
+            add_gear(tables, a, b, jacobian[first])
     rank = UNDECIDED
     if m > FEW_ROWS:
         rank = _resolve_many(tables.lengths, tolerance, space)

@@ -10,7 +10,8 @@ from __future__ import annotations
 from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.mechanism.compiled.articulated_kernels import articulate
 from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED, factor_band
-from hapticmech_ros.mechanism.compiled.closure_kernels import residual_of, wrenches_of
+from hapticmech_ros.mechanism.compiled.closure_kernels import COUPLING, residual_of, wrenches_of
+from hapticmech_ros.mechanism.compiled.coupling_kernels import gear_error
 from hapticmech_ros.mechanism.compiled.dense_kernels import factor_dense
 from hapticmech_ros.mechanism.compiled.metric_kernels import (
     accelerate,
@@ -43,6 +44,10 @@ def factor(tables: Tables, q: Array, space: Packed) -> int:
     place_tree(tables, q, space)
     for index in range(closures.shape[0]):
         kind, a, b, first = closures[index]
+        if kind == COUPLING:
+            residual[first] = gear_error(tables, a, b, q)
+            pairs[first, :] = 0.0
+            continue
         residual_of(kind, poses, a, b, first, residual)
         wrenches_of(kind, poses, a, b, first, pairs)
     worst, drift = 0.0, 0.0

@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from hapticmech_ros.mechanism.compiled.band_kernels import BEGIN, FIRST, LAST
 from hapticmech_ros.mechanism.compiled.chosen import Chosen
+from hapticmech_ros.mechanism.compiled.closure_kernels import COUPLING
 from hapticmech_ros.mechanism.compiled.kernels import factor_closures
 from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
 from hapticmech_ros.mechanism.compiled.packed import views_of
@@ -33,6 +34,8 @@ def sparse_or_dense(dense: Chosen, position: Array) -> Chosen:
         position: (nq,) a configuration, to see how wide the band becomes, and what is redundant.
     """
     known = dense.known
+    if COUPLING in known.closures[:, 0]:
+        return dense  # a coupling is no pair of wrenches on two links
     n, m = float(known.nv), float(known.m)
     rows = (_IN_SVD if m <= FEW_ROWS else _IN_QR) * m * m * n
     chain = 6.0 * float(_depths(known).sum())

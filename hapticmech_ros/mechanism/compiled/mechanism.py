@@ -209,6 +209,8 @@ class CompiledMechanism(Mechanism):
         for loop in self.closures:
             if loop.kind == "rod":
                 placements[loop.frame_a, :3] *= loop.rod_length
+            elif loop.kind == "coupling":
+                placements[loop.frame_a, :2] = loop.gear
         return placements
 
 

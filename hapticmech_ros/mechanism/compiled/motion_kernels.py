@@ -7,7 +7,7 @@ body is its parent's and its joint's, and so is the derivative of it.
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, leaf
-from hapticmech_ros.mechanism.compiled.closure_kernels import bias_of
+from hapticmech_ros.mechanism.compiled.closure_kernels import COUPLING, bias_of
 from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
 from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
 from hapticmech_ros.mechanism.compiled.pair_kernels import add_pair
@@ -73,6 +73,9 @@ def closure_bias(tables: Tables, space: Packed, motions: Array, bias: Array) -> 
     motion_a, motion_b = handful[0], handful[1]
     for index in range(closures.shape[0]):
         kind, a, b, first = closures[index]
+        if kind == COUPLING:
+            bias[first] = 0.0
+            continue
         _move_frame(tables, space, motions, a, motion_a)
         _move_frame(tables, space, motions, b, motion_b)
         bias_of(kind, poses, a, b, motion_a, motion_b, first, bias, handful[2:])

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import Part, Structure, inner, structure
-from hapticmech_ros.mechanism.compiled.closure_kernels import end_of_rows
+from hapticmech_ros.mechanism.compiled.closure_kernels import COUPLING, end_of_rows
+from hapticmech_ros.mechanism.compiled.coupling_kernels import gear_speed
 from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
 from hapticmech_ros.mechanism.compiled.manifold_kernels import local_rates, move
 from hapticmech_ros.mechanism.compiled.metric_kernels import accelerate
@@ -130,9 +131,11 @@ def _pull(tables: Tables, space: Packed, parts: Work, bias: Array) -> None:
     carriers, joints, pairs = tables.carriers, tables.joints, space.pairs
     residual, v = space.residual, parts.v
     for index in range(closures.shape[0]):
-        _, a, b, first = closures[index]
+        kind, a, b, first = closures[index]
         for i in range(first, end_of_rows(closures, index, tables.m)):
             speed = pair_power(joints, axes, carriers[a], carriers[b], pairs[i], v)
+            if kind == COUPLING:
+                speed = gear_speed(tables, a, b, v)
             bias[i] += 2.0 * pull * speed + pull * pull * residual[i]
 
 
