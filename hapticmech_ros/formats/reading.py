@@ -16,7 +16,7 @@ from hapticmech_ros.formats.mjcf import read_mjcf
 from hapticmech_ros.formats.model import Document, Imported, Model, Note
 from hapticmech_ros.formats.model_part import ModelPart
 from hapticmech_ros.formats.sdf import read_sdf
-from hapticmech_ros.formats.stops import with_metrics, with_stops
+from hapticmech_ros.formats.stops import with_metrics, with_start, with_stops
 from hapticmech_ros.formats.tree import origin_of, to_scene
 from hapticmech_ros.formats.urdf import read_urdf
 from hapticmech_ros.formats.xml_nodes import Source
@@ -90,7 +90,8 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
 
     What the document says itself goes before the file. Names of the file stand for the links and
     joints that became of them. Where it is silent: the point held is the tip of the longest branch,
-    nobody pushes, and stops get a stiffness (see ``with_stops``).
+    nobody pushes, joints whose zero is beyond a stop start there, and stops get a stiffness (see
+    ``with_stops``).
 
     Args:
         document: as written.
@@ -111,7 +112,7 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
     _refuse_unknown(part, imported, source)
     if "operational_points" not in found and imported.tips:
         found["operational_points"] = [{"name": "tip_point", "link": imported.tips[0]}]
-    return with_stops(with_metrics(found), str(source))
+    return with_stops(with_start(with_metrics(found)), str(source))
 
 
 def _model_part(written: object, source: Path) -> ModelPart:

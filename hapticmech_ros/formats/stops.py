@@ -1,4 +1,4 @@
-"""What files do not say of stops, friction and metrics, and a scene needs: by a rule."""
+"""What files do not say of starts, stops, friction and metrics, and a scene needs: by a rule."""
 
 from __future__ import annotations
 
@@ -53,6 +53,24 @@ def with_stops(document: Document, source: str) -> Document:
                 joint["friction_speed"] = float(max(FRICTION_SPEED, slow))
         links.append({**link, "joint": joint})
     return {**document, "links": links}
+
+
+def with_start(document: Document) -> Document:
+    """Return a document in which joints whose zero is beyond a stop start at that stop.
+
+    Where the document says where a joint starts, it starts there.
+    """
+    state = document.get("initial_state", {})
+    if not isinstance(state, dict) or not isinstance(state.get("q", {}), dict):
+        return document
+    start = {}
+    for link in document["links"]:
+        limits = link["joint"].get("limits")
+        if isinstance(limits, dict) and not limits["lower"] <= 0.0 <= limits["upper"]:
+            start[link["joint"]["name"]] = min(limits["lower"], limits["upper"], key=abs)
+    if not start:
+        return document
+    return {**document, "initial_state": {**state, "q": {**start, **state.get("q", {})}}}
 
 
 def with_metrics(document: Document) -> Document:
