@@ -9,10 +9,11 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
-from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Evaluation, MechanismState, Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
+from hapticmech_ros.nodes.closure_services import offer_closures
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import WORLD, set_stamp
 from hapticmech_ros.nodes.parameters import MechanismParameters
@@ -74,6 +75,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self.adopt(parameters)
         self._announced = self._state.active
         self._announce_closures()
+        offer_closures(node, [c.name for c in self._simulator.mechanism.closures], self._switch)
 
     def adopt(self, parameters: MechanismParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
@@ -211,6 +213,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             account.latch_loss,
             state.closure_error,
         )
+
+    def _switch(self, closure: str, on: bool) -> None:
+        if self.lockstep:
+            rule = "cannot be switched in lockstep, whose runs repeat: push until it latches"
+            raise InvalidInputError(f"closure {closure}", on, rule)
+        self._state = self._simulator.switch(self._state, {closure: on})
 
     def _announce_closures(self) -> None:
         self._announced = self._state.active

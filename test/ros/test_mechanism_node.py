@@ -9,6 +9,7 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, UInt8MultiArray
+from std_srvs.srv import SetBool
 
 from hapticmech_ros import Simulator, load_scene
 from hapticmech_ros.wire.layouts import unpack_energy
@@ -53,6 +54,37 @@ def test_external_wrench_moves_it_then_expires(domain: int, peer: Peer) -> None:
     # Work in is kinetic energy or was lost in the joints, to the truncation of rk2 at 1 ms and the
     # few rad/s reached here: (3e-3)^2 = 1e-5 of it.
     assert abs(last.balance) < 1e-5 * last.work_in
+
+
+def test_closures_open_and_close_by_service(domain: int, peer: Peer) -> None:
+    energies = peer.listen("mechanism/energy", Float64MultiArray)
+    with running("mechanism_simulator", domain):
+        closures = peer.listen("mechanism/closures", UInt8MultiArray, LATCHED)
+        peer.until(lambda: closures, "the latched closures")
+        client = peer.node.create_client(SetBool, "mechanism/closures/ground_pin")
+        peer.until(client.service_is_ready, "the service")
+
+        def switched(on: bool) -> SetBool.Response:
+            answer = client.call_async(SetBool.Request(data=on))
+            peer.until(answer.done, "an answer")
+            return answer.result()
+
+        assert switched(False).success
+        peer.until(lambda: list(closures[-1].data) == [0], "the open loop")
+        assert switched(True).success
+        peer.until(lambda: list(closures[-1].data) == [1], "the closed loop")
+        switched(False)
+        push = peer.publisher("mechanism/handle/external_cf", WrenchStamped)
+
+        def far() -> bool:
+            push.publish(peer.wrench(-2.0, 1.0, 0.0, 0.0, 0.0, 0.0))
+            return bool(energies) and unpack_energy(energies[-1].data).work_in > 0.02
+
+        peer.until(far, "the push")
+        refused = switched(True)
+        assert not refused.success
+        assert "distance of closure ground_pin" in refused.message
+        assert list(closures[-1].data) == [0]
 
 
 @pytest.mark.parametrize("topic", ["external_cf", "servo_cf"])
