@@ -35,11 +35,14 @@ def articulate(tables: Tables, space: Packed) -> int:
             pivot = dot6(axes[row], hinge)
             if not pivot > 0.0:
                 return int(row)
-            hinge[6] = np.sqrt(pivot)
+            root = np.sqrt(pivot)
+            inverse = 1.0 / root
+            hinge[6], hinge[7] = root, inverse
             for i in range(6):
-                share = hinge[i] / pivot
+                hinge[i] *= inverse
+            for i in range(6):
                 for j in range(6):
-                    inertia[i, j] -= share * hinge[j]
+                    inertia[i, j] -= hinge[i] * hinge[j]
         parent = joints[joint, 0]
         if parent > 0:
             for i in range(6):
@@ -84,10 +87,10 @@ def force_to_metric(tables: Tables, space: Packed, vector: Array) -> None:
     for joint in range(joints.shape[0] - 1, 0, -1):
         wrench = wrenches[joint]
         for row in range(joints[joint, 1] + joints[joint, 2] - 1, joints[joint, 1] - 1, -1):
-            left = (vector[row] - dot6(axes[row], wrench)) / hinges[row, 6]
+            left = (vector[row] - dot6(axes[row], wrench)) * hinges[row, 7]
             vector[row] = left
             for i in range(6):
-                wrench[i] += hinges[row, i] * (left / hinges[row, 6])
+                wrench[i] += hinges[row, i] * left
         parent = joints[joint, 0]
         for i in range(6):
             wrenches[parent, i] += wrench[i]
@@ -120,12 +123,11 @@ def _sweep_outwards(tables: Tables, space: Packed, vector: Array, from_rates: bo
         for i in range(6):
             twist[i] = parent[i]
         for row in range(joints[joint, 1], joints[joint, 1] + joints[joint, 2]):
-            root, rate = hinges[row, 6], vector[row]
-            carried = dot6(hinges[row], twist) / root
+            rate, carried = vector[row], dot6(hinges[row], twist)
             if from_rates:
-                vector[row] = root * rate + carried
+                vector[row] = hinges[row, 6] * rate + carried
             else:
-                rate = (rate - carried) / root
+                rate = (rate - carried) * hinges[row, 7]
                 vector[row] = rate
             for i in range(6):
                 twist[i] += axes[row, i] * rate
@@ -152,11 +154,10 @@ def pair_to_metric(
         side, joint = (0, a) if a > b else (1, b)
         wrench = wrenches[side]
         for row in range(joints[joint, 1] + joints[joint, 2] - 1, joints[joint, 1] - 1, -1):
-            root = hinges[row, 6]
-            left = dot6(axes[row], wrench) / root
+            left = dot6(axes[row], wrench) * hinges[row, 7]
             column[order[row]] = left
             for i in range(6):
-                wrench[i] -= hinges[row, i] * (left / root)
+                wrench[i] -= hinges[row, i] * left
         if side == 0:
             a = joints[a, 0]
         else:

@@ -20,7 +20,7 @@ from hapticmech_ros.mechanism.constraint_space import PASSING, RESOLVED, SOLVER_
 from hapticmech_ros.mechanism.model import Array
 
 # Columns of ``Packed.row_places``.
-BEGIN, PIVOT, DIAGONAL, LAST, FIRST = range(5)
+BEGIN, PIVOT, INVERSE, LAST, FIRST = range(5)
 # A smallest singular value below this share of the largest row is for the dense factorisation.
 WELL_DETERMINED = PASSING
 # How much the estimate of the smallest singular value may be too large.
@@ -40,7 +40,7 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
     """
     places, band, column = space.row_places, space.band, tables.turned
     sequence, pairs, lengths, width = tables.sequence, space.pairs, tables.lengths, tables.width
-    free, hit, rank, largest = 0, 0, 0, 0.0
+    free, hit, rank, longest, largest = 0, 0, 0, 0.0, 0.0
     for j in range(tables.m):
         row, low, last, a, b = sequence[j]
         while hit < j and places[hit, LAST] < low:
@@ -60,7 +60,8 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
         square = 0.0
         for place in range(begin, last + 1):
             square += column[place] * column[place]
-        largest = max(largest, np.sqrt(square))
+        if square > longest:
+            longest, largest = square, np.sqrt(square)
         for i in range(hit, j):
             if places[i, PIVOT] >= 0.0:
                 _reflect(places, band, i, column)
@@ -76,17 +77,17 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
         if left <= max(RESOLVED, tolerance) * largest:
             if tolerance <= SOLVER_RANK_TOLERANCE and left > RESOLVED * largest:
                 return UNDECIDED
-            places[j, PIVOT], places[j, LAST], places[j, DIAGONAL] = -1.0, -1.0, 0.0
+            places[j, PIVOT], places[j, LAST], places[j, INVERSE] = -1.0, -1.0, 0.0
             continue
         if left <= WELL_DETERMINED * largest:
             return UNDECIDED
         head = column[free]
         goal = -left if head > 0.0 else left
-        norm = np.sqrt(2.0 * left * (left + abs(head)))
+        share = 1.0 / np.sqrt(2.0 * left * (left + abs(head)))
         for place in range(free, last + 1):
-            band[j, place - begin] = column[place] / norm
-        band[j, free - begin] = (head - goal) / norm
-        places[j, PIVOT], places[j, LAST], places[j, DIAGONAL] = free, last, goal
+            band[j, place - begin] = column[place] * share
+        band[j, free - begin] = (head - goal) * share
+        places[j, PIVOT], places[j, LAST], places[j, INVERSE] = free, last, 1.0 / goal
         free += 1
         rank += 1
     if tables.independent >= 0 and rank != tables.independent:
@@ -153,7 +154,7 @@ def solve_rows(tables: Tables, space: Packed, needed: Array, scale: float, turne
             continue
         row = sequence[j, 0]
         total = scale * needed[row] / lengths[row]
-        turned[pivot] = (total - _above(places, band, j, turned)) / places[j, DIAGONAL]
+        turned[pivot] = (total - _above(places, band, j, turned)) * places[j, INVERSE]
 
 
 @leaf
@@ -175,17 +176,18 @@ def _least(tables: Tables, space: Packed, rank: int) -> float:
     for j in range(m):
         before[j] = 1.0
     for _ in range(_ROUNDS):
+        share = 1.0 / size
         for j in range(m):
             pivot = int(places[j, PIVOT])
             if pivot >= 0:
-                total = before[j] / size - _above(places, band, j, turned)
-                turned[pivot] = total / places[j, DIAGONAL]
+                total = before[j] * share - _above(places, band, j, turned)
+                turned[pivot] = total * places[j, INVERSE]
         square = 0.0
         for j in range(m - 1, -1, -1):
             pivot = int(places[j, PIVOT])
             if pivot < 0:
                 continue
-            before[j] = turned[pivot] / places[j, DIAGONAL]
+            before[j] = turned[pivot] * places[j, INVERSE]
             square += before[j] * before[j]
             begin = int(places[j, BEGIN])
             for i in range(int(places[j, FIRST]), j):

@@ -124,9 +124,13 @@ def add_wrench(
 def add_point_forces(tables: Tables, space: Packed, wrenches: Array, force: Array) -> None:
     """Add Σ J_hᵀ F to ``force`` (nv,), wrenches (points, 6) given, without any J_h."""
     for index in range(tables.points.size):
-        frame = tables.points[index]
-        origin, joint = space.poses[frame, 9:12], tables.carriers[frame]
-        add_wrench(tables, space, joint, origin, wrenches[index], force)
+        wrench, pushed = wrenches[index], False
+        for i in range(6):
+            pushed = pushed or wrench[i] != 0.0
+        if pushed:
+            frame = tables.points[index]
+            origin, joint = space.poses[frame, 9:12], tables.carriers[frame]
+            add_wrench(tables, space, joint, origin, wrench, force)
 
 
 @inner

@@ -30,10 +30,12 @@ class Packed(Structure):
         basis: (k, nv) Uᵀ; dense.
         sigma: (k,) σ; dense.
         rows: (k, m) (V / row length)ᵀ; dense.
-        hinges: (nv, 7) articulated inertia times each axis, and the root of its pivot; sparse.
+        hinges: (nv, 8) articulated inertia times each axis over the root of its pivot, that root,
+            and its inverse; sparse.
         band: (m, width) rows of R over reflectors, by ``sequence``; sparse.
-        row_places: (m, 5) per closure row where its band begins, its pivot or -1, R's diagonal, the
-            band's last row, and the first row before it that reaches into it; sparse.
+        row_places: (m, 5) per closure row where its band begins, its pivot or -1, the inverse of
+            R's diagonal, the band's last row, and the first row before it that reaches into it;
+            sparse.
         tail: (4,) largest |φ|, the rank, and ``least`` and ``resolved`` of a ConstraintSpace.
     """
 

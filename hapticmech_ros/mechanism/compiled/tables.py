@@ -23,7 +23,7 @@ TAIL = 4
 # Of a step's work; see ``step_kernels.Work``.
 SETTINGS, MOST_STAGES, ACCOUNT = 9, 4, 6
 # What a sparse factorisation keeps of a rate, and of a closure row beside its band.
-_HINGE, _ROW = 7, 5
+_HINGE, _ROW = 8, 5
 
 
 class Constants(NamedTuple):
