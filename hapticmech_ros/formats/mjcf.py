@@ -1,20 +1,25 @@
-"""MJCF: the tree as Pinocchio reads it, and the equalities that close its loops."""
+"""MJCF: bodies in bodies, the joints in each, and the equalities that close their loops."""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats.model import WORLD, Body, Coupling, Hinge, Model, Note, Point, Tie
-from hapticmech_ros.formats.xml_nodes import Node, Source, written
+from hapticmech_ros.formats.mjcf_classes import Context, settings
+from hapticmech_ros.formats.mjcf_equalities import Equalities
+from hapticmech_ros.formats.mjcf_inertias import body_of, shape_of
+from hapticmech_ros.formats.model import WORLD, Body, Hinge, Model, Note, Point
+from hapticmech_ros.formats.xml_nodes import Node, Source
 
+JOINT_TYPES = {"hinge": "revolute", "slide": "prismatic", "ball": "spherical", "free": "free"}
 SHAPE = "say shapes and contacts in a scene file"
+DRAWN = "pictures are drawn from the joints"
+RIGID = "bodies are rigid"
 WHY = {
     "geom": f"its inertia is taken where the file says so; {SHAPE}",
     "actuator": "nothing drives a joint but the hand and what the scene says",
@@ -22,299 +27,255 @@ WHY = {
     "tendon": "say springs between two frames in a scene file",
     "contact": SHAPE,
     "keyframe": "say initial_state in a scene file",
-    "deformable": "bodies are rigid",
-    "camera": "pictures are drawn from the joints",
-    "light": "pictures are drawn from the joints",
-    "joint armature": "say the rotor's inertia in that of the link",
-    "equality solref or solimp": "loops are closed exactly",
+    "deformable": RIGID,
+    "camera": DRAWN,
+    "light": DRAWN,
+    "armature": "say the rotor's inertia in that of the link",
+    "springdamper": "say stiffness and damping",
+    "solref or solimp of an equality": "loops are closed exactly",
+    "gravcomp": "gravity acts on all bodies alike",
+    "mocap": "the body stays where it is",
+    "align": "frames stay where the file has them",
+    "fluid": "nothing flows around bodies",
+    "flag": "all that acts is on, but gravity if the file says so",
+    "range of a ball": "only joints of one coordinate have stops",
+    "stiffness of a ball or free joint": "only joints of one coordinate have springs",
+    "frictionloss of a ball or free joint": "only joints of one coordinate have friction",
 }
-IGNORED = ("actuator", "sensor", "tendon", "contact", "keyframe", "deformable")
-SOFT = ("solref", "solimp")
-# The body that is the world, in what Pinocchio is given.
-BASE = "hapticmech_world"
+UNKNOWN = "not of a mechanism, or not known"
+READ = ("compiler", "option", "size", "visual", "statistic", "asset", "default", "worldbody")
+WRITE_OUT = "is not read: give the file with its bodies written out"
+IN_BODIES = ("body", "frame", "joint", "freejoint", "geom", "site", "inertial", "camera", "light")
+# Element, the frame it is in as one of the body's, and the class for such elements.
+Part = tuple[Node, pin.SE3, str]
 
 
 def read_mjcf(source: Source) -> Model:
     """Read an MJCF file.
 
+    Joints have the file's coordinates, ``ref`` included: a scene starts where the file draws it.
+
     Raises:
-        SceneError: it breaks a rule, or Pinocchio cannot read it.
+        SceneError: it breaks a rule; names line, element, value and rule.
     """
-    _refuse_includes(source)
-    try:
-        tree = _tree(source)
-    except (ValueError, RuntimeError, KeyError, IndexError, TypeError) as error:
-        raise source.error(source.root, str(error), "Pinocchio cannot read it") from None
-    if not np.isfinite([inertia.mass for inertia in tree.inertias]).all():
-        raise source.error(source.root, "mass", "masses must be finite")
-    notes = _notes(source, tree)
-    bodies, hinges = _bodies(tree), list(_hinges(source, tree))
-    places = _places(tree)
-    equalities = _Equalities(source, tree, places)
-    equalities.read()
-    gravity = tuple(float(value) for value in tree.gravity.linear)
-    return Model(
-        source.root.attributes.get("model") or source.path.stem,
-        bodies,
-        hinges,
-        equalities.ties,
-        equalities.couplings,
-        [Point(name, *place) for name, place in places.items() if name not in bodies],
-        (gravity[0], gravity[1], gravity[2]),
-        notes=notes,
-    )
-
-
-def _tree(source: Source) -> pin.Model:
-    """Return what Pinocchio reads, which is the first body of the world and what that carries.
-
-    So it is given a file in which one body, fixed to the world, carries all others.
-    """
-    root = source.root
-    world = root.first("worldbody")
-    if world is None:
-        raise source.error(root, None, "needs a <worldbody>")
-    own = root.first("compiler")
-    given = dict(own.attributes) if own is not None else {}
-    for key in ("meshdir", "texturedir", "assetdir"):
-        if key in given or key == "meshdir":
-            given[key] = str((source.path.parent / given.get(key, "")).resolve())
-    everything = Node("body", {"name": BASE}, world.line, world.children)
-    kept = [node for node in root.children if node.tag in ("default", "option", "asset", "size")]
-    compiler = Node("compiler", given, root.line)
-    whole = Node(
-        root.tag,
-        root.attributes,
-        root.line,
-        [compiler, *kept, Node(world.tag, {}, world.line, [everything])],
-    )
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "model.xml"
-        path.write_text(written(whole), encoding="utf-8")
-        return pin.buildModelFromMJCF(str(path))
-
-
-def _refuse_includes(source: Source) -> None:
     for node in source.root.walk():
         if node.tag == "include":
             rule = "includes are not followed: give the file that has the bodies"
             raise source.error(node, node.attributes.get("file"), rule)
-
-
-def _notes(source: Source, tree: pin.Model) -> list[Note]:
-    counts: Counter[str] = Counter()
-    for node in source.root.children:
-        if node.tag in IGNORED:
-            counts[node.tag] += max(len(node.children), 1)
-    world = source.root.first("worldbody")
-    for node in world.walk() if world is not None else ():
-        if node.tag in ("geom", "camera", "light"):
-            counts[node.tag] += 1
-    armature = int(np.count_nonzero(tree.armature))
-    if armature:
-        counts["joint armature"] = armature
-    for equality in source.root.all("equality"):
-        for node in equality.children:
-            counts["equality solref or solimp"] += any(key in node.attributes for key in SOFT)
-    return [Note(what, count, WHY[what]) for what, count in counts.items() if count]
-
-
-def _body_name(tree: pin.Model, joint: int) -> str:
-    """Return the body that a joint of Pinocchio carries."""
-    if joint == 0:
-        return WORLD
-    for frame in tree.frames:
-        carried = frame.type == pin.FrameType.BODY and frame.parentJoint == joint
-        if carried and frame.placement.isIdentity(0.0):
-            return str(frame.name)
-    return f"{tree.names[joint]}_body"
-
-
-def _bodies(tree: pin.Model) -> dict[str, Body]:
-    found = {}
-    for joint in range(1, tree.njoints):
-        inertia = tree.inertias[joint]
-        body = Body(
-            _body_name(tree, joint),
-            float(inertia.mass),
-            np.array(inertia.lever),
-            np.array(inertia.inertia),
-        )
-        found[body.name] = body
-        for step in range(len(_parts(tree, joint)) - 1):
-            found[f"{body.name}_{step}"] = Body(f"{body.name}_{step}")
-    return found
-
-
-def _parts(tree: pin.Model, joint: int) -> Sequence[tuple[pin.JointModel, pin.SE3]]:
-    """Return the joints in a body, one after the other, each where it is in the one before."""
-    shape = tree.joints[joint]
-    if shape.shortname() != "JointModelComposite":
-        return [(shape, tree.jointPlacements[joint])]
-    composite = shape.extract()
-    inner, places = list(composite.joints), list(composite.jointPlacements)
-    places[0] = tree.jointPlacements[joint] * places[0]
-    return list(zip(inner, places, strict=True))
-
-
-def _hinges(source: Source, tree: pin.Model) -> Iterator[Hinge]:
-    names = _joint_names(source)
-    for joint in range(1, tree.njoints):
-        parts = _parts(tree, joint)
-        body = _body_name(tree, joint)
-        own = names.get(body, [])
-        if len(own) != len(parts):
-            own = [f"{tree.names[joint]}_{k}" for k in range(len(parts))]
-            own = [str(tree.names[joint])] if len(parts) == 1 else own
-        parent, at = _body_name(tree, tree.parents[joint]), tree.joints[joint].idx_v
-        q_at = tree.joints[joint].idx_q
-        for step, (shape, place) in enumerate(parts):
-            last = step == len(parts) - 1
-            child = body if last else f"{body}_{step}"
-            kind, axis = _kind(source, shape)
-            scalar = kind in ("revolute", "prismatic")
-            limits = None
-            if scalar:
-                lower = float(tree.lowerPositionLimit[q_at])
-                upper = float(tree.upperPositionLimit[q_at])
-                if np.isfinite((lower, upper)).all() and lower < upper:
-                    limits = (lower, upper)
-            yield Hinge(
-                own[step],
-                kind,
-                parent,
-                child,
-                place,
-                axis=axis,
-                damping=float(tree.damping[at]),
-                friction=float(tree.upperDryFrictionLimit[at]) if scalar else 0.0,
-                limits=limits,
-            )
-            parent, at, q_at = child, at + shape.nv, q_at + shape.nq
-
-
-def _kind(source: Source, shape: pin.JointModel) -> tuple[str, np.ndarray]:
-    """Return the type of a joint of Pinocchio, and its axis."""
-    if shape.nv == 1 and shape.nq == 1:
-        data = shape.createData()
-        shape.calc(data, np.zeros(shape.nq), np.zeros(shape.nv))
-        column = np.asarray(data.S).reshape(6)
-        if np.any(column[3:]):
-            return "revolute", column[3:].copy()
-        return "prismatic", column[:3].copy()
-    up = np.array((0.0, 0.0, 1.0))
-    if shape.shortname() == "JointModelSpherical":
-        return "spherical", up
-    if shape.shortname() == "JointModelFreeFlyer":
-        return "free", up
-    raise source.error(source.root, shape.shortname(), "a kind of joint that scenes do not have")
-
-
-def _joint_names(source: Source) -> dict[str, list[str]]:
-    """Return the joints that the file names, by body."""
-    found = {}
-    for node in source.root.walk():
-        if node.tag == "body" and "name" in node.attributes:
-            joints = [n for n in node.children if n.tag in ("joint", "freejoint")]
-            names = [joint.attributes.get("name", "") for joint in joints]
-            if all(names):
-                found[node.attributes["name"]] = names
-    return found
-
-
-def _places(tree: pin.Model) -> dict[str, tuple[str, pin.SE3]]:
-    """Return frames that the file names: the body of a joint, or the world, and where in it."""
-    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
-    return {
-        str(frame.name): (_body_name(tree, frame.parentJoint), frame.placement)
-        for frame in tree.frames
-        if frame.type in kinds and frame.name != BASE
-    }
+    return _Reader(source, Context(source)).read()
 
 
 @dataclass
-class _Equalities:
-    """The equality constraints of a file, as closures and couplings."""
-
+class _Reader:
     source: Source
-    tree: pin.Model
-    places: dict[str, tuple[str, pin.SE3]]
-    ties: list[Tie] = field(default_factory=list)
-    couplings: list[Coupling] = field(default_factory=list)
+    context: Context
+    bodies: dict[str, Body] = field(default_factory=dict)
+    hinges: list[Hinge] = field(default_factory=list)
+    refs: dict[str, float] = field(default_factory=dict)
+    free: dict[str, list[float]] = field(default_factory=dict)
+    sites: dict[str, tuple[str, pin.SE3]] = field(default_factory=dict)
+    notes: Counter[str] = field(default_factory=Counter)
 
-    def read(self) -> None:
-        """Read them all."""
-        data = self.tree.createData()
-        pin.framesForwardKinematics(self.tree, data, pin.neutral(self.tree))
-        self._poses = {str(f.name): data.oMf[i] for i, f in enumerate(self.tree.frames)}
-        for equality in self.source.root.all("equality"):
-            for count, node in enumerate(equality.children):
-                name = node.attributes.get("name") or f"{node.tag}{count}"
-                if node.tag == "connect":
-                    self._connect(node, name)
-                elif node.tag == "weld":
-                    self._weld(node, name)
-                elif node.tag == "joint":
-                    self._joint(node, name)
-                else:
-                    rule = "an equality must be connect, weld or joint"
-                    raise self.source.error(node, node.tag, rule)
-
-    def _ends(self, node: Node) -> tuple[str, str]:
-        if "site1" in node.attributes:
-            names = [self.source.text(node, key) for key in ("site1", "site2")]
-        else:
-            names = [self.source.text(node, "body1"), node.attributes.get("body2", WORLD)]
-        for name in names:
-            if name != WORLD and name not in self.places:
-                raise self.source.error(node, name, "no such body or site")
-        return names[0], names[1]
-
-    def _pose(self, name: str) -> pin.SE3:
-        return pin.SE3.Identity() if name == WORLD else self._poses[name]
-
-    def _end(self, name: str, place: pin.SE3) -> tuple[str, pin.SE3]:
-        """Return a frame of the file's body or site as one of the body that carries it."""
-        if name == WORLD:
-            return WORLD, place
-        body, own = self.places[name]
-        return body, own * place
-
-    def _connect(self, node: Node, name: str) -> None:
-        one, other = self._ends(node)
-        anchor = pin.SE3.Identity()
-        anchor.translation = np.array(self.source.values(node, "anchor", (0.0, 0.0, 0.0)))
-        there = pin.SE3.Identity()
-        if "site1" not in node.attributes:
-            point = self._pose(one).act(anchor.translation)
-            there.translation = self._pose(other).actInv(point)
-        self._add(Tie(name, "spherical", self._end(one, anchor), self._end(other, there)), node)
-
-    def _weld(self, node: Node, name: str) -> None:
-        one, other = self._ends(node)
-        relative = self._pose(one).actInv(self._pose(other))
-        given = self.source.values(node, "relpose", (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        if "site1" in node.attributes:
-            relative = pin.SE3.Identity()
-        elif any(given[3:]):
-            w, x, y, z = given[3:]
-            turn = pin.Quaternion(w, x, y, z)
-            turn.normalize()
-            relative = pin.SE3(turn.matrix(), np.array(given[:3]))
-        self._add(
-            Tie(name, "weld", self._end(one, relative), self._end(other, pin.SE3.Identity())), node
+    def read(self) -> Model:
+        source, compiler = self.source, self.context.compiler
+        for key, allowed in (("coordinate", "local"), ("settotalmass", "-1")):
+            if compiler.attributes.get(key, allowed).strip() != allowed:
+                raise source.error(compiler, compiler.attributes[key], f"{key} is not read")
+        world = settings(source.root, "worldbody")
+        if not source.root.all("worldbody"):
+            raise source.error(source.root, None, "needs a <worldbody>")
+        self.poses = {WORLD: pin.SE3.Identity()}
+        self._named = {node.attributes.get("name", "") for node in source.root.walk()}
+        self._children(world, WORLD, "", moving=False)
+        equalities = Equalities(self.context, self.poses, self.sites, self.refs)
+        equalities.read()
+        return Model(
+            source.root.attributes.get("model") or source.path.stem,
+            self.bodies,
+            self.hinges,
+            equalities.ties,
+            equalities.couplings,
+            [Point(name, *place) for name, place in self.sites.items()],
+            self._gravity(),
+            notes=self._notes(),
+            start={**{name: ref for name, ref in self.refs.items() if ref}, **self.free},
         )
 
-    def _joint(self, node: Node, name: str) -> None:
-        joint = self.source.text(node, "joint1")
-        leader = node.attributes.get("joint2", "")
-        offset, ratio, *bent = self.source.values(node, "polycoef", (0.0, 1.0, 0.0, 0.0, 0.0))
-        if not leader or any(bent):
-            rule = "a joint equality needs joint2 and a straight line: polycoef='a b 0 0 0'"
-            raise self.source.error(node, node.attributes.get("polycoef"), rule)
-        if node.attributes.get("active", "true") == "true":
-            self.couplings.append(Coupling(name, joint, leader, ratio, offset))
+    def _gravity(self) -> tuple[float, float, float]:
+        option = settings(self.source.root, "option")
+        x, y, z = self.source.values(option, "gravity", (0.0, 0.0, -9.81))
+        for flag in option.all("flag"):
+            if flag.attributes.get("gravity", "enable").strip() == "disable":
+                x = y = z = 0.0
+            off = [key for key, value in flag.attributes.items() if value.strip() == "disable"]
+            self.notes["flag"] += len(set(off) - {"gravity"})
+        flowing = self.context.padded(option, "wind", (0.0, 0.0, 0.0))
+        density, viscosity = (
+            self.source.value(option, key, 0.0) for key in ("density", "viscosity")
+        )
+        self.notes["fluid"] += any((*flowing, density, viscosity))
+        return x, y, z
 
-    def _add(self, tie: Tie, node: Node) -> None:
-        active = node.attributes.get("active", "true") == "true"
-        self.ties.append(tie if active else Tie(tie.name, tie.kind, tie.a, tie.b, False))
+    def _notes(self) -> list[Note]:
+        for node in self.source.root.children:
+            if node.tag == "equality":
+                soft = [n for n in node.children if {"solref", "solimp"} & n.attributes.keys()]
+                self.notes["solref or solimp of an equality"] += len(soft)
+            elif node.tag not in READ:
+                self.notes[node.tag] += max(len(node.children), 1)
+        found = self.notes.items()
+        return [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in found if count]
+
+    def _parts(self, node: Node, place: pin.SE3, childclass: str) -> Iterator[Part]:
+        """Yield what is in a body, frames opened."""
+        for child in node.children:
+            if child.tag not in IN_BODIES:
+                raise self.source.error(child, child.tag, WRITE_OUT)
+            if child.tag == "frame":
+                called = child.attributes.get("childclass", childclass)
+                yield from self._parts(child, place * self.context.place(child), called)
+            else:
+                yield child, place, childclass
+
+    def _children(self, node: Node, name: str, childclass: str, moving: bool) -> None:
+        """Read what is in the world or a body."""
+        geoms, inertial = [], None
+        for part, place, called in self._parts(node, pin.SE3.Identity(), childclass):
+            if part.tag == "body":
+                self._body(part, name, place, called, moving)
+                continue
+            if part.tag in ("geom", "camera", "light"):
+                self.notes[part.tag] += 1
+            if part.tag == "geom":
+                geoms.append((self.context.full(part, called), place))
+            elif part.tag == "inertial":
+                if inertial is not None:
+                    raise self.source.error(part, name, "one <inertial> is enough")
+                inertial = part
+            elif part.tag == "site":
+                full = self.context.full(part, called)
+                self._site(full, name, place * shape_of(self.context, full)[1])
+            elif name == WORLD and part.tag in ("joint", "freejoint"):
+                raise self.source.error(part, part.tag, "the world does not move")
+        if moving:
+            self.bodies[name] = body_of(self.context, name, inertial, geoms)
+
+    def _site(self, node: Node, body: str, place: pin.SE3) -> None:
+        name = node.attributes.get("name", "").strip()
+        if name in self.sites:
+            raise self.source.error(node, name, "names of sites must be unique")
+        if name:
+            self.sites[name] = (body, place)
+
+    def _body(self, node: Node, parent: str, frame: pin.SE3, childclass: str, moving: bool) -> None:
+        given = node.attributes.get("name", "").strip()
+        name = given or self._new(f"body{len(self.bodies) + 1}")
+        if name in self.poses:
+            raise self.source.error(node, name, "names of bodies must be unique, and not 'world'")
+        childclass = node.attributes.get("childclass", childclass)
+        place = frame * self.context.place(node)
+        self.poses[name] = self.poses[parent] * place
+        self.bodies[name] = Body(name)
+        self.notes["gravcomp"] += self.source.value(node, "gravcomp", 0.0) != 0.0
+        self.notes["mocap"] += self.context.flag(node, "mocap")
+        joints = [
+            (self.context.full(part, called) if part.tag == "joint" else part, within)
+            for part, within, called in self._parts(node, pin.SE3.Identity(), childclass)
+            if part.tag in ("joint", "freejoint")
+        ]
+        if not joints:
+            self.hinges.append(Hinge(self._new(f"{name}_base"), "fixed", parent, name, place))
+        for step, (joint, within) in enumerate(joints):
+            last = step == len(joints) - 1
+            child = name if last else self._new(f"{name}_{step}")
+            if not last:
+                self.bodies[child] = Body(child)
+            alone = self._new(f"{name}_joint{step if len(joints) > 1 else ''}")
+            hinge = self._hinge(joint, alone, parent, child, place, within)
+            if hinge.type == "free" and (len(joints) > 1 or parent != WORLD):
+                rule = "a free joint is the only one of a body in the world"
+                raise self.source.error(joint, hinge.name, rule)
+            self.hinges.append(hinge)
+            parent, place = child, pin.SE3.Identity()
+        self._children(node, name, childclass, moving or bool(joints))
+
+    def _new(self, name: str) -> str:
+        """Return a name that the file has not."""
+        while name in self._named:
+            name += "_"
+        self._named.add(name)
+        return name
+
+    def _hinge(
+        self, node: Node, name: str, parent: str, child: str, place: pin.SE3, within: pin.SE3
+    ) -> Hinge:
+        source, context = self.source, self.context
+        name = node.attributes.get("name", "").strip() or name
+        kind = context.word(node, "type", "hinge") if node.tag == "joint" else "free"
+        if kind not in JOINT_TYPES:
+            raise source.error(node, kind, f"type must be one of {sorted(JOINT_TYPES)}")
+        self.notes["armature"] += source.value(node, "armature", 0.0) != 0.0
+        self.notes["springdamper"] += any(source.values(node, "springdamper", (0.0, 0.0)))
+        self.notes["align"] += kind == "free" and node.attributes.get("align") == "true"
+        damping = source.value(node, "damping", 0.0)
+        if kind == "free":
+            self._without(node, kind)
+            self.free[name] = [float(x) for x in pin.SE3ToXYZQUAT(place)]
+            return Hinge(name, "free", parent, child, pin.SE3.Identity(), damping=damping)
+        anchor = pin.SE3.Identity()
+        anchor.translation = within.act(np.array(source.values(node, "pos", (0.0,) * 3)))
+        if kind == "ball":
+            self._without(node, kind)
+            at = place * anchor
+            return Hinge(name, "spherical", parent, child, at, anchor.inverse(), damping=damping)
+        axis = within.rotation @ np.array(source.values(node, "axis", (0.0, 0.0, 1.0)))
+        size = float(np.linalg.norm(axis))
+        if not size > 0.0:
+            raise source.error(node, node.attributes["axis"], "an axis must not be zero")
+        axis /= size
+        scale = context.angle if kind == "hinge" else float
+        ref = scale(source.value(node, "ref", 0.0))
+        if name in self.refs:
+            raise source.error(node, name, "names of joints must be unique")
+        self.refs[name] = ref
+        back = pin.SE3.Identity()
+        if kind == "hinge":
+            back.rotation = pin.AngleAxis(-ref, axis).matrix()
+        else:
+            back.translation = -ref * axis
+        return Hinge(
+            name,
+            JOINT_TYPES[kind],
+            parent,
+            child,
+            place * anchor * back,
+            anchor.inverse(),
+            axis,
+            damping,
+            source.value(node, "frictionloss", 0.0),
+            source.value(node, "stiffness", 0.0),
+            scale(source.value(node, "springref", 0.0)),
+            self._limits(node, scale),
+        )
+
+    def _without(self, node: Node, kind: str) -> None:
+        """Note what acts in a joint of several coordinates, and does not here."""
+        for key in ("stiffness", "frictionloss"):
+            self.notes[f"{key} of a ball or free joint"] += self.source.value(node, key, 0.0) != 0.0
+        self.notes["range of a ball"] += kind == "ball" and "range" in node.attributes
+
+    def _limits(self, node: Node, scale: Callable[[float], float]) -> tuple[float, float] | None:
+        lower, upper = self.source.values(node, "range", (0.0, 0.0), math.inf)
+        limited = self.context.word(node, "limited", "auto")
+        if limited not in ("auto", "true", "false"):
+            raise self.source.error(node, limited, "limited must be auto, true or false")
+        if limited == "auto" and "range" in node.attributes:
+            if not self.context.flag(self.context.compiler, "autolimits", "true"):
+                rule = "without autolimits a range needs limited"
+                raise self.source.error(node, node.attributes["range"], rule)
+            limited = "true" if (lower, upper) != (0.0, 0.0) else "false"
+        if limited != "true":
+            return None
+        if lower >= upper:
+            raise self.source.error(node, (lower, upper), "lower must be below upper")
+        return scale(lower), scale(upper)

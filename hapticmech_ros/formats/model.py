@@ -127,6 +127,7 @@ class Model:
         gravity: (3,) m/s² if the file says so.
         bases: where bodies that nothing carries are in the world; the origin if left out.
         notes: what the scene does not have.
+        start: positions of joints, as in a scene's ``initial_state``, where these are not zero.
     """
 
     name: str
@@ -138,6 +139,7 @@ class Model:
     gravity: tuple[float, float, float] | None = None
     bases: Mapping[str, pin.SE3] = field(default_factory=dict)
     notes: Sequence[Note] = ()
+    start: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,22 +54,23 @@ def scene_of(document: Mapping[str, Any], source: Path) -> Scene:
     """Return the scene of a document with ``model``; see :func:`expand`.
 
     Raises:
-        SceneError: what breaks a rule is named by its link, not by a number that no file has.
+        SceneError: see there.
     """
-    expanded = expand(document, source)
-    try:
-        return scene_from_document(expanded, str(source))
-    except SceneError as error:
-        names = [link["name"] for link in expanded["links"]]
-        raise SceneError(error.source, [_named(one, names) for one in error.problems]) from None
+    return scene_from_document(expand(document, source), str(source))
 
 
-def _named(problem: SceneProblem, names: list[str]) -> SceneProblem:
-    found = re.match(r"links\[(\d+)\]", problem.key_path)
-    if found is None:
-        return problem
-    rest = problem.key_path[found.end() :]
-    return replace(problem, key_path=f"link {names[int(found[1])]}{rest}")
+def _named(error: SceneError, links: list[Document]) -> SceneError:
+    """Return an error that names links by their names."""
+    problems = []
+    for problem in error.problems:
+        found = re.match(r"links\[(\d+)\]", problem.key_path)
+        if found is not None:
+            rest = problem.key_path[found.end() :]
+            path = f"link {links[int(found[1])]['name']}{rest}"
+            problems.append(replace(problem, key_path=path))
+        else:
+            problems.append(problem)
+    return SceneError(error.source, problems)
 
 
 def expand(document: Mapping[str, Any], source: Path) -> Document:
@@ -84,21 +85,30 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
         source: its file; ``model.file`` is relative to it.
 
     Raises:
-        SceneError: see :func:`read_model`; or ``model`` breaks a rule.
+        SceneError: see :func:`read_model`; or something breaks a rule, which is named by its link,
+            not by a number that no file has.
     """
     part = _model_part(document["model"], source)
     imported = read_model(source.parent / part.file, part.base == "free")
     found: Document = {"hand": NO_HAND, **imported.document}
-    own = {key: value for key, value in document.items() if key != "model"}
+    own = _in_links({k: v for k, v in document.items() if k != "model"}, imported)
+    if "links" in own:
+        rule = "links come from the model: say one or the other"
+        raise SceneError(str(source), [SceneProblem("links", own["links"], rule)])
     for key in ("closures", "couplings"):
         if key in own and key in found:
             own[key] = [*found[key], *_list(own[key])]
-    found |= _in_links(own, imported)
+    if "initial_state" in found:
+        own["initial_state"] = _merged(found["initial_state"], own.get("initial_state", {}))
+    found |= own
     found["links"] = [_changed(link, part, imported) for link in found["links"]]
     _refuse_unknown(part, imported, source)
     if "operational_points" not in found and imported.tips:
         found["operational_points"] = [{"name": "tip_point", "link": imported.tips[0]}]
-    return with_stops(with_metrics(found), str(source))
+    try:
+        return with_stops(with_metrics(found), str(source))
+    except SceneError as error:
+        raise _named(error, found["links"]) from None
 
 
 def _model_part(written: object, source: Path) -> ModelPart:
@@ -113,6 +123,13 @@ def _model_part(written: object, source: Path) -> ModelPart:
             for item in error.errors()
         ]
         raise SceneError(str(source), problems) from None
+
+
+def _merged(state: Document, own: object) -> object:
+    """Return where a file starts, but for what the scene says of that."""
+    if not isinstance(own, Mapping) or not isinstance(own.get("q", {}), Mapping):
+        return own
+    return {**own, "q": {**state["q"], **own.get("q", {})}}
 
 
 def _list(value: object) -> list[Any]:
@@ -149,7 +166,9 @@ def _with_ends(item: object, imported: Imported) -> object:
 
 def _placed(item: object, imported: Imported) -> object:
     """Return something with ``link`` and ``origin`` moved from the file's frame to a link's."""
-    if not isinstance(item, Mapping) or item.get("link") not in imported.places:
+    if not isinstance(item, Mapping) or not isinstance(item.get("link"), str):
+        return item
+    if item["link"] not in imported.places:
         return item
     link, place = imported.places[item["link"]]
     origin = _transform(item.get("origin", {}))

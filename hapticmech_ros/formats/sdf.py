@@ -30,8 +30,6 @@ WHY = {
 }
 UNKNOWN = "not of a mechanism, or not known"
 HERE = "__model__"
-# A limit beyond this is none, as SDFormat has it.
-NO_LIMIT = 1e15
 JOINT_KNOWN = {"parent", "child", "pose", "axis"}
 LINK_KNOWN = {"pose", "inertial"}
 
@@ -218,7 +216,7 @@ class _Reader:
         upper = self._number(limit, "upper", np.inf)
         if lower > upper:
             raise self.source.error(limit, (lower, upper), "lower must not be above upper")
-        return (lower, upper) if max(-lower, upper) < NO_LIMIT else None
+        return lower, upper
 
     def _point(self, frame: Node) -> Point:
         """Return a frame of the file, fixed in the link that it is attached to."""

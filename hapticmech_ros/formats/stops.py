@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats.model import Document
+from hapticmech_ros.mechanism.constraint_space import SingularInertiaError, cholesky_of_upper
 from hapticmech_ros.mechanism.model import authored_state, build_tree
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.loader import scene_from_document
@@ -31,12 +32,11 @@ def with_stops(document: Document, source: str) -> Document:
     stiffness (0.3 / T)² m, damping 2 · 0.5 √(k m) at a depth of 0.01, and Coulomb friction f turns
     around within f T / (0.3 m), but 0.01 at the least. What the document says stays.
     """
-    bare = [_is_bare(link["joint"]) for link in document["links"]]
-    rough = [_is_rough(link["joint"]) for link in document["links"]]
-    if not (any(bare) or any(rough)):
-        return document
     without = [_bared(link) for link in document["links"]]
     scene = scene_from_document({**document, "links": without}, source)
+    bare = any(_is_bare(link["joint"]) for link in document["links"])
+    if not bare and not any(_is_rough(link["joint"]) for link in document["links"]):
+        return document
     met = _inertia_met(scene)
     period = scene.simulation.period / scene.simulation.substeps
     links = []
@@ -44,7 +44,8 @@ def with_stops(document: Document, source: str) -> Document:
         joint = dict(link["joint"])
         inertia = met.get(joint["name"])
         if inertia is None:
-            joint.pop("limits", None)
+            if _is_bare(joint):
+                del joint["limits"]
         else:
             if _is_bare(joint):
                 joint["limits"] = _stop(joint["limits"], inertia, period)
@@ -87,12 +88,15 @@ def _is_rough(joint: Document) -> bool:
 
 
 def _bared(link: Document) -> Document:
-    joint = {key: value for key, value in link["joint"].items() if key != "limits"}
+    """Return a link without a stop that has no stiffness yet."""
+    left_out = "limits" if _is_bare(link["joint"]) else ""
+    joint = {key: value for key, value in link["joint"].items() if key != left_out}
     return {**link, "joint": joint}
 
 
 def _stop(limits: dict[str, Any], inertia: float, period: float) -> Document:
-    stiffness = (SWING / period) ** 2 * inertia
+    rate = SWING / period
+    stiffness = rate * rate * inertia
     damping = 2.0 * DAMPING_RATIO * float(np.sqrt(stiffness * inertia))
     return {**limits, "stiffness": float(stiffness), "damping": damping, "depth": DEPTH}
 
@@ -103,9 +107,10 @@ def _inertia_met(scene: Scene) -> dict[str, float]:
     model, (q, _) = tree.pinocchio, authored_state(scene, tree)
     inertia = pin.crba(model, model.createData(), q).reshape(model.nv, model.nv)
     try:
-        mobile = np.diag(np.linalg.inv(np.triu(inertia) + np.triu(inertia, 1).T))
-    except np.linalg.LinAlgError:
+        factor = cholesky_of_upper(inertia)
+    except SingularInertiaError:
         return {}  # a joint moves no mass, which the mechanism refuses, and says how to mend
+    mobile = np.square(np.linalg.inv(factor)).sum(axis=0)  # diagonal of D⁻¹ = L⁻ᵀ L⁻¹
     return {
         name: 1.0 / float(mobile[tree.velocity_slice(i)][0])
         for i, name in enumerate(tree.joint_names)

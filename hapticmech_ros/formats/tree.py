@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.formats.inertias import balanced
 from hapticmech_ros.formats.model import (
     WORLD,
     Body,
@@ -21,16 +21,15 @@ from hapticmech_ros.formats.model import (
     Note,
     Tie,
 )
+from hapticmech_ros.formats.names import Names, clean
 
 LINK_LIMIT = 1000
+# rad or m; a stop beyond this is none, as SDFormat has it.
+NO_LIMIT = 1e15
 # What closes a loop where a body is carried a second time.
 TIES = {"revolute": "revolute", "spherical": "spherical", "fixed": "weld"}
 NO_SENSE = "a hinge that closes a loop is a bare one: say springs and dampers in a scene file"
 RAISED = "a principal moment was above the sum of the others, which were raised alike to meet it"
-# Moments this far below zero, as a share of the largest, are rounding of what was written.
-ROUNDING = 1e-6
-# kg m², below which a moment is rounding in any case.
-NO_INERTIA = 1e-12
 Place = tuple[str, pin.SE3]
 
 
@@ -48,8 +47,15 @@ def to_scene(model: Model, source: str, free_base: bool = False) -> Imported:
     Raises:
         SceneError: too large, names twice, hinges in a circle, or a loop that cannot be closed.
     """
-    if len(model.bodies) > LINK_LIMIT:
-        raise _refused(source, "bodies", len(model.bodies), f"at most {LINK_LIMIT}")
+    parts = {
+        "bodies": model.bodies,
+        "joints": model.hinges,
+        "closures": model.ties,
+        "couplings": model.couplings,
+    }
+    for what, found in parts.items():
+        if len(found) > LINK_LIMIT:
+            raise _refused(source, what, len(found), f"at most {LINK_LIMIT}")
     return _Builder(model, source, free_base).build()
 
 
@@ -82,6 +88,9 @@ class _Builder:
             document["couplings"] = [self._coupling(one) for one in self._model.couplings]
         if self._model.gravity is not None:
             document["gravity"] = list(self._model.gravity)
+        if self._model.start:
+            start = {self._joints[name]: at for name, at in self._model.start.items()}
+            document["initial_state"] = {"q": start}
         for point in self._model.points:
             if point.body not in self._places:
                 raise _refused(self._source, point.name, point.body, "no such body")
@@ -122,6 +131,9 @@ class _Builder:
                 continue
             done.add(parent)
             for hinge in below.get(parent, []):
+                if hinge.child == WORLD:
+                    rule = "a joint carries the world: it must be a parent"
+                    raise _refused(self._source, f"joint {hinge.name}", hinge.parent, rule)
                 if hinge.child in self._places:
                     self._closing.append(hinge)
                 else:
@@ -214,50 +226,6 @@ class _Builder:
         return notes
 
 
-def balanced(inertia: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Return a body's inertia (3, 3), and whether it had to be made one.
-
-    No body has a principal moment above the sum of the other two; files have. The smaller two are
-    raised by half of what is missing each. Moments clearly below zero are left for the scene's
-    rules to refuse.
-    """
-    if not np.isfinite(inertia).all():
-        return inertia, False
-    moments, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
-    largest = moments[2]
-    if moments[0] < 0.0 and np.abs(moments).max() <= NO_INERTIA:
-        return np.zeros((3, 3)), False
-    missing = largest - moments[0] - moments[1]
-    if moments[0] < -ROUNDING * largest or (moments[0] >= 0.0 and missing <= 1e-9 * largest):
-        return inertia, False
-    raised = moments + np.array((0.5, 0.5, 0.0)) * max(missing, 0.0)
-    made = (axes * np.maximum(raised, 0.0)) @ axes.T
-    return made, bool(missing > ROUNDING * largest)
-
-
-class Names:
-    """Names as a scene has them, no two alike."""
-
-    def __init__(self) -> None:
-        self._taken = {WORLD}
-
-    def new(self, name: str) -> str:
-        """Return the name, or the nearest that is allowed and not taken."""
-        cleaned = found = clean(name)
-        count = 2
-        while found in self._taken:
-            found = f"{cleaned}_{count}"
-            count += 1
-        self._taken.add(found)
-        return found
-
-
-def clean(name: str) -> str:
-    """Return a name of letters, digits and underscores that begins with a letter."""
-    found = re.sub(r"[^A-Za-z0-9_]", "_", name)
-    return found if re.match(r"[A-Za-z]", found) else f"n{found}"
-
-
 def origin_of(place: pin.SE3) -> Document:
     """Return a transform as a scene's origin."""
     rpy = pin.rpy.matrixToRpy(place.rotation)
@@ -276,7 +244,9 @@ def _joint(hinge: Hinge, name: str, origin: pin.SE3) -> Document:
     }
     found |= {key: float(value) for key, value in values.items() if value}
     if hinge.limits is not None:
-        found["limits"] = {"lower": hinge.limits[0], "upper": hinge.limits[1]}
+        lower, upper = max(hinge.limits[0], -NO_LIMIT), min(hinge.limits[1], NO_LIMIT)
+        if lower > -NO_LIMIT or upper < NO_LIMIT:
+            found["limits"] = {"lower": lower, "upper": upper}
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 
 import numpy as np
@@ -36,6 +37,8 @@ WHY = {
 }
 UNKNOWN = "not of a mechanism, or not known"
 FIRST_NUMBERS = (1.0, 0.0, 0.0)
+# Limits are often written as the largest number there is.
+ANY = math.inf
 
 
 def read_urdf(source: Source) -> Model:
@@ -48,6 +51,7 @@ def read_urdf(source: Source) -> Model:
     bodies: dict[str, Body] = {}
     hinges: list[Hinge] = []
     couplings: list[Coupling] = []
+    joints: set[str] = set()
     for node in source.root.children:
         if node.tag == "link":
             body = _body(source, node, notes)
@@ -56,6 +60,9 @@ def read_urdf(source: Source) -> Model:
             bodies[body.name] = body
         elif node.tag == "joint":
             hinges.append(_hinge(source, node, notes))
+            if hinges[-1].name in joints:
+                raise source.error(node, hinges[-1].name, "names of joints must be unique")
+            joints.add(hinges[-1].name)
             couplings += _mimic(source, node)
         else:
             notes[node.tag] += 1
@@ -147,13 +154,13 @@ def _limits(
     limit = node.first("limit")
     if limit is not None:
         for attribute in ("effort", "velocity"):
-            if source.value(limit, attribute, 0.0) > 0.0:
+            if source.value(limit, attribute, 0.0, ANY) > 0.0:
                 notes[f"limit {attribute}"] += 1
     if kind not in ("revolute", "prismatic"):
         return None
     if limit is None:
         raise source.error(node, node.attributes.get("name"), f"a {kind} joint needs <limit>")
-    lower, upper = source.value(limit, "lower", 0.0), source.value(limit, "upper", 0.0)
+    lower, upper = (source.value(limit, key, 0.0, ANY) for key in ("lower", "upper"))
     if lower > upper:
         raise source.error(limit, (lower, upper), "lower must not be above upper")
     if lower == upper:

@@ -7,13 +7,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
-from xml.sax.saxutils import escape, quoteattr
 
 from hapticmech_ros.errors import SceneError, SceneProblem
 
 FILE_SIZE_LIMIT = 32_000_000
 NODE_LIMIT = 200_000
 DEPTH_LIMIT = 200
+# What is measured in SI units is below this, so that products of several stay finite.
+LARGEST = 1e30
 
 
 @dataclass(slots=True)
@@ -51,13 +52,6 @@ class Node:
             pending += reversed(node.children)
 
 
-def written(node: Node) -> str:
-    """Return an element and all in it as XML."""
-    attributes = "".join(f" {key}={quoteattr(value)}" for key, value in node.attributes.items())
-    inside = escape(node.text.strip()) + "".join(written(child) for child in node.children)
-    return f"<{node.tag}{attributes}>{inside}</{node.tag}>"
-
-
 class Source:
     """An XML file, and the errors that name it.
 
@@ -89,42 +83,66 @@ class Source:
         return found.strip()
 
     def numbers(
-        self, node: Node, written: str, count: int, what: str = "value"
+        self,
+        node: Node,
+        written: str,
+        count: int,
+        what: str = "value",
+        largest: float = LARGEST,
     ) -> tuple[float, ...]:
         """Return so many finite numbers that are written one after the other."""
+        parts = written.split(maxsplit=count)
         try:
-            found = tuple(float(part) for part in written.split())
+            if "_" in written:
+                raise ValueError
+            found = tuple(float(part) for part in parts)
         except ValueError:
-            raise self.error(node, written, f"{what} must be numbers") from None
+            rule = f"{what} must be {count} number(s)"
+            raise self.error(node, written, rule) from None
         if len(found) != count or not all(math.isfinite(value) for value in found):
             raise self.error(node, written, f"{what} must be {count} finite number(s)")
+        if any(abs(value) > largest for value in found):
+            raise self.error(node, written, f"{what} must not be above {largest:g} in size")
         return found
 
     def values(
-        self, node: Node | None, attribute: str, default: Sequence[float]
+        self,
+        node: Node | None,
+        attribute: str,
+        default: Sequence[float],
+        largest: float = LARGEST,
     ) -> tuple[float, ...]:
         """Return the numbers in an attribute, or the default; as many as the default has."""
         if node is None or attribute not in node.attributes:
             return tuple(default)
-        return self.numbers(node, node.attributes[attribute], len(default), attribute)
+        return self.numbers(node, node.attributes[attribute], len(default), attribute, largest)
 
-    def value(self, node: Node | None, attribute: str, default: float | None = None) -> float:
+    def value(
+        self,
+        node: Node | None,
+        attribute: str,
+        default: float | None = None,
+        largest: float = LARGEST,
+    ) -> float:
         """Return the number in an attribute; required where there is no default."""
         if node is not None and default is None:
             self.text(node, attribute)
-        return self.values(node, attribute, (0.0 if default is None else default,))[0]
+        return self.values(node, attribute, (0.0 if default is None else default,), largest)[0]
 
     def _read(self) -> bytes:
         try:
             size = self.path.stat().st_size
+            if not self.path.is_file():
+                raise self.error(None, str(self.path), "must be a file")
             if size > FILE_SIZE_LIMIT:
                 raise self.error(None, size, f"at most {FILE_SIZE_LIMIT} bytes")
             return self.path.read_bytes()
-        except OSError as error:
+        except (OSError, ValueError) as error:  # such as a name with a zero byte
             raise self.error(None, str(error), "cannot be read") from None
 
     def _parse(self, data: bytes) -> Node:
         above: list[Node] = [Node("", {}, 0)]
+        texts: list[list[str]] = [[]]
         count = 0
         parser = expat.ParserCreate()
 
@@ -138,12 +156,13 @@ class Source:
                 raise self.error(node, len(above), f"at most {DEPTH_LIMIT} elements in each other")
             above[-1].children.append(node)
             above.append(node)
+            texts.append([])
 
         def end(_tag: str) -> None:
-            above.pop()
+            above.pop().text = "".join(texts.pop())
 
         def characters(text: str) -> None:
-            above[-1].text += text
+            texts[-1].append(text)
 
         def entity(name: str, *_rest: object) -> None:
             raise self.error(None, name, "entities are not read")

@@ -1,0 +1,150 @@
+"""What MJCF says once for many elements: settings, classes of defaults, ways to say rotations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.formats.xml_nodes import Node, Source
+
+MAIN = "main"
+TURNS = ("axisangle", "xyaxes", "zaxis", "euler")
+UP = np.array((0.0, 0.0, 1.0))
+Classes = Mapping[str, Mapping[str, Mapping[str, str]]]
+
+
+def settings(root: Node, tag: str) -> Node:
+    """Return all elements of a kind as one; what is written later counts."""
+    found = root.all(tag)
+    attributes = {key: value for node in found for key, value in node.attributes.items()}
+    children = [child for node in found for child in node.children]
+    return Node(tag, attributes, found[0].line if found else root.line, children)
+
+
+@dataclass
+class Context:
+    """A file with its settings: what attributes an element has, and where it is.
+
+    Attributes:
+        source: the file.
+        compiler: its settings.
+        classes: class of defaults -> tag -> attributes.
+        main: name of the class that holds where no other is named.
+    """
+
+    source: Source
+    compiler: Node = field(init=False)
+    classes: dict[str, dict[str, dict[str, str]]] = field(default_factory=dict)
+    main: str = MAIN
+
+    def __post_init__(self) -> None:
+        self.compiler = settings(self.source.root, "compiler")
+        self._unit = 1.0 if self.word(self.compiler, "angle", "degree") == "radian" else np.pi / 180
+        for node in self.source.root.all("default"):
+            self.main = node.attributes.get("class", self.main)
+        self.classes[self.main] = {}
+        for node in self.source.root.all("default"):
+            self._collect(node, self.main)
+
+    def _collect(self, node: Node, name: str) -> None:
+        """Read a class: its own elements first, then the classes in it, which begin as it is."""
+        own = self.classes[name]
+        for part in node.children:
+            if part.tag != "default":
+                own[part.tag] = own.get(part.tag, {}) | part.attributes
+        for inner in node.all("default"):
+            called = self.source.text(inner, "class")
+            if called in self.classes:
+                raise self.source.error(inner, called, "names of classes must be unique")
+            self.classes[called] = {tag: dict(given) for tag, given in own.items()}
+            self._collect(inner, called)
+
+    def known(self, node: Node, called: str) -> str:
+        """Return the name of a class, if there is one."""
+        if called not in self.classes:
+            rule = f"no such class of defaults: must be one of {sorted(self.classes)}"
+            raise self.source.error(node, called, rule)
+        return called
+
+    def full(self, node: Node, childclass: str = "") -> Node:
+        """Return an element with what its class says of such ones."""
+        called = node.attributes.get("class", childclass or self.main)
+        given = self.classes[self.known(node, called)].get(node.tag, {})
+        return Node(node.tag, {**given, **node.attributes}, node.line, node.children)
+
+    def word(self, node: Node, key: str, default: str) -> str:
+        """Return an attribute that is a word."""
+        return node.attributes.get(key, default).strip()
+
+    def flag(self, node: Node, key: str, default: str = "false") -> bool:
+        """Return an attribute that is true or false."""
+        found = self.word(node, key, default)
+        if found not in ("true", "false"):
+            raise self.source.error(node, found, f"{key} must be true or false")
+        return found == "true"
+
+    def padded(self, node: Node, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the numbers in an attribute, which may be fewer than there could be."""
+        given = node.attributes.get(key, "")
+        count = min(len(given.split(maxsplit=len(default) + 1)), len(default))
+        return (*self.source.numbers(node, given, count, key), *default[count:])
+
+    def angle(self, value: float) -> float:
+        """Return a written angle in rad."""
+        return float(value * self._unit)
+
+    def place(self, node: Node) -> pin.SE3:
+        """Return where an element is in what it is in."""
+        position = np.array(self.source.values(node, "pos", (0.0, 0.0, 0.0)))
+        return pin.SE3(self.rotation(node), position)
+
+    def rotation(self, node: Node) -> np.ndarray:
+        """Return an element's rotation; the identity if it says none."""
+        given = [key for key in TURNS if key in node.attributes]
+        if len(given) > 1:
+            raise self.source.error(node, given, "one way of giving a rotation is enough")
+        if not given:
+            w, x, y, z = self.source.values(node, "quat", (1.0, 0.0, 0.0, 0.0))
+            self._unit_of(node, "quat", np.array((w, x, y, z)))
+            turn = pin.Quaternion(w, x, y, z)
+            turn.normalize()
+            return np.asarray(turn.matrix())
+        if given == ["euler"]:
+            return self._euler(node)
+        if given == ["axisangle"]:
+            x, y, z, angle = self.source.values(node, "axisangle", (0.0,) * 4)
+            unit = self._unit_of(node, "axisangle", np.array((x, y, z)))
+            return np.asarray(pin.AngleAxis(self.angle(angle), unit).matrix())
+        if given == ["zaxis"]:
+            axis = self._unit_of(
+                node, "zaxis", np.array(self.source.values(node, "zaxis", (0.0, 0.0, 1.0)))
+            )
+            return np.asarray(pin.Quaternion.FromTwoVectors(UP, axis).matrix())
+        both = np.array(self.source.values(node, "xyaxes", (0.0,) * 6))
+        x_axis = self._unit_of(node, "xyaxes", both[:3])
+        y_axis = self._unit_of(node, "xyaxes", both[3:] - (both[3:] @ x_axis) * x_axis)
+        return np.column_stack((x_axis, y_axis, np.cross(x_axis, y_axis)))
+
+    def _unit_of(self, node: Node, key: str, vector: np.ndarray) -> np.ndarray:
+        size = float(np.linalg.norm(vector))
+        if not size > 0.0:
+            raise self.source.error(node, node.attributes.get(key), f"{key} must not be zero")
+        return np.asarray(vector / size)
+
+    def _euler(self, node: Node) -> np.ndarray:
+        """Small letters turn about axes that turn along, capitals about those that stay."""
+        sequence = self.word(self.compiler, "eulerseq", "xyz")
+        if len(sequence) != 3 or not set(sequence.lower()) <= set("xyz"):
+            rule = "eulerseq must be three of x, y, z, X, Y, Z"
+            raise self.source.error(self.compiler, sequence, rule)
+        found = np.eye(3)
+        for letter, angle in zip(
+            sequence, self.source.values(node, "euler", (0.0, 0.0, 0.0)), strict=True
+        ):
+            axis = np.eye(3)["xyz".index(letter.lower())]
+            turn = pin.AngleAxis(self.angle(angle), axis).matrix()
+            found = found @ turn if letter.islower() else turn @ found
+        return found

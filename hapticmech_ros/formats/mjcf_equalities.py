@@ -1,0 +1,116 @@
+"""Equalities of MJCF: connect and weld are closures, joint a coupling."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.formats.mjcf_classes import Context, settings
+from hapticmech_ros.formats.model import WORLD, Coupling, Tie
+from hapticmech_ros.formats.xml_nodes import Node
+
+Place = tuple[str, pin.SE3]
+
+
+@dataclass
+class Equalities:
+    """The equality constraints of a file.
+
+    Args:
+        context: the file.
+        poses: bodies in the world where the file draws them, which is at the joints' ``ref``.
+        sites: sites in their bodies.
+        refs: positions of joints where the file draws them; joints that have one coordinate.
+    """
+
+    context: Context
+    poses: Mapping[str, pin.SE3]
+    sites: Mapping[str, Place]
+    refs: Mapping[str, float]
+    ties: list[Tie] = field(default_factory=list)
+    couplings: list[Coupling] = field(default_factory=list)
+
+    def read(self) -> None:
+        """Read them all."""
+        general = settings(self.context.source.root, "equality").children
+        for count, node in enumerate(general):
+            full = self._full(node)
+            name = node.attributes.get("name") or f"{node.tag}{count}"
+            active = self.context.flag(full, "active", "true")
+            if node.tag == "connect":
+                self.ties.append(Tie(name, "spherical", *self._connected(full), active))
+            elif node.tag == "weld":
+                self.ties.append(Tie(name, "weld", *self._welded(full), active))
+            elif node.tag == "joint":
+                if active:
+                    self.couplings.append(self._coupled(full, name))
+            else:
+                rule = "an equality must be connect, weld or joint"
+                raise self.context.source.error(node, node.tag, rule)
+
+    def _full(self, node: Node) -> Node:
+        """Return an equality with the defaults of all equalities, which are under that name."""
+        general = self.context.full(Node("equality", node.attributes, node.line))
+        return Node(node.tag, general.attributes, node.line)
+
+    def _by_sites(self, node: Node) -> bool:
+        given = ("site1" in node.attributes, "site2" in node.attributes)
+        if any(given) and ("body1" in node.attributes or not all(given)):
+            rule = "needs site1 and site2, or body1 and perhaps body2"
+            raise self.context.source.error(node, sorted(node.attributes), rule)
+        return all(given)
+
+    def _site(self, node: Node, key: str) -> Place:
+        name = self.context.source.text(node, key)
+        if name not in self.sites:
+            raise self.context.source.error(node, name, "no such site")
+        return self.sites[name]
+
+    def _bodies(self, node: Node) -> tuple[str, str]:
+        one = self.context.source.text(node, "body1")
+        other = node.attributes.get("body2", WORLD).strip()
+        for name in (one, other):
+            if name not in self.poses:
+                raise self.context.source.error(node, name, "no such body")
+        return one, other
+
+    def _connected(self, node: Node) -> tuple[Place, Place]:
+        if self._by_sites(node):
+            return self._site(node, "site1"), self._site(node, "site2")
+        one, other = self._bodies(node)
+        self.context.source.text(node, "anchor")
+        here, there = pin.SE3.Identity(), pin.SE3.Identity()
+        here.translation = np.array(self.context.source.values(node, "anchor", (0.0,) * 3))
+        there.translation = self.poses[other].actInv(self.poses[one].act(here.translation))
+        return (one, here), (other, there)
+
+    def _welded(self, node: Node) -> tuple[Place, Place]:
+        if self._by_sites(node):
+            return self._site(node, "site1"), self._site(node, "site2")
+        one, other = self._bodies(node)
+        relative = self.poses[one].actInv(self.poses[other])
+        given = self.context.source.values(node, "relpose", (0.0,) * 7)
+        if any(given[3:]):
+            w, x, y, z = given[3:]
+            turn = pin.Quaternion(w, x, y, z)
+            turn.normalize()
+            anchor = np.array(self.context.source.values(node, "anchor", (0.0,) * 3))
+            relative = pin.SE3(turn.matrix(), np.array(given[:3]) - turn.matrix() @ anchor)
+        return (one, relative), (other, pin.SE3.Identity())
+
+    def _coupled(self, node: Node, name: str) -> Coupling:
+        joint = self.context.source.text(node, "joint1")
+        leader = node.attributes.get("joint2", "").strip()
+        offset, ratio, *bent = self.context.padded(node, "polycoef", (0.0, 1.0, 0.0, 0.0, 0.0))
+        if not leader or any(bent):
+            rule = "a joint equality needs joint2 and a straight line: polycoef='a b 0 0 0'"
+            raise self.context.source.error(node, node.attributes.get("polycoef"), rule)
+        for one in (joint, leader):
+            if one not in self.refs:
+                rule = "must be a hinge or slide joint of the file"
+                raise self.context.source.error(node, one, rule)
+        offset += self.refs[joint] - ratio * self.refs[leader]
+        return Coupling(name, joint, leader, ratio, offset)

@@ -1,0 +1,421 @@
+"""MJCF is read as MuJoCo reads it: the same inertia, bias forces, poses, constraints."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from formats.imports import Read
+from hapticmech_ros import load_scene
+from hapticmech_ros.errors import SceneError
+from hapticmech_ros.formats import read_model
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import authored_state
+
+# Of the largest entry: rounding. MuJoCo keeps inertias as principal moments and quaternions, each
+# rounded; angles go through roll, pitch, yaw in ours.
+SAME = 1e-11
+INERTIAL = '<inertial mass="1.5" pos="0.1 0.2 0.3" diaginertia="1 2 2.5" euler="5 6 7"/>'
+BALL = '<geom size="0.1" pos="0.3 0 0.1"/>'
+
+TREES = {
+    "nested": f"""<worldbody><body name="a" pos=".1 .2 .3" euler="10 20 30">
+        <joint name="j" axis="1 2 3" pos=".1 0 0"/>{INERTIAL}
+        <body name="b" pos="0 0 1" axisangle="1 1 0 50"><joint name="k" type="slide" axis="0 1 1"/>
+        {BALL}</body></body></worldbody>""",
+    "several trees": f"""<worldbody><body name="a" pos="1 0 0"><joint name="j"/>{BALL}</body>
+        <body name="b" xyaxes="1 1 0 0 1 1"><joint name="k" axis="0 1 0"/>{BALL}</body></worldbody>
+        <worldbody><body name="c" zaxis="0 1 1"><freejoint name="f"/>{INERTIAL}</body>
+        </worldbody>""",
+    "several joints": f"""<worldbody><body name="a" pos="1 0 0" quat="1 2 3 4">
+        <joint name="j" axis="0 1 0" pos="1 2 3"/><joint name="k" type="slide" axis="1 0 0"/>
+        <joint name="l" axis="1 0 1" pos=".3 .2 .1"/><joint name="m" type="ball" pos=".1 .1 .1"/>
+        {INERTIAL}<body name="b" pos="0 1 0"><joint name="n" axis="1 1 0"/>{BALL}</body></body>
+        </worldbody>""",
+    "balls": f"""<worldbody><body name="a" pos="1 0 0"><joint name="j" type="ball" pos=".2 .1 0"/>
+        {INERTIAL}<body name="b" pos="0 1 0"><joint name="k" type="ball"/>{BALL}</body></body>
+        </worldbody>""",
+    "free": f"""<worldbody><body name="a" pos="1 2 3" quat="1 2 3 4"><joint type="free" name="j"/>
+        {INERTIAL}<body name="b" pos="0 1 0"><joint name="k" axis="1 1 0"/>{BALL}</body></body>
+        </worldbody>""",
+    "fixed between": f"""<worldbody><body name="still" pos="0 0 1" euler="0 90 0">
+        <geom type="mesh" mesh="m"/><body name="a"><joint name="j"/>{BALL}
+        <body name="b" pos="0 1 0" euler="0 10 0"><geom size=".2"/>
+        <body name="c" pos="1 0 0"><joint name="k" axis="1 0 0"/>{INERTIAL}</body></body></body>
+        </body></worldbody>""",
+    "no names": f"""<worldbody><body><joint/>{BALL}<body pos="0 1 0"><joint axis="1 0 0"/>
+        <joint axis="0 1 0"/>{BALL}</body></body></worldbody>""",
+    "angles": f"""<compiler angle="radian" eulerseq="zYx"/><worldbody>
+        <body name="a" euler="1 2 3"><joint name="j" range="-1 2"/>{BALL}</body></worldbody>""",
+    "fixed axes": f"""<compiler eulerseq="XYZ"/><worldbody>
+        <body name="a" euler="10 20 30"><joint name="j" axis="1 1 1"/>{INERTIAL}</body>
+        </worldbody>""",
+    "compiler twice": f"""<compiler angle="radian"/><compiler eulerseq="ZXZ"/><worldbody>
+        <body name="a" euler="1 2 3"><joint name="j" axis="1 1 1"/>{INERTIAL}</body></worldbody>""",
+    "classes": """<default><joint damping="1" axis="1 0 0"/><geom size=".2" density="500"/>
+        <default class="x"><joint axis="0 1 0" type="slide"/><geom type="box" size=".1 .2 .1"/>
+        <default class="y"><joint damping="3"/></default></default></default>
+        <default><joint frictionloss=".5"/></default>
+        <worldbody><body name="a" childclass="x"><joint name="j"/><geom/>
+        <body name="b"><joint name="k" class="y"/><geom class="main"/>
+        <body name="c" childclass="main"><joint name="l"/><geom class="x" pos="0 1 0"/></body>
+        </body></body></worldbody>""",
+    "class of another name": """<default class="own"><geom density="10"/></default><worldbody>
+        <body name="a"><joint name="j"/><geom size=".1" pos="1 0 0" class="own"/></body>
+        </worldbody>""",
+    "frames": """<default><default class="x"><geom density="10"/></default></default>
+        <worldbody><frame pos="1 2 3" euler="10 20 30" childclass="x">
+        <body name="a" pos="1 0 0"><geom size=".1" pos="1 0 0"/>
+        <frame pos="0 1 0" quat="1 1 0 0"><joint name="j" axis="1 1 0" pos="1 0 0"/>
+        <geom size=".2"/><site name="s" pos="1 0 0"/></frame></body></frame></worldbody>""",
+    "from here to there": """<worldbody><body name="a"><joint name="j" axis="1 0 0"/>
+        <geom type="capsule" size=".1" fromto="0 0 0 .3 .2 .1"/>
+        <geom type="cylinder" size=".1" fromto=".1 0 0 .3 .2 .1" mass="2"/>
+        <geom type="box" size=".1" fromto=".1 0 0 .3 -.2 .1"/>
+        <geom type="ellipsoid" size=".1" fromto=".1 0 2 .3 .2 .1"/></body></worldbody>""",
+    "shapes": """<worldbody><body name="a"><joint name="j" type="ball"/>
+        <geom type="capsule" size=".1 .4" pos="0 0 1"/><geom type="cylinder" size=".1 .3" mass="2"/>
+        <geom type="box" size=".1 .2 .3" euler="10 20 30"/><geom mass="0" type="mesh" mesh="m"/>
+        <geom type="ellipsoid" size=".1 .2 .3" axisangle="1 1 1 20" density="300"/></body>
+        </worldbody>""",
+    "groups": """<compiler inertiagrouprange="1 2"/><worldbody><body name="a"><joint name="j"/>
+        <geom size=".1" group="1"/><geom size=".3" group="0"/></body></worldbody>""",
+    "geoms before what is written": f"""<compiler inertiafromgeom="true"/><worldbody>
+        <body name="a"><joint name="j"/>{INERTIAL}{BALL}</body></worldbody>""",
+    "full inertia": """<compiler inertiafromgeom="false"/><worldbody><body name="a">
+        <joint name="j" type="ball"/><geom size=".1"/>
+        <inertial mass="1" pos=".1 .2 .3" fullinertia="1 2 2.5 .1 .2 .3"/></body></worldbody>""",
+    "bounds": f"""<compiler boundmass="10" boundinertia="1.7"/><worldbody><body name="a">
+        <joint name="j" type="ball"/>{INERTIAL}</body></worldbody>""",
+    "balance": """<compiler balanceinertia="true"/><worldbody><body name="a"><joint name="j"/>
+        <inertial mass="1" pos="0 0 1" diaginertia="1 1 5"/></body></worldbody>""",
+    "ref": """<worldbody><body name="a" pos="1 0 0"><joint name="j" ref="30" axis="0 1 0"/>
+        <geom size=".1" pos="1 0 0"/><body name="b" pos="1 0 0" euler="10 20 30">
+        <joint name="k" type="slide" ref=".3" axis="0 1 1"/>
+        <joint name="l" ref="-20" axis="1 0 1" pos=".1 .2 .3"/>
+        <geom size=".1" pos="1 0 0"/></body></body></worldbody>""",
+    "no gravity": f"""<option gravity="1 2 3"><flag gravity="disable"/></option><worldbody>
+        <body name="a"><joint name="j" axis="0 1 0"/>{BALL}</body></worldbody>""",
+    "gravity": f"""<option gravity="1 2 3"/><worldbody>
+        <body name="a"><joint name="j" axis="0 1 0"/>{BALL}</body></worldbody>""",
+    "any order": f"""<worldbody><body name="a"><body name="b" pos="0 0 1">{BALL}
+        <joint name="k" axis="1 0 0"/></body>{BALL}<joint name="j"/></body></worldbody>""",
+}
+# A tetrahedron, for geoms whose inertia does not count.
+MESH = '<asset><mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>'
+
+
+def written(folder, text):
+    path = folder / "model.xml"
+    path.write_text(f'<mujoco model="m">{MESH}\n{text}</mujoco>', encoding="utf-8")
+    return path
+
+
+class Theirs:
+    """MuJoCo's reading of a file, at our coordinates."""
+
+    def __init__(self, path):
+        self.model = mujoco.MjModel.from_xml_path(str(path))
+        self.data = mujoco.MjData(self.model)
+
+    def state(self, ours, rng, at=None):
+        """Return our (q, v) at a random state, with theirs set to it; and dv_theirs/dv_ours."""
+        model = self.model
+        self.data.qpos[:] = model.qpos0 if at is None else at
+        mujoco.mj_integratePos(model, self.data.qpos, rng.normal(size=model.nv), 1.0)
+        q, turn = np.zeros(model.nq), np.eye(model.nv)
+        for joint in range(model.njnt):
+            a, d = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
+            one = self.number(ours, joint)
+            assert (ours.model.joints[one].idx_q, ours.model.joints[one].idx_v) == (a, d)
+            kind = model.jnt_type[joint]
+            if kind == mujoco.mjtJoint.mjJNT_FREE:
+                q[a : a + 3] = self.data.qpos[a : a + 3]
+                a += 3
+            if kind in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
+                w, x, y, z = self.data.qpos[a : a + 4]
+                q[a : a + 4] = (x, y, z, w)
+                if kind == mujoco.mjtJoint.mjJNT_FREE:
+                    turn[d : d + 3, d : d + 3] = pin.Quaternion(w, x, y, z).matrix()
+            else:
+                q[a] = self.data.qpos[a]
+        v = rng.normal(size=model.nv)
+        self.data.qvel[:] = turn @ v
+        mujoco.mj_forward(model, self.data)
+        return q, v, turn
+
+    def number(self, ours, joint):
+        name = self.model.joint(joint).name
+        return ours.joint(name) if name else joint + 1
+
+    def inertia(self):
+        full = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self.data, full)
+        return full - np.diag(self.model.dof_armature)
+
+
+@pytest.mark.parametrize("text", TREES.values(), ids=TREES)
+def test_trees_move_and_weigh_the_same_as_in_mujoco(tmp_path, text):
+    path = written(tmp_path, text)
+    ours, theirs = Read(path), Theirs(path)
+    assert ours.model.nv == theirs.model.nv
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        q, v, turn = theirs.state(ours, rng)
+        inertia = turn.T @ theirs.inertia() @ turn
+        assert np.abs(ours.inertia(q) - inertia).max() <= SAME * np.abs(inertia).max()
+        # Rates of a free joint are along axes of the world in theirs: T' v is more to bear.
+        moved = np.zeros(ours.model.nv)
+        for joint in range(theirs.model.njnt):
+            if theirs.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
+                d = theirs.model.jnt_dofadr[joint]
+                moved[d : d + 3] = turn[d : d + 3, d : d + 3] @ np.cross(
+                    v[d + 3 : d + 6], v[d : d + 3]
+                )
+        bias = turn.T @ (theirs.data.qfrc_bias + theirs.inertia() @ moved)
+        size = max(np.abs(bias).max(), np.abs(inertia).max())
+        assert np.abs(ours.bias(q, v) - bias).max() <= SAME * size
+        for body in range(1, theirs.model.nbody):
+            name = theirs.model.body(body).name or f"body{body}"
+            pose = ours.pose(name, q)
+            assert np.abs(pose.translation - theirs.data.xpos[body]).max() <= SAME * 10
+            assert np.abs(pose.rotation - theirs.data.xmat[body].reshape(3, 3)).max() <= SAME * 10
+        for site in range(theirs.model.nsite):
+            pose = ours.pose(theirs.model.site(site).name, q)
+            assert np.abs(pose.translation - theirs.data.site_xpos[site]).max() <= SAME * 10
+
+
+@pytest.mark.parametrize("name", ["ref", "free", "nested"])
+def test_a_scene_starts_where_the_file_draws_it(tmp_path, name):
+    path = written(tmp_path, TREES[name])
+    theirs = Theirs(path)
+    mujoco.mj_forward(theirs.model, theirs.data)
+    scene = load_scene(path)
+    q, _ = authored_state(scene, Mechanism(scene).tree)
+    read = Read(path)
+    for body in range(1, theirs.model.nbody):
+        pose = read.pose(theirs.model.body(body).name, q)
+        assert np.abs(pose.translation - theirs.data.xpos[body]).max() <= SAME
+
+
+ACTING = """<compiler autolimits="true"/><worldbody><body name="a"><joint name="j" stiffness="3"
+    springref="30" damping="2" frictionloss=".3" range="-40 50" ref="10" axis="0 1 0"/>{ball}
+    <body name="b"><joint name="k" type="slide" stiffness="2" springref=".4" range="-.1 .2"
+    limited="true" ref=".05"/>{ball}<body name="c"><joint name="l" limited="false" range="0 1"/>
+    {ball}</body></body></body></worldbody>"""
+
+
+def test_what_acts_in_joints_is_what_mujoco_has_act(tmp_path):
+    """Spring and damper against their qfrc; stops and friction against their model."""
+    path = written(tmp_path, ACTING.format(ball=BALL))
+    ours, theirs = Read(path), Theirs(path)
+    q, v, _ = theirs.state(ours, np.random.default_rng(3))
+    for name in ("j", "k", "l"):
+        joint, theirs_joint = ours.written(name), theirs.model.joint(name)
+        at, rate = q[theirs_joint.qposadr[0]], v[theirs_joint.dofadr[0]]
+        force = -joint.stiffness * (at - joint.rest) - joint.damping * rate
+        passive = theirs.data.qfrc_passive[theirs_joint.dofadr[0]]
+        assert abs(force - passive) <= SAME * max(abs(passive), 1.0)
+        assert joint.friction == theirs.model.dof_frictionloss[theirs_joint.dofadr[0]]
+        stops = tuple(theirs_joint.range) if theirs_joint.limited[0] else None
+        found = joint.limits and (joint.limits.lower, joint.limits.upper)
+        assert found == pytest.approx(stops, rel=SAME)
+
+
+LOOPS = """<default><equality active="true"/></default><worldbody>
+    <body name="a" pos="0 0 1" euler="10 20 30"><joint name="j1" axis="1 2 3" ref="20"/>{inertial}
+    <site name="s" pos=".1 .2 .3" euler="30 20 10"/><body name="b" pos=".5 0 0" quat="1 2 3 4">
+    <joint name="j2" type="ball" pos="0 .1 0"/>{inertial}</body></body>
+    <body name="c" pos="1 1 0" euler="5 6 7"><freejoint name="j3"/>{inertial}
+    <site name="t" pos=".3 .2 .1" zaxis="1 1 1"/></body></worldbody>
+    <equality>{equality}</equality>"""
+EQUALITIES = {
+    "connect bodies": '<connect body1="b" body2="c" anchor=".1 .2 .3"/>',
+    "connect to the world": '<connect body1="c" anchor=".1 .2 .3"/>',
+    "connect sites": '<connect site1="s" site2="t"/>',
+    "weld bodies": '<weld body1="b" body2="c"/>',
+    "weld to the world": '<weld body1="b"/>',
+    "weld with relpose": '<weld body1="b" body2="c" relpose=".1 .2 .3 1 2 3 4"/>',
+    "weld with relpose and anchor": (
+        '<weld body1="b" body2="c" relpose=".1 .2 .3 1 2 3 4" anchor=".3 .1 -.2"/>'
+    ),
+    "weld with anchor": '<weld body1="b" body2="c" anchor=".3 .1 -.2"/>',
+    "weld without turn": '<weld body1="b" body2="c" relpose=".1 .2 .3 0 0 0 0"/>',
+    "weld sites": '<weld site1="s" site2="t"/>',
+}
+
+
+@pytest.mark.parametrize("equality", EQUALITIES.values(), ids=EQUALITIES)
+def test_loops_close_where_mujocos_do(tmp_path, equality):
+    """Rates that one allows, the other allows; both are met at the same places."""
+    path = written(tmp_path, LOOPS.format(inertial=INERTIAL, equality=equality))
+    ours, theirs = Read(path), Theirs(path)
+    mechanism = Mechanism(ours.scene)
+    rng = np.random.default_rng(4)
+    on = mechanism.initially_active
+    q, _, turn = theirs.state(ours, rng)
+    # From there to a place where their loop is closed, by their rows.
+    for _ in range(60):
+        mujoco.mj_forward(theirs.model, theirs.data)
+        rows = theirs.data.efc_J.reshape(-1, theirs.model.nv)
+        step = -np.linalg.lstsq(rows, theirs.data.efc_pos, rcond=None)[0]
+        step *= min(1.0, 0.5 / np.abs(step).max())
+        mujoco.mj_integratePos(theirs.model, theirs.data.qpos, step, 1.0)
+    mujoco.mj_forward(theirs.model, theirs.data)
+    assert np.abs(theirs.data.efc_pos).max() < 1e-13
+    q, turn = q_of(theirs, ours)
+    closing = mechanism.closing_terms(q, on)
+    assert np.abs(closing.residual).max() < SAME
+    rows = theirs.data.efc_J.reshape(-1, theirs.model.nv) @ turn
+    assert closing.jacobian.shape == rows.shape
+    # The same row space: theirs of a turn are half as large, and along other axes.
+    basis = np.linalg.qr(closing.jacobian.T)[0]
+    left = rows - (rows @ basis) @ basis.T
+    assert np.linalg.matrix_rank(rows) == len(rows)
+    assert np.abs(left).max() < SAME * np.abs(rows).max() * 10
+
+
+def q_of(theirs, ours):
+    """Return our q where they are, and dv_theirs/dv_ours."""
+
+    class Still:
+        def normal(self, size):
+            return np.zeros(size)
+
+    q, _, turn = theirs.state(ours, Still(), theirs.data.qpos.copy())
+    return q, turn
+
+
+def test_an_inactive_equality_waits(tmp_path):
+    text = LOOPS.format(inertial=INERTIAL, equality='<weld body1="b" active="false" name="w"/>')
+    (closure,) = Read(written(tmp_path, text)).scene.closures
+    assert (closure.name, closure.active) == ("w", False)
+
+
+def test_equalities_have_classes(tmp_path):
+    text = LOOPS.format(inertial=INERTIAL, equality='<weld body1="b" name="w"/>')
+    text = text.replace('active="true"', 'active="false"')
+    (closure,) = Read(written(tmp_path, text)).scene.closures
+    assert not closure.active
+
+
+def test_a_joint_equality_is_a_coupling_where_mujoco_meets_it(tmp_path):
+    equality = '<joint joint1="j" joint2="k" polycoef=".2 -1.5"/>'
+    path = written(tmp_path, TREES["ref"] + f"<equality>{equality}</equality>")
+    (coupling,) = read_model(path).document["couplings"]
+    theirs = Theirs(path)
+    j, k = (theirs.model.joint(name).qposadr[0] for name in ("j", "k"))
+    for leader in (-0.3, 0.0, 0.7):
+        theirs.data.qpos[k] = leader
+        theirs.data.qpos[j] = coupling["ratio"] * leader + coupling["offset"]
+        mujoco.mj_forward(theirs.model, theirs.data)
+        assert np.abs(theirs.data.efc_pos).max() < SAME
+
+
+NOTED = f"""<option wind="1 0 0"><flag contact="disable"/></option><actuator><motor joint="j"/>
+    </actuator><sensor><jointpos joint="j"/></sensor><keyframe><key/><key/></keyframe>
+    <contact><exclude body1="a" body2="b"/></contact><custom/><worldbody><light/><camera/>
+    <geom size="1"/><body name="m" mocap="true"/><body name="a" gravcomp="1">{BALL}
+    <joint name="j" armature=".1" springdamper="1 1"/>
+    <body name="b">{BALL}<joint type="ball" range="0 1" stiffness="1" frictionloss="1"/></body>
+    </body><body name="c" pos="0 0 1">{BALL}<freejoint align="true"/></body></worldbody><equality>
+    <connect body1="a" anchor="0 0 0" solref=".1 1"/></equality>"""
+
+
+def test_what_a_scene_does_not_have_is_noted(tmp_path):
+    imported = read_model(written(tmp_path, NOTED))
+    found = {note.what: note.count for note in imported.notes}
+    assert found == {
+        **dict.fromkeys(("actuator", "sensor", "contact", "custom", "light", "camera"), 1),
+        **dict.fromkeys(("mocap", "gravcomp", "armature", "springdamper", "align", "fluid"), 1),
+        **dict.fromkeys(("flag", "range of a ball", "solref or solimp of an equality"), 1),
+        "stiffness of a ball or free joint": 1,
+        "frictionloss of a ball or free joint": 1,
+        "keyframe": 2,
+        "geom": 4,
+    }
+    assert all(note.why for note in imported.notes)
+
+
+BROKEN = {
+    "include": ('<include file="x.xml"/><worldbody/>', "includes are not followed"),
+    "no world": ("<option/>", "needs a <worldbody>"),
+    "replicate": ('<worldbody><replicate count="3"/></worldbody>', "written out"),
+    "composite": ('<worldbody><body><composite type="cable"/></body></worldbody>', "written out"),
+    "type": ('<worldbody><body><joint type="screw"/></body></worldbody>', "type must be one of"),
+    "axis": ('<worldbody><body><joint axis="0 0 0"/></body></worldbody>', "must not be zero"),
+    "quat": ('<worldbody><body quat="0 0 0 0"><joint/></body></worldbody>', "must not be zero"),
+    "zaxis": ('<worldbody><body zaxis="0 0 0"/></worldbody>', "must not be zero"),
+    "xyaxes": ('<worldbody><body xyaxes="1 0 0 2 0 0"/></worldbody>', "must not be zero"),
+    "two turns": ('<worldbody><body zaxis="0 0 1" euler="1 2 3"/></worldbody>', "one way"),
+    "sequence": (
+        '<compiler eulerseq="xyw"/><worldbody><body euler="1 2 3"/></worldbody>',
+        "eulerseq must be",
+    ),
+    "mesh": (
+        '<worldbody><body><joint/><geom type="mesh" mesh="gone"/></body></worldbody>',
+        "give the body an <inertial>",
+    ),
+    "shell": (
+        '<worldbody><body><joint/><geom size="1" shellinertia="true"/></body></worldbody>',
+        "shells are not read",
+    ),
+    "size": ('<worldbody><body><joint/><geom type="box" size="1"/></body></worldbody>', "3 size"),
+    "fromto": (
+        '<worldbody><body><joint/><geom type="box" size="1" fromto="0 0 0 0 0 0"/></body>'
+        "</worldbody>",
+        "must have a length",
+    ),
+    "density": ('<worldbody><body><joint/><geom size="1" density="-1"/></body></worldbody>', "neg"),
+    "pos": (
+        '<worldbody><body><joint/><inertial mass="1" diaginertia="1 1 1"/></body></worldbody>',
+        "needs pos",
+    ),
+    "class": ('<worldbody><body><joint class="gone"/></body></worldbody>', "no such class"),
+    "classes": (
+        '<default><default class="a"/><default class="a"/></default><worldbody/>',
+        "must be unique",
+    ),
+    "bodies": ('<worldbody><body name="a"/><body name="a"/></worldbody>', "must be unique"),
+    "world": ('<worldbody><body name="world"/></worldbody>', "and not 'world'"),
+    "joints": (
+        '<worldbody><body><joint name="a"/><joint name="a"/></body></worldbody>',
+        "must be unique",
+    ),
+    "world joint": ("<worldbody><joint/></worldbody>", "the world does not move"),
+    "free": ("<worldbody><body><freejoint/><joint/></body></worldbody>", "a free joint"),
+    "free within": (
+        "<worldbody><body><joint/><body><freejoint/></body></body></worldbody>",
+        "a free joint",
+    ),
+    "range": ('<worldbody><body><joint range="2 1"/></body></worldbody>', "lower must be below"),
+    "autolimits": (
+        '<compiler autolimits="false"/><worldbody><body><joint range="1 2"/></body></worldbody>',
+        "a range needs limited",
+    ),
+    "polycoef": (
+        '<worldbody><body><joint name="j"/></body></worldbody><equality>'
+        '<joint joint1="j" joint2="j" polycoef="0 1 2"/></equality>',
+        "a straight line",
+    ),
+    "equality": ("<worldbody/><equality><flex/></equality>", "connect, weld or joint"),
+    "site": ('<worldbody/><equality><weld site1="a" site2="b"/></equality>', "no such site"),
+    "one site": ('<worldbody/><equality><weld site1="a"/></equality>', "needs site1 and site2"),
+    "body": ('<worldbody/><equality><weld body1="a"/></equality>', "no such body"),
+    "total mass": ('<compiler settotalmass="3"/><worldbody/>', "settotalmass is not read"),
+    "global": ('<compiler coordinate="global"/><worldbody/>', "coordinate is not read"),
+}
+
+
+@pytest.mark.parametrize(("text", "rule"), BROKEN.values(), ids=BROKEN)
+def test_errors_name_line_element_and_rule(tmp_path, text, rule):
+    path = written(tmp_path, text)
+    with pytest.raises(SceneError) as caught:
+        read_model(path)
+    (problem,) = caught.value.problems
+    assert rule in problem.rule
+    assert str(path) in str(caught.value)
+    where = "line 1, <mujoco>" if rule.startswith("needs a <w") else "line 2, <"
+    assert problem.key_path.startswith(where)
