@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats.model import WORLD, Body, Hinge, Model, Note, Point
-from hapticmech_ros.formats.xml_nodes import Node, Source
+from hapticmech_ros.formats.xml_nodes import LARGEST, Node, Source
 
 JOINT_TYPES = {
     "revolute": "revolute",
@@ -30,6 +30,10 @@ WHY = {
 }
 UNKNOWN = "not of a mechanism, or not known"
 HERE = "__model__"
+# How many frames may be attached to each other.
+DEEP = 100
+# Versions of the format in which axes are those of the model.
+OF_MODEL = ("1.0", "1.2", "1.3", "1.4")
 JOINT_KNOWN = {"parent", "child", "pose", "axis"}
 LINK_KNOWN = {"pose", "inertial"}
 
@@ -59,7 +63,8 @@ class _Reader:
     notes: Counter[str] = field(default_factory=Counter)
     placed: dict[str, tuple[str, pin.SE3]] = field(default_factory=dict)
     poses: dict[str, pin.SE3] = field(default_factory=dict)
-    asked: list[str] = field(default_factory=list)
+    joints: dict[str, Node] = field(default_factory=dict)
+    frames: dict[str, Node] = field(default_factory=dict)
 
     def read(self, gravity: tuple[float, float, float] | None) -> Model:
         source, model = self.source, self.model
@@ -69,16 +74,22 @@ class _Reader:
                 raise source.error(node, name, "models in models are not read")
             if node.tag in ("link", "joint", "frame"):
                 self._place(node)
-            elif node.tag not in ("pose", "static", "self_collide"):
+            elif node.tag == "static":
+                if node.text.strip() in ("true", "1"):
+                    raise source.error(node, node.text, "a static model does not move")
+            elif node.tag not in ("pose", "self_collide"):
                 self.notes[node.tag] += 1
-        own = self._written(model)[1] if model.first("pose") is not None else pin.SE3.Identity()
+        relative, own = self._written(model)
+        if relative not in ("", WORLD) or "placement_frame" in model.attributes:
+            rule = "a model is placed by its own frame in the world"
+            raise source.error(model, relative or model.attributes["placement_frame"], rule)
         self.poses = {HERE: own, WORLD: pin.SE3.Identity()}
         bodies = {}
         for link in model.all("link"):
             body = self._body(link)
             bodies[body.name] = body
         hinges = [self._hinge(joint, bodies) for joint in model.all("joint")]
-        points = [self._point(frame) for frame in model.all("frame")]
+        points = [self._point(name, frame, bodies) for name, frame in self.frames.items()]
         notes = [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in self.notes.items()]
         name = model.attributes.get("name") or source.path.stem
         bases = {body: self._pose(body, model) for body in bodies}
@@ -91,15 +102,21 @@ class _Reader:
             raise self.source.error(node, name, "names of links, joints, frames must be unique")
         relative, pose = self._written(node)
         if not relative:
-            attached = node.attributes.get("attached_to", HERE)
-            relative = self._child_name(node) if node.tag == "joint" else attached
+            attached = node.attributes.get("attached_to", "") or HERE
+            relative = self._end_name(node, "child") if node.tag == "joint" else attached
         self.placed[name] = (relative, pose)
+        if node.tag != "link":
+            named = self.joints if node.tag == "joint" else self.frames
+            named[name] = node
 
     def _written(self, node: Node) -> tuple[str, pin.SE3]:
         """Return what an element's pose is relative to, empty if it does not say, and the pose."""
         written = node.first("pose")
         if written is None:
             return "", pin.SE3.Identity()
+        if written.attributes.get("frame", ""):
+            rule = "frames of SDFormat 1.6 and before are not read: say relative_to"
+            raise self.source.error(written, written.attributes["frame"], rule)
         if written.attributes.get("rotation_format", "euler_rpy") != "euler_rpy":
             rule = "rotations must be euler_rpy"
             raise self.source.error(written, written.attributes["rotation_format"], rule)
@@ -112,18 +129,19 @@ class _Reader:
 
     def _pose(self, name: str, node: Node) -> pin.SE3:
         """Return where something is in the world."""
-        chain: list[str] = []
+        chain: dict[str, None] = {}  # in order
         while name not in self.poses:
             if name not in self.placed:
                 raise self.source.error(node, name, "no such link, joint or frame")
             if name in chain:
-                raise self.source.error(node, chain, "poses are relative to each other in a circle")
-            chain.append(name)
+                rule = "poses are relative to each other in a circle"
+                raise self.source.error(node, list(chain)[:5], rule)
+            chain[name] = None
             name = self.placed[name][0]
         for one in reversed(chain):
             relative, pose = self.placed[one]
             self.poses[one] = self.poses[relative] * pose
-        return self.poses[chain[0] if chain else name]
+        return self.poses[next(iter(chain), name)]
 
     def _body(self, link: Node) -> Body:
         name = self.source.text(link, "name")
@@ -131,6 +149,8 @@ class _Reader:
         inertial = link.first("inertial")
         if inertial is None:
             return Body(name, 1.0, np.zeros(3), np.eye(3))  # SDFormat's own default
+        if inertial.attributes.get("auto", "false") in ("true", "1"):
+            raise self.source.error(inertial, name, "inertia of shapes is not read: write it")
         mass = self._number(inertial, "mass", 1.0)
         inertia = inertial.first("inertia")
         given = {
@@ -144,16 +164,19 @@ class _Reader:
                 [given["ixz"], given["iyz"], given["izz"]],
             ]
         )
-        place = self._written(inertial)[1]
+        relative, place = self._written(inertial)
+        if relative not in ("", name):
+            raise self.source.error(inertial, relative, "an inertia is relative to its link")
         return Body(name, mass, place.translation.copy(), place.rotation @ own @ place.rotation.T)
 
-    def _number(self, node: Node | None, tag: str, default: float) -> float:
+    def _number(
+        self, node: Node | None, tag: str, default: float, largest: float = LARGEST
+    ) -> float:
         """Return the number in an element."""
         found = node.first(tag) if node is not None else None
-        return default if found is None else self.source.numbers(found, found.text, 1, tag)[0]
-
-    def _child_name(self, joint: Node) -> str:
-        return self._end_name(joint, "child")
+        if found is None:
+            return default
+        return self.source.numbers(found, found.text, 1, tag, largest)[0]
 
     def _end_name(self, joint: Node, end: str) -> str:
         found = joint.first(end)
@@ -202,35 +225,44 @@ class _Reader:
         size = float(np.linalg.norm(vector))
         if not size > 0.0:
             raise self.source.error(written, vector.tolist(), "an axis must not be zero")
-        frame = written.attributes.get("expressed_in", "")
+        frame = written.attributes.get("expressed_in", "") or self._axes_of(axis)
         if frame:
             vector = place.rotation.T @ self._pose(frame, written).rotation @ vector
         return np.asarray(vector / size)
+
+    def _axes_of(self, axis: Node) -> str:
+        """Return the frame of an axis that names none; empty if it is its joint's."""
+        own = axis.first("use_parent_model_frame")
+        before = self.source.root.attributes.get("version", "").strip() in OF_MODEL
+        of_model = before if own is None else own.text.strip() in ("true", "1")
+        return HERE if of_model else ""
 
     def _limits(self, axis: Node | None) -> tuple[float, float] | None:
         limit = axis.first("limit") if axis is not None else None
         if limit is None:
             return None
         self.notes.update(f"limit {t}" for t in ("effort", "velocity") if limit.first(t))
-        lower = self._number(limit, "lower", -np.inf)
-        upper = self._number(limit, "upper", np.inf)
+        lower = self._number(limit, "lower", -np.inf, np.inf)
+        upper = self._number(limit, "upper", np.inf, np.inf)
         if lower > upper:
             raise self.source.error(limit, (lower, upper), "lower must not be above upper")
         return lower, upper
 
-    def _point(self, frame: Node) -> Point:
+    def _point(self, name: str, frame: Node, bodies: Mapping[str, Body]) -> Point:
         """Return a frame of the file, fixed in the link that it is attached to."""
-        name = self.source.text(frame, "name")
-        links = {self.source.text(link, "name") for link in self.model.all("link")}
-        joints = {self.source.text(j, "name"): j for j in self.model.all("joint")}
         body, seen = frame.attributes.get("attached_to", ""), {name}
-        while body and body not in links and body not in seen:
+        while body and body not in bodies and body not in seen and len(seen) < DEEP:
             seen.add(body)
-            if body in joints:
-                body = self._child_name(joints[body])
+            if body in self.joints:
+                body = self._end_name(self.joints[body], "child")
+            elif body in self.frames:
+                body = self.frames[body].attributes.get("attached_to", "")
+            elif body in (HERE, WORLD):
+                body = ""
             else:
-                found = [f for f in self.model.all("frame") if f.attributes.get("name") == body]
-                body = found[0].attributes.get("attached_to", "") if found else ""
-        body = body if body in links else WORLD
-        place = self._pose(body, frame).actInv(self._pose(name, frame))
-        return Point(name, body, place)
+                raise self.source.error(frame, body, "no such link, joint or frame")
+        if body and body not in bodies:
+            rule = f"frames are attached to each other in a circle, or more than {DEEP} deep"
+            raise self.source.error(frame, body, rule)
+        place = self._pose(body or WORLD, frame).actInv(self._pose(name, frame))
+        return Point(name, body or WORLD, place)
