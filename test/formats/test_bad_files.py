@@ -44,13 +44,13 @@ def huge_files():
     yield "urdf", robot(["<visual/>"] * 200_001), "at most 200000 elements"
     yield "urdf", f'<robot name="{"x" * 9_000_000}"/>', "at most 8000000 bytes"
     yield "urdf", f'<robot name="{"x" * 7_900_000}"/>', "there must be one at least"
-    attributes = " ".join(f'a{k}=""' for k in range(600_000))
+    attributes = " ".join(f'a{k}=""' for k in range(200_000))
     yield "urdf", f"<robot {attributes}/>", "at most 100 attributes"
     yield "sdf", model([f'<link name="a"><pose>{"0 " * 3_900_000}</pose></link>']), "must be 6"
     yield "sdf", model([f'<link name="a">{"x&#10;" * 1_200_000}</link>']), "no joint moves"
     frames = [f'<frame name="f{k + 1}" attached_to="f{k}"/>' for k in range(60_000)]
     yield "sdf", model([SDF_LINK.format("f0"), *frames]), "more than 100 deep"
-    ties = '<weld body1="a"/>' * 60_000
+    ties = '<weld body1="a"/>' * 20_000
     text = world(['<body name="a"><joint/><geom size="1"/></body>'])
     yield "xml", text.replace("</mujoco>", f"<equality>{ties}</equality></mujoco>"), "at most 1000"
     classes = "".join(f'<default class="c{k}"/>' for k in range(60_000))
