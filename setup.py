@@ -94,6 +94,8 @@ setup(
             "exudyn>=1.13",
             "mujoco>=4",
         ],
+        # Tests of what is read from files read these robots, 130 MB of them, where they are.
+        "robots": ["example-robot-data>=6"],
         # ROS 2 from PyPI. Never beside a sourced ROS 2 installation, which has all of this.
         "ros": [
             "ros-jazzy-common-interfaces",

@@ -11,6 +11,7 @@ import pinocchio as pin
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 MAIN = "main"
+CLASS_LIMIT = 1000
 TURNS = ("axisangle", "xyaxes", "zaxis", "euler")
 UP = np.array((0.0, 0.0, 1.0))
 Classes = Mapping[str, Mapping[str, Mapping[str, str]]]
@@ -59,7 +60,9 @@ class Context:
             called = self.source.text(inner, "class")
             if called in self.classes:
                 raise self.source.error(inner, called, "names of classes must be unique")
-            self.classes[called] = {tag: dict(given) for tag, given in own.items()}
+            if len(self.classes) >= CLASS_LIMIT:
+                raise self.source.error(inner, called, f"at most {CLASS_LIMIT} classes")
+            self.classes[called] = dict(own)
             self._collect(inner, called)
 
     def known(self, node: Node, called: str) -> str:

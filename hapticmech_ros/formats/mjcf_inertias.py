@@ -37,19 +37,20 @@ def body_of(context: Context, name: str, inertial: Node | None, geoms: Iterable[
         rule = "inertiafromgeom must be auto, true or false"
         raise context.source.error(compiler, policy, rule)
     if inertial is not None and policy != "true":
-        found = _written(context, inertial)
+        found = _written(context, name, inertial)
     elif policy == "false":
-        found = pin.Inertia.Zero()
+        found = Body(name)
     else:
-        found = _of_geoms(context, geoms)
-    return _bounded(context, name, found)
+        total = _of_geoms(context, geoms)
+        found = Body(name, float(total.mass), np.array(total.lever), np.array(total.inertia))
+    return _bounded(context, found)
 
 
-def _bounded(context: Context, name: str, found: pin.Inertia) -> Body:
+def _bounded(context: Context, found: Body) -> Body:
     """Return the body, with what the compiler is told to do about too small an inertia."""
     value = context.source.value
-    mass = max(float(found.mass), value(context.compiler, "boundmass", 0.0))
-    inertia, least = np.array(found.inertia), value(context.compiler, "boundinertia", 0.0)
+    mass = max(found.mass, value(context.compiler, "boundmass", 0.0))
+    inertia, least = found.inertia, value(context.compiler, "boundinertia", 0.0)
     balance = context.flag(context.compiler, "balanceinertia")
     if least > 0.0 or balance:
         moments, axes = np.linalg.eigh(inertia)
@@ -57,10 +58,10 @@ def _bounded(context: Context, name: str, found: pin.Inertia) -> Body:
         if balance and moments[0] + moments[1] < moments[2]:
             moments = np.full(3, moments.mean())
         inertia = (axes * moments) @ axes.T
-    return Body(name, mass, np.array(found.lever), inertia)
+    return Body(found.name, mass, found.com, inertia)
 
 
-def _written(context: Context, node: Node) -> pin.Inertia:
+def _written(context: Context, name: str, node: Node) -> Body:
     source = context.source
     mass = source.value(node, "mass")
     source.text(node, "pos")
@@ -73,7 +74,8 @@ def _written(context: Context, node: Node) -> pin.Inertia:
         own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     else:
         own = np.diag(source.values(node, "diaginertia", (0.0, 0.0, 0.0)))
-    return pin.Inertia(mass, place.translation, place.rotation @ own @ place.rotation.T)
+    turned = place.rotation @ own @ place.rotation.T
+    return Body(name, mass, place.translation.copy(), turned)
 
 
 def _of_geoms(context: Context, geoms: Iterable[Geom]) -> pin.Inertia:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from hapticmech_ros.formats.model import Document, Imported, Model, Note
 from hapticmech_ros.formats.model_part import ModelPart
 from hapticmech_ros.formats.sdf import read_sdf
 from hapticmech_ros.formats.stops import with_metrics, with_start, with_stops
-from hapticmech_ros.formats.tree import origin_of, to_scene
+from hapticmech_ros.formats.tree import LINK_LIMIT, origin_of, to_scene
 from hapticmech_ros.formats.urdf import read_urdf
 from hapticmech_ros.formats.xml_nodes import Source
 from hapticmech_ros.mechanism.model import se3
@@ -27,6 +28,8 @@ from hapticmech_ros.scene.mechanism import Origin
 
 # What reads a file, by its outermost element.
 READERS = {"robot": read_urdf, "mujoco": read_mjcf, "sdf": read_sdf}
+# A joint of MJCF has elements of that name wherever it is driven or sensed.
+LIMITS = {"link": LINK_LIMIT, "body": LINK_LIMIT, "joint": 10 * LINK_LIMIT}
 # Nobody holds it but who takes it.
 NO_HAND: Document = {"kind": "constant_wrench"}
 
@@ -46,8 +49,17 @@ def read_model(path: Path, free_base: bool = False) -> Imported:
     if reader is None:
         rule = f"must be one of {sorted(READERS)}: URDF, MJCF or SDF"
         raise source.error(source.root, source.root.tag, rule)
+    _refuse_many(source)
     model: Model = reader(source)
     return to_scene(model, str(path), free_base)
+
+
+def _refuse_many(source: Source) -> None:
+    """Refuse what is too large for a scene before anything is made of it."""
+    counts = Counter(node.tag for node in source.root.walk())
+    for tag, limit in LIMITS.items():
+        if counts[tag] > limit:
+            raise source.error(source.root, counts[tag], f"at most {limit} elements <{tag}>")
 
 
 def scene_of(document: Mapping[str, Any], source: Path) -> Scene:

@@ -89,9 +89,10 @@ def with_metrics(document: Document) -> Document:
 
 def _measured(point: object, links: dict[str, Document]) -> object:
     """Return an operational point with a metric, its own or its link's where there is one."""
-    if not isinstance(point, dict) or "metric" in point or point.get("link") not in links:
+    if not isinstance(point, dict) or "metric" in point:
         return point
-    if _has_inertia(links[point["link"]]):
+    link = links.get(point["link"]) if isinstance(point.get("link"), str) else None
+    if link is None or _has_inertia(link):
         return point
     return {**point, "metric": _whole_metric(list(links.values()))}
 

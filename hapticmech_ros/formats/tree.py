@@ -22,8 +22,11 @@ from hapticmech_ros.formats.model import (
     Tie,
 )
 from hapticmech_ros.formats.names import Names, clean
+from hapticmech_ros.scene.rules import VELOCITY_SIZE
 
 LINK_LIMIT = 1000
+# Degrees of freedom: what Pinocchio keeps of a model grows with their cube, 64 bytes times that.
+RATE_LIMIT = 200
 # rad or m; a stop beyond this is none, as SDFormat has it.
 NO_LIMIT = 1e15
 # What closes a loop where a body is carried a second time.
@@ -56,6 +59,10 @@ def to_scene(model: Model, source: str, free_base: bool = False) -> Imported:
     for what, found in parts.items():
         if len(found) > LINK_LIMIT:
             raise _refused(source, what, len(found), f"at most {LINK_LIMIT}")
+    rates = sum(VELOCITY_SIZE[hinge.type] for hinge in model.hinges)
+    if rates > RATE_LIMIT:
+        rule = f"at most {RATE_LIMIT} degrees of freedom"
+        raise _refused(source, "joints", rates, rule)
     return _Builder(model, source, free_base).build()
 
 

@@ -10,9 +10,10 @@ from xml.parsers import expat
 
 from hapticmech_ros.errors import SceneError, SceneProblem
 
-FILE_SIZE_LIMIT = 32_000_000
+FILE_SIZE_LIMIT = 8_000_000
 NODE_LIMIT = 200_000
 DEPTH_LIMIT = 200
+ATTRIBUTE_LIMIT = 100
 # What is measured in SI units is below this, so that products of several stay finite.
 LARGEST = 1e30
 
@@ -154,6 +155,8 @@ class Source:
                 raise self.error(node, count, f"at most {NODE_LIMIT} elements")
             if len(above) > DEPTH_LIMIT:
                 raise self.error(node, len(above), f"at most {DEPTH_LIMIT} elements in each other")
+            if len(attributes) > ATTRIBUTE_LIMIT:
+                raise self.error(node, len(attributes), f"at most {ATTRIBUTE_LIMIT} attributes")
             above[-1].children.append(node)
             above.append(node)
             texts.append([])

@@ -201,6 +201,17 @@ def test_a_scene_starts_where_the_file_draws_it(tmp_path, name):
         assert np.abs(pose.translation - theirs.data.xpos[body]).max() <= SAME
 
 
+def test_a_scene_file_may_start_elsewhere_in_part(tmp_path):
+    written(tmp_path, TREES["ref"])
+    scene = tmp_path / "scene.yaml"
+    start = "initial_state: {q: {k: 0.1}, v: {l: 2.0}}"
+    scene.write_text(f"format: hapticmech-scene/1\nmodel: model.xml\n{start}\n")
+    loaded = load_scene(scene)
+    q, v = authored_state(loaded, Mechanism(loaded).tree)
+    assert q == pytest.approx([np.deg2rad(30), 0.1, np.deg2rad(-20)], rel=SAME)
+    assert v.tolist() == [0.0, 0.0, 2.0]
+
+
 ACTING = """<compiler autolimits="true"/><worldbody><body name="a"><joint name="j" stiffness="3"
     springref="30" damping="2" frictionloss=".3" range="-40 50" ref="10" axis="0 1 0"/>{ball}
     <body name="b"><joint name="k" type="slide" stiffness="2" springref=".4" range="-.1 .2"
