@@ -26,9 +26,15 @@ def build(scene: Scene, compiled: bool = True) -> Mechanism:
     return CompiledMechanism(scene)
 
 
-def build_stepper(mechanism: Mechanism) -> Stepper:
-    """Return what steps a mechanism as its scene says, compiled if the mechanism is."""
-    plan = plan_of(mechanism.scene.simulation)
+def build_stepper(mechanism: Mechanism, plan: Plan | None = None) -> Stepper:
+    """Return what steps a mechanism, compiled if the mechanism is.
+
+    Args:
+        mechanism: to step.
+        plan: how; as its scene says if left out.
+    """
+    if plan is None:
+        plan = plan_of(mechanism.scene.simulation)
     if not mechanism.compiled:
         return Stepper(mechanism, plan)
     from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism

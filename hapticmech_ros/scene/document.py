@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene.contacts import ContactPair, Shape
 from hapticmech_ros.scene.mechanism import (
     Closure,
     InitialState,
@@ -43,6 +44,8 @@ class Scene(Part):
     links: Annotated[tuple[Link, ...], Field(min_length=1)]
     closures: tuple[Closure, ...] = ()
     springs: tuple[Spring, ...] = ()
+    shapes: tuple[Shape, ...] = ()
+    contacts: tuple[ContactPair, ...] = ()
     operational_points: Annotated[tuple[OperationalPoint, ...], Field(min_length=1)]
     initial_state: InitialState = InitialState()
     simulation: Simulation = Simulation()

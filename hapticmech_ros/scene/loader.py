@@ -13,6 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.scene.contact_rules import with_mesh_paths
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.rules import broken_rules
 from hapticmech_ros.share import shared
@@ -56,7 +57,8 @@ def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scen
     if not _values_within(document, VALUE_LIMIT):
         rule = f"at most {VALUE_LIMIT} values with all aliases written out"
         raise SceneError(str(path), [SceneProblem("file", str(path), rule)])
-    return scene_from_document(_at_rate(document, control_rate), source=str(path))
+    document = with_mesh_paths(_at_rate(document, control_rate), path.resolve().parent)
+    return scene_from_document(document, source=str(path))
 
 
 def _at_rate(document: object, control_rate: float) -> object:
@@ -121,7 +123,7 @@ def _key_path(location: tuple[int | str, ...]) -> str:
     parts = list(location)
     if parts[:1] == ["hand"]:
         del parts[1:2]
-    elif parts[:1] == ["initial_state"]:
+    elif parts[:1] == ["initial_state"] or parts[2:3] == ["geometry"]:
         del parts[3:4]
     path = ""
     for part in parts:
