@@ -87,7 +87,8 @@ def near_pairs(
     """Fill ``poses`` and ``margins``.
 
     Args:
-        numbers, values: of the shapes; see ``ShapeTables``.
+        numbers: (shapes, 6) of the shapes; see ``ShapeTables``.
+        values: (shapes, 20).
         joint_poses: (joints, 12) in the world.
         axes: (nv, 6) joint axes, as twists about the world's origin.
         moves: (joints, nv) 1 where a rate moves a joint, 0 elsewhere.

@@ -40,7 +40,8 @@ class Nearest:
         """Return (10,): unit normal from a to b, distance (m, below 0 if they overlap), points.
 
         Args:
-            pose_a, pose_b: (12,) axes and origin of each, in the world.
+            pose_a: (12,) axes and origin of a, in the world.
+            pose_b: of b.
         """
         for place, pose in zip(self._places, (pose_a, pose_b), strict=True):
             place.setTransform(pose[:9].reshape(3, 3).T, pose[9:])

@@ -44,7 +44,7 @@ class Search:
 
     def __init__(self, mechanism: Mechanism) -> None:
         scene, self._model = mechanism.scene, mechanism.model
-        self._data = self._model.createData()
+        self._data, self._later = self._model.createData(), self._model.createData()
         self._tables = shape_tables(scene.shapes, mechanism.tree)
         place = {shape.name: index for index, shape in enumerate(scene.shapes)}
         pairs = [(place[contact.a], place[contact.b]) for contact in scene.contacts]
@@ -99,6 +99,16 @@ class Search:
         if not owners:
             return np.zeros(0, dtype=np.int64), np.zeros((0, POINT_VALUES))
         return np.array(owners), np.concatenate(found)
+
+    def later_axes(self, q: Array, change: Array) -> Array:
+        """Return (nv, 6) joint axes at q ⊕ change, as twists about the world's origin."""
+        moved = pin.integrate(self._model, q, change)
+        pin.computeJointJacobians(self._model, self._later, moved)
+        return np.ascontiguousarray(self._later.J.T)
+
+    def centres(self, owners: Array) -> Array:
+        """Return (n, 2, 3) the origins of both shapes of pairs, m, where points were sought last."""
+        return np.ascontiguousarray(self._poses[self._pairs[owners], 9:])
 
     def _searched(self, shapes: tuple[Shape, ...], pair: tuple[int, int]) -> Nearest | None:
         a, b = pair

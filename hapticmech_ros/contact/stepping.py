@@ -101,6 +101,8 @@ class ContactStepper:
             free,
             np.ascontiguousarray(space.factor),
             np.ascontiguousarray(space.basis.T),
+            search.later_axes(start.q, 0.5 * self._step * (start.v + free)),
+            search.centres(owners),
             self._step,
             self._ahead,
             forces,

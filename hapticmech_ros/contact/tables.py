@@ -45,7 +45,7 @@ class ShapeTables:
     polytopes: tuple[Polytope | None, ...]
 
     @property
-    def of_touching(self) -> tuple[Array, ...]:
+    def of_touching(self) -> tuple[Array, Array, Array, Array, Array, Array]:
         """What ``touching_points`` takes."""
         return self.numbers, self.values, self.vertices, self.faces, self.corners, self.normals
 
@@ -59,7 +59,9 @@ def shape_tables(shapes: tuple[Shape, ...], tree: TreeModel) -> ShapeTables:
     numbers = np.zeros((len(shapes), 6), dtype=np.int64)
     values = np.zeros((len(shapes), SHAPE_VALUES))
     polytopes = tuple(_polytope(shape, index) for index, shape in enumerate(shapes))
-    vertices, faces, corners, normals = [np.zeros((0, 3))], [], [], [np.zeros((0, 3))]
+    vertices, normals = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    faces: list[tuple[int, int]] = []
+    corners: list[int] = []
     many = 0
     for index, shape in enumerate(shapes):
         joint, placement = tree.link_joint[shape.link]

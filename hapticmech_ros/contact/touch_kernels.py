@@ -30,6 +30,9 @@ _FACE_SHARE, _FACE_SLACK = 1e-3, 1e-7
 _FIRST = 0.01
 # Across a normal with less of it along x, tangents begin with x.
 _MOSTLY = 0.8
+# The deepest of many points goes before one that is further out if it is deeper by this share of
+# their extent.
+_DEEPER = 0.01
 
 
 @inner
@@ -77,7 +80,7 @@ def _spread(above: Array, depths: Array, count: int, normal: Array, chosen: Arra
     reached = -np.inf
     for k in range(kept):
         reached = max(reached, depths[chosen[k]])
-    if depths[deepest] > reached + 1e-6 * extent:
+    if depths[deepest] > reached + _DEEPER * extent:
         chosen[kept if kept < MOST_POINTS else 0] = deepest
         kept = min(kept + 1, MOST_POINTS)
     return kept
@@ -101,7 +104,7 @@ def _chosen(
             points[k, i] = above[chosen[k], i] + 0.5 * depth * normal[i]
             points[k, 3 + i] = sign * normal[i]
         points[k, 6] = depth
-    return kept
+    return int(kept)
 
 
 @inner
@@ -169,9 +172,15 @@ def touching_points(
     """Fill ``points`` (4, 7) with where shapes a and b touch, and return how many there are.
 
     Args:
-        numbers, values, vertices, faces, corners, normals: of the shapes; see ``ShapeTables``.
+        numbers: (shapes, 6) of the shapes; this and the next five are of ``ShapeTables``.
+        values: (shapes, 20).
+        vertices: (v, 3), m.
+        faces: (f, 2).
+        corners: (c,).
+        normals: (f, 3).
         poses: (shapes, 12) in the world.
-        a, b: indices of the shapes.
+        a: index of a shape.
+        b: index of the other one.
         margin: m, gap up to which points count, with negative depth.
         found: (10,) nearest points of two bounded shapes; not looked at if one is a half-space.
         points: to fill: position, m, midway between both surfaces; unit normal from b to a; depth.

@@ -10,9 +10,8 @@ import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
-from hapticmech_ros.mechanism.build import build, build_stepper
+from hapticmech_ros.mechanism.build import build, build_contact_stepper, build_stepper
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
-from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion import NOTHING, Pushes, Start
 from hapticmech_ros.mechanism.projection import project
@@ -20,7 +19,7 @@ from hapticmech_ros.mechanism.stepping import Stepped
 from hapticmech_ros.scene.document import Scene
 
 if TYPE_CHECKING:
-    from hapticmech_ros.contact.stepping import ContactStepper, Touched
+    from hapticmech_ros.contact.stepping import Touched
     from hapticmech_ros.contact.touching import Touching
 
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.
@@ -98,7 +97,7 @@ class Simulator:
         self.mechanism = build(scene, compiled)
         self.period = scene.simulation.period
         self._stepper = build_stepper(self.mechanism)
-        self._contacts = _contact_stepper(self.mechanism) if scene.contacts else None
+        self._contacts = build_contact_stepper(self.mechanism)
         self._evaluated: tuple[MechanismState, Evaluation] | None = None
         self._projected: tuple[MechanismState, Closing] | None = None
         self._can_latch = [
@@ -246,8 +245,8 @@ class Simulator:
         """Return the state after a step with contacts."""
         ended = self._ended(state, touched.stepped, 1)
         before, energy = ended.account, touched.energy
-        lost = before.contact_energy - energy - touched.work
-        account = replace(before, contact_loss=before.contact_loss + lost, contact_energy=energy)
+        lost = before.contact_loss + before.contact_energy - energy - touched.work
+        account = replace(before, contact_loss=lost, contact_energy=energy)
         after = replace(ended, account=account, touching=touched.touching)
         self._projected = after, touched.stepped.closing
         return after
@@ -289,13 +288,6 @@ class Simulator:
         if distance > limit or self.mechanism.on_wrong_branch(index, q):
             rule = f"can be closed only within {limit:.4g} (m, rad) of its frames, axes alike"
             raise InvalidInputError(f"distance of closure {loop.name}", distance, rule)
-
-
-def _contact_stepper(mechanism: Mechanism) -> ContactStepper:
-    # Here, so that a scene without contacts imports nothing of them.
-    from hapticmech_ros.contact.stepping import ContactStepper
-
-    return ContactStepper(mechanism)
 
 
 def _frozen(array: Array) -> Array:

@@ -205,9 +205,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return Energy(
             time_ns,
             kinetic,
-            potential,
+            potential + account.contact_energy,
             account.work_in,
-            account.damping_loss,
+            account.damping_loss + account.contact_loss,
             account.latch_loss,
             state.closure_error,
         )
