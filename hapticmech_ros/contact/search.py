@@ -107,7 +107,7 @@ class Search:
         return np.ascontiguousarray(self._later.J.T)
 
     def centres(self, owners: Array) -> Array:
-        """Return (n, 2, 3) the origins of both shapes of pairs, m, where points were sought last."""
+        """Return (n, 2, 3) the origins of both shapes of pairs, m, at the last configuration."""
         return np.ascontiguousarray(self._poses[self._pairs[owners], 9:])
 
     def _searched(self, shapes: tuple[Shape, ...], pair: tuple[int, int]) -> Nearest | None:

@@ -150,7 +150,7 @@ def _polytope_face(
                 if corners[k] == vertex:
                     most, found = cosine, face
     first, many = faces[found, 0], faces[found, 1]
-    count = min(many, MOST_CORNERS)
+    count = int(min(many, MOST_CORNERS))
     for k in range(count):
         corner = corners[first + k * many // count]
         put_point(pose, vertices[corner, 0], vertices[corner, 1], vertices[corner, 2], out[k])

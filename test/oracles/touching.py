@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import numpy as np
 
 from hapticmech_ros.mechanism import MechanismState, Simulator
@@ -30,7 +32,7 @@ def body(name, mass=1.0, joint="free"):
 
 
 def shape(link, geometry, **more):
-    return {"name": f"{link}_shape", "link": link, "geometry": geometry} | more
+    return {"name": f"{link}_shape", "link": link, "geometry": deepcopy(geometry)} | more
 
 
 def pair(a, b="floor", stiffness=1e5, damping=0.0, friction=0.0):
