@@ -62,7 +62,16 @@ class ContactStepper:
         laws = [(c.stiffness, c.damping, c.friction) for c in scene.contacts]
         self._laws = np.array(laws, dtype=float)
         links = {shape.name: shape.link for shape in scene.shapes}
-        self._links = [(links[contact.a], links[contact.b]) for contact in scene.contacts]
+        self._links = sorted({*links.values()} - {"world"})
+        places = [mechanism.link_place(link) for link in self._links]
+        self._carriers = np.array([joint for joint, _ in places])
+        self._origins = np.array([placement.translation for _, placement in places])
+        # 1 where a pair's force acts on a link, -1 where its reaction does.
+        self._acts = np.zeros((len(self._links), len(scene.contacts)))
+        for pair, contact in enumerate(scene.contacts):
+            for shape, sign in ((contact.a, 1.0), (contact.b, -1.0)):
+                if links[shape] != "world":
+                    self._acts[self._links.index(links[shape]), pair] += sign
 
     def advance(self, start: Start, pushes: Pushes, touching: Touching | None) -> Touched:
         """Advance by one period with pushes held.
@@ -108,7 +117,8 @@ class ContactStepper:
             forces,
             report,
         )
-        on_links = self._on_links(owners, points, forces, pushes.on_links)
+        about_world = np.concatenate((forces, _cross(points[:, :3], forces)), axis=1)
+        on_links = self._on_links(owners, about_world, pushes.on_links)
         stepped = self._stepper.advance(
             start._replace(terms=motion.first), pushes._replace(on_links=on_links)
         )
@@ -119,7 +129,7 @@ class ContactStepper:
             points[:, 3:6],
             points[:, 6],
             forces,
-            _joint_force(points, joints, forces, search.axes, search.moves),
+            _joint_force(about_world, joints, search.axes, search.moves),
             int(report[SWEEPS]),
             float(report[CHANGE]),
         )
@@ -127,28 +137,20 @@ class ContactStepper:
         return Touched(stepped, touching, float(report[HELD]), work)
 
     def _on_links(
-        self, owners: Array, points: Array, forces: Array, pushed: Mapping[str, Array]
+        self, owners: Array, about_world: Array, pushed: Mapping[str, Array]
     ) -> dict[str, Array]:
         """Return what pushes on links and what contacts do to them, at their frames' origins."""
-        moments = _cross(points[:, :3], forces)
-        about_world: dict[str, Array] = {}
-        for pair, force, moment in zip(owners.tolist(), forces, moments, strict=True):
-            for link, sign in zip(self._links[pair], (1.0, -1.0), strict=True):
-                if link != "world":
-                    total = about_world.setdefault(link, np.zeros(6))
-                    total[:3] += sign * force
-                    total[3:] += sign * moment
+        acts = self._acts[:, owners]
+        wrenches = acts @ about_world
+        poses = self._search.joint_poses[self._carriers]
+        axes = poses[:, :9].reshape(-1, 3, 3)
+        origins = poses[:, 9:] + (self._origins[:, :, None] * axes).sum(axis=1)
+        wrenches[:, 3:] -= _cross(origins, wrenches[:, :3])
         on_links = dict(pushed)
-        for link, wrench in about_world.items():
-            wrench[3:] -= _cross(self._origin(link), wrench[:3])
+        for index in np.flatnonzero(acts.any(axis=1)).tolist():
+            link, wrench = self._links[index], wrenches[index]
             on_links[link] = on_links[link] + wrench if link in on_links else wrench
         return on_links
-
-    def _origin(self, link: str) -> Array:
-        """Return where a link's frame is, m, world."""
-        joint, placement = self._mechanism.link_place(link)
-        pose = self._search.joint_poses[joint]
-        return np.asarray(pose[:9].reshape(3, 3).T @ placement.translation + pose[9:])
 
 
 def _guesses(owners: Array, points: Array, before: Touching) -> Array:
@@ -165,15 +167,15 @@ def _guesses(owners: Array, points: Array, before: Touching) -> Array:
     return forces
 
 
-def _joint_force(points: Array, joints: Array, forces: Array, axes: Array, moves: Array) -> Array:
-    """Return (nv,) Σ J_cᵀ λ."""
-    moments = _cross(points[:, :3], forces)
-    along = np.concatenate((forces, moments), axis=1) @ axes.T
+def _joint_force(about_world: Array, joints: Array, axes: Array, moves: Array) -> Array:
+    """Return (nv,) Σ J_cᵀ λ of forces (n, 6) with their moments about the world's origin."""
+    along = about_world @ axes.T
     return np.asarray((along * (moves[joints[:, 0]] - moves[joints[:, 1]])).sum(axis=0))
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Return a × b of the last axes; NumPy's own takes its time over what they are."""
-    x, y, z = a[..., 0], a[..., 1], a[..., 2]
-    f, g, h = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack((y * h - z * g, z * f - x * h, x * g - y * f), axis=-1)
+    """Return a × b of rows (n, 3); NumPy's own takes its time over what they are."""
+    out = np.empty(a.shape)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[:, i] = a[:, j] * b[:, k] - a[:, k] * b[:, j]
+    return out
