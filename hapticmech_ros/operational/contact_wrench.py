@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.operational.analysis import OperationalAnalysis
+from hapticmech_ros.operational.analysis import Analyser, OperationalAnalysis
 
 
 def contact_wrench(
@@ -39,3 +40,22 @@ def contact_wrench(
     wrench = np.zeros(6)
     wrench[analysis.rows] = found.wrenches @ shares
     return wrench
+
+
+class ContactWrenches:
+    """What contacts do at all operational points of a mechanism.
+
+    Args:
+        mechanism: whose.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._analysers = [Analyser(mechanism, name) for name in mechanism.point_names]
+
+    def at(self, terms: Evaluation, joint_force: Array) -> Array:
+        """Return F_c (points, 6) from Σ J_cᵀ λ (nv,) and the terms at a state, N and N m."""
+        wrenches = [
+            contact_wrench(terms, analyser.analyse(terms), joint_force, index)
+            for index, analyser in enumerate(self._analysers)
+        ]
+        return np.array(wrenches)
