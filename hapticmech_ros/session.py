@@ -21,8 +21,10 @@ from hapticmech_ros.control import (
 from hapticmech_ros.device import DeviceState, device_for
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
+from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
+from hapticmech_ros.operational.contact_wrench import contact_wrench
 from hapticmech_ros.operational.counter import CountState, first_count, next_count
 from hapticmech_ros.scene.document import Scene
 
@@ -37,6 +39,7 @@ class Sample:
         point: the operational point's kinematics.
         hand_wrench: (6,) F_h on the device.
         external_wrench: (6,) on the mechanism at the operational point, by others.
+        contact_wrench: (6,) F_c of virtual objects there, of the step that led here; zero without.
         analysis: Λ_h⁻¹ and what follows.
         count: joint constraints reported.
         output: the controllers' wrenches computed from these measurements.
@@ -48,6 +51,7 @@ class Sample:
     point: PointKinematics
     hand_wrench: Array
     external_wrench: Array
+    contact_wrench: Array
     analysis: OperationalAnalysis
     count: int
     output: ControlOutput
@@ -107,11 +111,12 @@ class Session:
         point = terms.points[self._index]
         analysis = self._analyser.analyse(terms)
         self._count = self._next_count(analysis.spectrum.s, time)
+        contact = self._contact_wrench(terms, analysis, mechanism)
         output = self._control.compute(
             time,
             self._engagement,
             DeviceMeasurement(device.measured_pose, device.measured_twist, device.hand_wrench),
-            PointMeasurement(point.pose, point.twist, external),
+            PointMeasurement(point.pose, point.twist, external + contact),
             rendering_model(analysis),
         )
         sample = Sample(
@@ -121,6 +126,7 @@ class Session:
             point,
             device.hand_wrench,
             external,
+            contact,
             analysis,
             self._count.count,
             output,
@@ -141,6 +147,15 @@ class Session:
             InvalidInputError: unknown closure, or one too far open to be closed.
         """
         self._mechanism_state = self.simulator.switch(self._mechanism_state, {name: closed})
+
+    def _contact_wrench(
+        self, terms: Evaluation, analysis: OperationalAnalysis, mechanism: MechanismState
+    ) -> Array:
+        """Return what virtual objects do at the operational point, (6,)."""
+        touching = mechanism.touching
+        if touching is None or not touching.pairs.size:
+            return np.zeros(6)
+        return contact_wrench(terms, analysis, touching.joint_force, self._index)
 
     def _next_count(self, s: Array, time: float) -> CountState:
         perception = self.scene.perception

@@ -11,7 +11,7 @@ PACKAGE = Path(hapticmech_ros.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
 CORE = (
     *("scene", "mechanism", "operational", "control", "device", "wire", "session", "errors"),
-    *("formats", "plan"),
+    *("formats", "plan", "contact"),
 )
 # Above the core, still without ROS: they run sessions and read files.
 TOOLS = ("experiment", "bag", "view")

@@ -14,7 +14,7 @@ from hapticmech_ros.compilation.library import MODULE
 
 # Import every kernel, directly or not.
 _HOMES = ("mechanism.compiled.stepping", "operational.compiled", "control.compiled")
-_MORE_HOMES = ("device.compiled", "wire.readings")
+_MORE_HOMES = ("device.compiled", "wire.readings", "contact.search", "contact.stepping")
 
 
 def import_all() -> None:

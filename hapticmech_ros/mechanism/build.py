@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.stepping import Plan, Stepper
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Simulation
+
+if TYPE_CHECKING:
+    from hapticmech_ros.contact.stepping import ContactStepper
 
 
 def build(scene: Scene, compiled: bool = True) -> Mechanism:
@@ -26,15 +29,35 @@ def build(scene: Scene, compiled: bool = True) -> Mechanism:
     return CompiledMechanism(scene)
 
 
-def build_stepper(mechanism: Mechanism) -> Stepper:
-    """Return what steps a mechanism as its scene says, compiled if the mechanism is."""
-    plan = plan_of(mechanism.scene.simulation)
+def build_stepper(mechanism: Mechanism, plan: Plan | None = None) -> Stepper:
+    """Return what steps a mechanism, compiled if the mechanism is.
+
+    Args:
+        mechanism: to step.
+        plan: how; as its scene says if left out.
+    """
+    if plan is None:
+        plan = plan_of(mechanism.scene.simulation)
     if not mechanism.compiled:
         return Stepper(mechanism, plan)
     from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
     from hapticmech_ros.mechanism.compiled.stepping import CompiledStepper
 
     return CompiledStepper(cast(CompiledMechanism, mechanism), plan)
+
+
+def build_contact_stepper(mechanism: Mechanism) -> ContactStepper | None:
+    """Return what steps a mechanism with contacts; None if its scene has none.
+
+    Raises:
+        SceneError: a mesh that cannot be read.
+    """
+    if not mechanism.scene.contacts:
+        return None
+    # Here, so that a scene without contacts imports nothing of them.
+    from hapticmech_ros.contact.stepping import ContactStepper
+
+    return ContactStepper(mechanism)
 
 
 def plan_of(simulation: Simulation) -> Plan:

@@ -85,6 +85,11 @@ class HeldMotion:
             return None
         return Springs(self._evaluate(q, v).space, stiffness, damping, reach)
 
+    @property
+    def first(self) -> Evaluation:
+        """The terms at the step's start."""
+        return self._evaluate(self._start.q, self._start.v)
+
     def _evaluate(self, q: Array, v: Array) -> Evaluation:
         start = self._start
         if q is not start.q or v is not start.v:

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
-from hapticmech_ros.mechanism.build import build, build_stepper
+from hapticmech_ros.mechanism.build import build, build_contact_stepper, build_stepper
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion import NOTHING, Pushes, Start
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.mechanism.stepping import Stepped
 from hapticmech_ros.scene.document import Scene
+
+if TYPE_CHECKING:
+    from hapticmech_ros.contact.stepping import Touched
+    from hapticmech_ros.contact.touching import Touching
 
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.
 CLOSE_BY_HAND = 0.02
@@ -29,11 +34,15 @@ class EnergyAccount:
         work_in: work by wrenches, and by efforts and further forces in joints.
         damping_loss: in damping, friction, dampers, and the part of stops that is no spring.
         latch_loss: when loops latched.
+        contact_loss: in contacts, by friction, damping and impact.
+        contact_energy: held by contacts now, as by springs.
     """
 
     work_in: float = 0.0
     damping_loss: float = 0.0
     latch_loss: float = 0.0
+    contact_loss: float = 0.0
+    contact_energy: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +55,8 @@ class MechanismState:
         active: per closure of the scene, whether it is closed.
         closure_error: largest residual of the active closures, m or rad.
         account: energy account.
+        touching: points of contact in the step that led here; None before the first one, and in a
+            scene without contacts.
     """
 
     time: float
@@ -54,6 +65,7 @@ class MechanismState:
     active: Active
     closure_error: float = 0.0
     account: EnergyAccount = EnergyAccount()
+    touching: Touching | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +97,7 @@ class Simulator:
         self.mechanism = build(scene, compiled)
         self.period = scene.simulation.period
         self._stepper = build_stepper(self.mechanism)
+        self._contacts = build_contact_stepper(self.mechanism)
         self._evaluated: tuple[MechanismState, Evaluation] | None = None
         self._projected: tuple[MechanismState, Closing] | None = None
         self._can_latch = [
@@ -131,8 +144,11 @@ class Simulator:
                 another size or not finite.
         """
         pushes = Pushes(wrenches, on_links, joint_forces)
-        stepped = self._stepper.advance(self._start(state), pushes)
-        return self._latch(self._ended(state, stepped, 1))
+        if self._contacts is None:
+            stepped = self._stepper.advance(self._start(state), pushes)
+            return self._latch(self._ended(state, stepped, 1))
+        touched = self._contacts.advance(self._start(state), pushes, state.touching)
+        return self._latch(self._touched(state, touched))
 
     def run(
         self, state: MechanismState, steps: int, wrenches: Array | None = None, every: int = 1
@@ -156,7 +172,8 @@ class Simulator:
         if every < 1:
             raise InvalidInputError("every", every, "must be 1 or more")
         held = np.zeros((len(self.mechanism.point_names), 6)) if wrenches is None else wrenches
-        if self._can_latch and not all(state.active[index] for index in self._can_latch):
+        latching = not all(state.active[index] for index in self._can_latch)
+        if latching or self._contacts is not None:
             return self._run_watched(state, steps, held, every)
         return self._run_free(state, steps, held, every)
 
@@ -216,13 +233,23 @@ class Simulator:
         """Return the state after some steps, and remember what is known there."""
         q, v, error, closing, work_in, lost = stepped
         before = state.account
-        account = EnergyAccount(
-            before.work_in + work_in, before.damping_loss + lost, before.latch_loss
+        account = replace(
+            before, work_in=before.work_in + work_in, damping_loss=before.damping_loss + lost
         )
         time = state.time + steps * self.period
         ended = MechanismState(time, _frozen(q), _frozen(v), state.active, error, account)
         self._projected = ended, closing
         return ended
+
+    def _touched(self, state: MechanismState, touched: Touched) -> MechanismState:
+        """Return the state after a step with contacts."""
+        ended = self._ended(state, touched.stepped, 1)
+        before, energy = ended.account, touched.energy
+        lost = before.contact_loss + before.contact_energy - energy - touched.work
+        account = replace(before, contact_loss=lost, contact_energy=energy)
+        after = replace(ended, account=account, touching=touched.touching)
+        self._projected = after, touched.stepped.closing
+        return after
 
     def _closing(self, state: MechanismState) -> Closing | None:
         """Return the closures' terms at ``state``, if the last step ended there."""

@@ -20,6 +20,7 @@ from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.point_port import PointPort
 from hapticmech_ros.nodes.pushes import Pushes
 from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.operational.contact_wrench import ContactWrenches
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.joints import coordinate_names
@@ -54,6 +55,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._calm = np.zeros((len(names), 6))
         self._calm.flags.writeable = False
         self._external = self._calm
+        self._contact_wrenches = (
+            ContactWrenches(self._simulator.mechanism) if self.scene.contacts else None
+        )
         held = parameters.held_points.split(",") if parameters.held_points else [self.point]
         self._held = [self._simulator.mechanism.point_index(name.strip()) for name in held]
         self._on_links: dict[str, Array] = {}
@@ -124,7 +128,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             self._fail(error, deadline_ns)
 
     def _publish(self, deadline_ns: int) -> None:
-        state, external = self._state, self._external
+        state, external = self._state, self._by_all()
         lockstep = self.lockstep
         heard = tuple([lockstep or p.command.heard(deadline_ns) for p in self._ports])
         wire = WireState(deadline_ns, state.active, state.q, state.v, external, heard)
@@ -134,6 +138,14 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if self._ticks % self.view_every == 0:
             self._publish_view(self._simulator.evaluate(state), external, deadline_ns)
         self._ticks += 1
+
+    def _by_all(self) -> Array:
+        """Return F_c (points, 6): what pushes at operational points, and virtual objects' part."""
+        touching = self._state.touching
+        if self._contact_wrenches is None or touching is None or not touching.pairs.size:
+            return self._external
+        terms = self._simulator.evaluate(self._state)
+        return np.asarray(self._external + self._contact_wrenches.at(terms, touching.joint_force))
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the mechanism's state and figures."""
@@ -207,9 +219,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return Energy(
             time_ns,
             kinetic,
-            potential,
+            potential + account.contact_energy,
             account.work_in,
-            account.damping_loss,
+            account.damping_loss + account.contact_loss,
             account.latch_loss,
             state.closure_error,
         )

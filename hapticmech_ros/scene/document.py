@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene.contacts import ContactPair, Shape
 from hapticmech_ros.scene.mechanism import (
     Closure,
     Coupling,
@@ -45,6 +46,8 @@ class Scene(Part):
     closures: tuple[Closure, ...] = ()
     couplings: tuple[Coupling, ...] = ()
     springs: tuple[Spring, ...] = ()
+    shapes: tuple[Shape, ...] = ()
+    contacts: tuple[ContactPair, ...] = ()
     operational_points: Annotated[tuple[OperationalPoint, ...], Field(min_length=1)]
     initial_state: InitialState = InitialState()
     simulation: Simulation = Simulation()

@@ -14,6 +14,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.scene.contact_rules import with_mesh_paths
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.rules import broken_rules
 from hapticmech_ros.share import shared
@@ -40,6 +41,7 @@ def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scen
     """
     path = find_scene(scene)
     document = _at_rate(written_document(path), control_rate)
+    document = with_mesh_paths(document, path.resolve().parent)
     if isinstance(document, Mapping) and "model" in document:
         found: Scene = import_module("hapticmech_ros.formats").scene_of(document, path)
         return found
@@ -47,7 +49,11 @@ def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scen
 
 
 def written_document(path: Path) -> object:
-    """Return what a scene's file says."""
+    """Return what a scene's file says; of a model, that it is the scene's.
+
+    Raises:
+        SceneError: too large, not readable, or not YAML.
+    """
     if path.suffix.lower() in MODEL_SUFFIXES:
         return {"format": "hapticmech-scene/1", "model": path.name}
     if path.stat().st_size > FILE_SIZE_LIMIT:
@@ -137,7 +143,7 @@ def _key_path(location: tuple[int | str, ...]) -> str:
     parts = list(location)
     if parts[:1] == ["hand"]:
         del parts[1:2]
-    elif parts[:1] == ["initial_state"]:
+    elif parts[:1] == ["initial_state"] or parts[2:3] == ["geometry"]:
         del parts[3:4]
     path = ""
     for part in parts:

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from hapticmech_ros.errors import SceneProblem
+from hapticmech_ros.scene.contact_rules import broken_contact_rules
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Closure, Inertia, Joint, Link, Origin, Spring
 from hapticmech_ros.scene.part import Vector3
@@ -48,6 +49,7 @@ def broken_rules(scene: Scene) -> list[SceneProblem]:
         *_plane(scene),
         *_thresholds(scene),
         *_sampling(scene),
+        *broken_contact_rules(scene),
     ]
 
 

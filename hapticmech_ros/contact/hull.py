@@ -1,0 +1,126 @@
+"""Convex polytopes: vertices and flat faces, of boxes and of the hulls of meshes."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.mechanism.model import Array
+
+# Triangles whose normals differ by less are one face.
+FLAT = 1e-6
+MOST_VERTICES = 2000
+
+
+class Polytope(NamedTuple):
+    """A convex body.
+
+    Attributes:
+        vertices: (n, 3) m.
+        faces: corners of each, in order around its outward normal.
+        normals: (f, 3) outward unit normals.
+        triangles: (t, 3) the surface.
+    """
+
+    vertices: Array
+    faces: tuple[tuple[int, ...], ...]
+    normals: Array
+    triangles: Array
+
+
+def box(size: tuple[float, float, float]) -> Polytope:
+    """Return a box about the origin, lengths in m."""
+    return hull(np.array(list(product((-0.5, 0.5), repeat=3))) * np.array(size))
+
+
+def hull(points: Array) -> Polytope:
+    """Return the convex hull of points (n, 3), m.
+
+    Raises:
+        QhullError: all of them are in one plane.
+    """
+    found = ConvexHull(points)
+    kept = np.sort(found.vertices)
+    place = {int(old): new for new, old in enumerate(kept)}
+    vertices = np.ascontiguousarray(points[kept], dtype=float)
+    triangles = [[place[int(corner)] for corner in simplex] for simplex in found.simplices]
+    merged = _merged(triangles, found.equations[:, :3])
+    normals = np.array([_unit(normal) for normal, _ in merged])
+    faces = tuple(_around(vertices, members, normal) for normal, members in merged)
+    outwards = [
+        _turned(vertices, corners, normal)
+        for corners, normal in zip(triangles, found.equations[:, :3], strict=True)
+    ]
+    return Polytope(vertices, faces, normals, np.array(outwards))
+
+
+def read_mesh(file: str, scale: tuple[float, float, float], key: str) -> Polytope:
+    """Return the convex hull of a mesh in a file.
+
+    Args:
+        file: path.
+        scale: of its coordinates.
+        key: of the scene that names the file, for errors.
+
+    Raises:
+        SceneError: the file cannot be read, or holds no body, or too many corners.
+    """
+    import coal
+
+    try:
+        loaded = coal.MeshLoader().load(str(Path(file)), np.array(scale))
+        points = np.array([loaded.vertex(i) for i in range(loaded.num_vertices)])
+    except (RuntimeError, ValueError) as error:
+        raise _refused(key, file, f"cannot be read as a mesh: {error}") from None
+    try:
+        found = hull(np.unique(points, axis=0))
+    except (QhullError, ValueError, IndexError):
+        raise _refused(key, file, "the mesh must not be flat") from None
+    if len(found.vertices) > MOST_VERTICES:
+        rule = f"the hull must have at most {MOST_VERTICES} corners, not {len(found.vertices)}"
+        raise _refused(key, file, rule)
+    return found
+
+
+def _refused(key: str, file: str, rule: str) -> SceneError:
+    return SceneError("shapes", [SceneProblem(key, file, rule)])
+
+
+def _merged(triangles: list[list[int]], normals: Array) -> list[tuple[Array, set[int]]]:
+    """Return normals and corners of faces; on a convex body triangles with one normal are one."""
+    faces: list[tuple[Array, set[int]]] = []
+    for normal, corners in zip(normals, triangles, strict=True):
+        for known, members in faces:
+            if np.linalg.norm(known - normal) < FLAT:
+                members |= set(corners)
+                break
+        else:
+            faces.append((normal, set(corners)))
+    return faces
+
+
+def _around(vertices: Array, members: set[int], normal: Array) -> tuple[int, ...]:
+    """Return corners of a face in order around its normal, beginning with the first."""
+    corners = sorted(members)
+    middle = vertices[corners].mean(axis=0)
+    first = vertices[corners[0]] - middle
+    second = np.cross(normal, first)
+    away = vertices[corners] - middle
+    angles = np.arctan2(away @ second, away @ first)
+    order = sorted(range(len(corners)), key=lambda k: float(angles[k]) % (2.0 * np.pi))
+    return tuple(corners[k] for k in order)
+
+
+def _turned(vertices: Array, corners: list[int], normal: Array) -> list[int]:
+    """Return a triangle whose corners go around its outward normal."""
+    a, b, c = vertices[corners]
+    return corners if np.cross(b - a, c - a) @ normal > 0.0 else corners[::-1]
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.linalg.norm(vector))

@@ -1,0 +1,191 @@
+"""Shapes inside kernels: where they are, how far they reach, and their faces, edges and corners.
+
+A shape is a row of whole numbers and one of floats. Poses are kept as twelve numbers: the axes of
+the frame one after the other, then its origin. A polytope is a box or the hull of a mesh.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.compilation import inner
+from hapticmech_ros.mechanism.model import Array
+
+SPHERE, CAPSULE, CYLINDER, POLYTOPE, HALF_SPACE = 0, 1, 2, 3, 4
+# Columns of a shape's whole numbers.
+KIND, JOINT, FIRST_VERTEX, LAST_VERTEX, FIRST_FACE, LAST_FACE = 0, 1, 2, 3, 4, 5
+# Columns of its floats: its pose in the joint, then these; the middle and half-lengths of a box
+# about it, in its own axes.
+RADIUS, HALF_LENGTH, MIDDLE, HALF_SIZE, SHAPE_VALUES = 12, 13, 14, 17, 20
+# Corners that a polygon may have, and those that stand for a disk: as the face of a cylinder that
+# others lie on, or as what lies on another's face. Four already resist tilting alike all around.
+MOST_CORNERS, DISK_CORNERS, LYING_DISK_CORNERS = 16, 8, 4
+# A cylinder lies on its end where that is nearer to the direction asked for than its side.
+_ON_END = 0.7071067811865476
+
+
+@inner
+def along_axis(pose: Array, axis: int, x: float, y: float, z: float) -> float:
+    """Return the part of a vector along an axis of a pose."""
+    return float(pose[3 * axis] * x + pose[3 * axis + 1] * y + pose[3 * axis + 2] * z)
+
+
+@inner
+def put_point(pose: Array, x: float, y: float, z: float, out: Array) -> None:
+    """Put a point of a frame into ``out`` (3,), world axes, m."""
+    for i in range(3):
+        out[i] = pose[9 + i] + x * pose[i] + y * pose[3 + i] + z * pose[6 + i]
+
+
+@inner
+def compose(outer: Array, local: Array, out: Array) -> None:
+    """Put the pose of a frame, given in another, into ``out`` (12,)."""
+    for axis in range(3):
+        for i in range(3):
+            total = 0.0
+            for k in range(3):
+                total += local[3 * axis + k] * outer[3 * k + i]
+            out[3 * axis + i] = total
+    put_point(outer, local[9], local[10], local[11], out[9:])
+
+
+@inner
+def support(
+    numbers: Array, values: Array, vertices: Array, pose: Array, direction: Array
+) -> tuple[float, int]:
+    """Return how far a bounded shape reaches along a unit vector, m, and a polytope's vertex."""
+    x = along_axis(pose, 0, direction[0], direction[1], direction[2])
+    y = along_axis(pose, 1, direction[0], direction[1], direction[2])
+    z = along_axis(pose, 2, direction[0], direction[1], direction[2])
+    middle = pose[9] * direction[0] + pose[10] * direction[1] + pose[11] * direction[2]
+    kind = numbers[KIND]
+    if kind == POLYTOPE:
+        most, found = -np.inf, 0
+        for i in range(numbers[FIRST_VERTEX], numbers[LAST_VERTEX]):
+            reach = vertices[i, 0] * x + vertices[i, 1] * y + vertices[i, 2] * z
+            if reach > most:
+                most, found = reach, i
+        return float(middle + most), found
+    reach = abs(z) * values[HALF_LENGTH]
+    if kind == CYLINDER:
+        return float(middle + reach + values[RADIUS] * np.sqrt(x * x + y * y)), 0
+    return float(middle + reach + values[RADIUS]), 0
+
+
+@inner
+def face_normal(numbers: Array, normals: Array, pose: Array, direction: Array, out: Array) -> bool:
+    """Put the outward normal of the face that faces a direction most into ``out`` (3,).
+
+    Returns:
+        Whether the shape has such a face, less than 45° away.
+    """
+    z = along_axis(pose, 2, direction[0], direction[1], direction[2])
+    if numbers[KIND] == CYLINDER:
+        for i in range(3):
+            out[i] = pose[6 + i] if z > 0.0 else -pose[6 + i]
+        return abs(z) > _ON_END
+    if numbers[KIND] != POLYTOPE:
+        return False
+    x = along_axis(pose, 0, direction[0], direction[1], direction[2])
+    y = along_axis(pose, 1, direction[0], direction[1], direction[2])
+    most, found = -1.0, 0
+    for face in range(numbers[FIRST_FACE], numbers[LAST_FACE]):
+        cosine = normals[face, 0] * x + normals[face, 1] * y + normals[face, 2] * z
+        if cosine > most:
+            most, found = cosine, face
+    for i in range(3):
+        out[i] = (
+            normals[found, 0] * pose[i]
+            + normals[found, 1] * pose[3 + i]
+            + normals[found, 2] * pose[6 + i]
+        )
+    return most > _ON_END
+
+
+@inner
+def _cylinder_feature(
+    radius: float, half: float, pose: Array, direction: Array, disk_corners: int, out: Array
+) -> int:
+    """Put a cylinder's end as a polygon, or a line along its side, into ``out``."""
+    x = along_axis(pose, 0, direction[0], direction[1], direction[2])
+    y = along_axis(pose, 1, direction[0], direction[1], direction[2])
+    z = along_axis(pose, 2, direction[0], direction[1], direction[2])
+    across = np.sqrt(x * x + y * y)
+    cosine, sine = (x / across, y / across) if across > 0.0 else (1.0, 0.0)
+    if abs(z) <= _ON_END:
+        put_point(pose, radius * cosine, radius * sine, half, out[0])
+        put_point(pose, radius * cosine, radius * sine, -half, out[1])
+        return 2
+    # Begun at the corner that reaches furthest.
+    for k in range(disk_corners):
+        angle = 2.0 * np.pi * k / disk_corners
+        c, s = np.cos(angle), np.sin(angle)
+        right, up = radius * (c * cosine - s * sine), radius * (s * cosine + c * sine)
+        put_point(pose, right, up, half if z > 0.0 else -half, out[k])
+    return disk_corners
+
+
+@inner
+def _polytope_face(
+    numbers: Array,
+    values: Array,
+    vertices: Array,
+    faces: Array,
+    corners: Array,
+    normals: Array,
+    pose: Array,
+    direction: Array,
+    out: Array,
+) -> int:
+    """Put the face that faces a direction most, of those at the furthest vertex, into ``out``."""
+    _, vertex = support(numbers, values, vertices, pose, direction)
+    x = along_axis(pose, 0, direction[0], direction[1], direction[2])
+    y = along_axis(pose, 1, direction[0], direction[1], direction[2])
+    z = along_axis(pose, 2, direction[0], direction[1], direction[2])
+    most, found = -2.0, numbers[FIRST_FACE]
+    for face in range(numbers[FIRST_FACE], numbers[LAST_FACE]):
+        cosine = normals[face, 0] * x + normals[face, 1] * y + normals[face, 2] * z
+        if cosine > most:
+            for k in range(faces[face, 0], faces[face, 0] + faces[face, 1]):
+                if corners[k] == vertex:
+                    most, found = cosine, face
+    first, many = faces[found, 0], faces[found, 1]
+    count = int(min(many, MOST_CORNERS))
+    for k in range(count):
+        corner = corners[first + k * many // count]
+        put_point(pose, vertices[corner, 0], vertices[corner, 1], vertices[corner, 2], out[k])
+    return count
+
+
+@inner
+def feature(
+    numbers: Array,
+    values: Array,
+    vertices: Array,
+    faces: Array,
+    corners: Array,
+    normals: Array,
+    pose: Array,
+    direction: Array,
+    disk_corners: int,
+    out: Array,
+) -> int:
+    """Put the point, edge or face that reaches furthest along a unit vector into ``out``.
+
+    Returns:
+        How many rows of ``out`` (16, 3) it has: corners of a polygon in order, ends of an edge.
+    """
+    kind = numbers[KIND]
+    if kind == POLYTOPE:
+        return _polytope_face(
+            numbers, values, vertices, faces, corners, normals, pose, direction, out
+        )
+    radius, half = values[RADIUS], values[HALF_LENGTH]
+    if kind == CYLINDER:
+        return _cylinder_feature(radius, half, pose, direction, disk_corners, out)
+    count = 1 if kind == SPHERE else 2
+    for end in range(count):
+        put_point(pose, 0.0, 0.0, half if end == 0 else -half, out[end])
+        for i in range(3):
+            out[end, i] += radius * direction[i]
+    return count

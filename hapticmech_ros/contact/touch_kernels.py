@@ -1,0 +1,222 @@
+"""Where two shapes touch: at most four points, each with its own depth.
+
+Shapes touch along a normal. Where a face of one of them has that normal, the other's face, edge or
+corner is clipped by the sides of it, and each corner that is left has its own depth below the
+face: so a box rests on four points, and tilts about them. Elsewhere edges cross, or curved
+surfaces touch, in one point.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.contact.clip_kernels import MOST_BELOW, along_edges, below_plane, on_face
+from hapticmech_ros.contact.shape_kernels import HALF_SIZE, HALF_SPACE, KIND, face_normal, support
+from hapticmech_ros.mechanism.compiled.small_matrices import dot
+from hapticmech_ros.mechanism.model import Array
+
+# Points of a pair, and what is known of each: position, normal, depth.
+MOST_POINTS, POINT_VALUES = 4, 7
+# What the search for the nearest points gives: normal from a to b, distance, both points.
+FOUND_VALUES = 10
+# A face counts as what touches if it faces the other shape to within this angle, rad: at smaller
+# ones the search for the nearest points tells edges from faces by chance. It does as well if the
+# shapes are as far apart along its normal, to this share of their distance and of their size.
+_FACING = 0.1
+_FACE_SHARE, _FACE_SLACK = 1e-3, 1e-7
+# b's face goes before a's unless shapes overlap less along the latter, by this share of their size:
+# which one it is must not flicker.
+_FIRST = 0.01
+# Across a normal with less of it along x, tangents begin with x.
+_MOSTLY = 0.8
+# The deepest of many points goes before one that is further out if it is deeper by this share of
+# their extent.
+_DEEPER = 0.01
+
+
+@inner
+def tangents(normal: Array, first: Array, second: Array) -> None:
+    """Put two unit vectors across a normal, and across each other, into ``first``, ``second``."""
+    # Not the axis least along it: which one that is may flicker.
+    least = 0 if abs(normal[0]) < _MOSTLY else 1
+    i, j, k = least, (least + 1) % 3, (least + 2) % 3
+    size = np.sqrt(normal[j] * normal[j] + normal[k] * normal[k])
+    first[i], first[j], first[k] = 0.0, -normal[k] / size, normal[j] / size
+    for axis in range(3):
+        p, q = (axis + 1) % 3, (axis + 2) % 3
+        second[axis] = normal[p] * first[q] - normal[q] * first[p]
+
+
+@inner
+def _spread(above: Array, depths: Array, count: int, normal: Array, chosen: Array) -> int:
+    """Choose the points that reach furthest along four directions, and the deepest one.
+
+    By where they are, not by depths that differ in rounding: the choice must not flicker.
+    """
+    first, second = np.empty(3), np.empty(3)
+    tangents(normal, first, second)
+    kept, deepest, extent = 0, 0, 0.0
+    for k in range(count):
+        if depths[k] > depths[deepest]:
+            deepest = k
+    for turn in range(4):
+        c, s = (1.0, 0.3) if turn % 2 == 0 else (-0.3, 1.0)
+        sign = 1.0 if turn < 2 else -1.0
+        most, best = -np.inf, 0
+        for k in range(count):
+            reach = 0.0
+            for i in range(3):
+                reach += sign * (c * first[i] + s * second[i]) * (above[k, i] - above[0, i])
+            if reach > most:
+                most, best = reach, k
+        extent = max(extent, most)
+        known = False
+        for k in range(kept):
+            known = known or chosen[k] == best
+        if not known:
+            chosen[kept] = best
+            kept += 1
+    reached = -np.inf
+    for k in range(kept):
+        reached = max(reached, depths[chosen[k]])
+    if depths[deepest] > reached + _DEEPER * extent:
+        chosen[kept if kept < MOST_POINTS else 0] = deepest
+        kept = min(kept + 1, MOST_POINTS)
+    return kept
+
+
+@inner
+def _chosen(
+    above: Array, depths: Array, count: int, normal: Array, lies_on_b: bool, points: Array
+) -> int:
+    """Fill rows of ``points``: all if there are no more than four, else those furthest apart."""
+    chosen = np.empty(MOST_POINTS, dtype=np.int64)
+    kept = min(count, MOST_POINTS)
+    for k in range(kept):
+        chosen[k] = k
+    if count > MOST_POINTS:
+        kept = _spread(above, depths, count, normal, chosen)
+    sign = 1.0 if lies_on_b else -1.0
+    for k in range(kept):
+        depth = depths[chosen[k]]
+        for i in range(3):
+            points[k, i] = above[chosen[k], i] + 0.5 * depth * normal[i]
+            points[k, 3 + i] = sign * normal[i]
+        points[k, 6] = depth
+    return int(kept)
+
+
+@inner
+def _face_between(
+    numbers: Array,
+    values: Array,
+    vertices: Array,
+    normals: Array,
+    poses: Array,
+    a: int,
+    b: int,
+    found: Array,
+    normal: Array,
+) -> int:
+    """Return whose face two bounded shapes touch on: 1 for b's, -1 for a's, 0 for none.
+
+    ``normal`` becomes the outward one of that face.
+    """
+    direction, trial, down = np.empty(3), np.empty(3), np.empty(3)
+    size = min(_size(values[a]), _size(values[b]))
+    least = found[3] - _FACE_SHARE * abs(found[3]) - _FACE_SLACK * size
+    best, side = -np.inf, 0
+    for turn in range(2):
+        base, other, sign = (b, a, -1.0) if turn == 0 else (a, b, 1.0)
+        for i in range(3):
+            direction[i] = sign * found[i]
+        if face_normal(numbers[base], normals, poses[base], direction, trial):
+            cosine = dot(direction, trial)
+            for i in range(3):
+                down[i] = -trial[i]
+            own, _ = support(numbers[base], values[base], vertices, poses[base], trial)
+            facing, _ = support(numbers[other], values[other], vertices, poses[other], down)
+            apart = -own - facing
+            close = cosine > 1.0 - 0.5 * _FACING * _FACING or apart >= least
+            if close and apart > best:
+                best, side = apart + _FIRST * size, -int(sign)
+                for i in range(3):
+                    normal[i] = trial[i]
+    return side
+
+
+@inner
+def _size(values: Array) -> float:
+    return float(values[HALF_SIZE] + values[HALF_SIZE + 1] + values[HALF_SIZE + 2])
+
+
+@kernel(
+    "i8(i8[:, ::1], f8[:, ::1], f8[:, ::1], i8[:, ::1], i8[::1], f8[:, ::1], f8[:, ::1],"
+    " i8, i8, f8, f8[::1], f8[:, ::1])"
+)
+def touching_points(
+    numbers: Array,
+    values: Array,
+    vertices: Array,
+    faces: Array,
+    corners: Array,
+    normals: Array,
+    poses: Array,
+    a: int,
+    b: int,
+    margin: float,
+    found: Array,
+    points: Array,
+) -> int:
+    """Fill ``points`` (4, 7) with where shapes a and b touch, and return how many there are.
+
+    Args:
+        numbers: (shapes, 6) of the shapes; this and the next five are of ``ShapeTables``.
+        values: (shapes, 20).
+        vertices: (v, 3), m.
+        faces: (f, 2).
+        corners: (c,).
+        normals: (f, 3).
+        poses: (shapes, 12) in the world.
+        a: index of a shape.
+        b: index of the other one.
+        margin: m, gap up to which points count, with negative depth.
+        found: (10,) nearest points of two bounded shapes; not looked at if one is a half-space.
+        points: to fill: position, m, midway between both surfaces; unit normal from b to a; depth.
+    """
+    above = np.empty((MOST_BELOW, 3))
+    depths = np.empty(MOST_BELOW)
+    normal = np.empty(3)
+    lies_on_b = numbers[b, KIND] == HALF_SPACE
+    if lies_on_b or numbers[a, KIND] == HALF_SPACE:
+        plane, other = (b, a) if lies_on_b else (a, b)
+        for i in range(3):
+            normal[i] = poses[plane, 6 + i]
+        count = below_plane(
+            numbers, values, vertices, faces, corners, normals, poses, plane, other, margin,
+            above, depths,
+        )  # fmt: skip
+        return _chosen(above, depths, count, normal, lies_on_b, points)
+    side = _face_between(numbers, values, vertices, normals, poses, a, b, found, normal)
+    if side != 0:
+        base, other = (b, a) if side > 0 else (a, b)
+        count = on_face(
+            numbers, values, vertices, faces, corners, normals, poses, base, other, normal,
+            margin, above, depths,
+        )  # fmt: skip
+        if count > 0:
+            return _chosen(above, depths, count, normal, side > 0, points)
+    if found[3] > margin:
+        return 0
+    for i in range(3):
+        normal[i] = -found[i]
+    count = along_edges(
+        numbers, values, vertices, faces, corners, normals, poses, a, b, normal, above, depths
+    )
+    if count == 0:
+        for i in range(3):
+            above[0, i] = found[4 + i]
+        depths[0] = -found[3]
+        count = 1
+    return _chosen(above, depths, count, normal, True, points)

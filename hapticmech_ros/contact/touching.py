@@ -1,0 +1,47 @@
+"""What touches, and how: the points of contact of a mechanism at one time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticmech_ros.mechanism.model import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Touching:
+    """Points of contact in the step that led to a state; n of them, in order of their pairs.
+
+    Attributes:
+        pairs: (n,) index of each point's pair among the scene's contacts.
+        points: (n, 3) position at the step's start, midway between both surfaces, m, world.
+        normals: (n, 3) unit normals from b to a, world axes.
+        depths: (n,) m, how far the shapes overlap there; below 0 for a gap.
+        forces: (n, 3) on a by b, held over the step, N, world axes.
+        joint_force: (nv,) Σ J_cᵀ λ at the step's start, N m or N.
+        sweeps: that the solver did.
+        residual: m/s, what its last sweep changed.
+    """
+
+    pairs: Array
+    points: Array
+    normals: Array
+    depths: Array
+    forces: Array
+    joint_force: Array
+    sweeps: int = 0
+    residual: float = 0.0
+
+    def wrench(self, pair: int, origin: Array) -> Array:
+        """Return (6,) the wrench of a pair on its shape a, about a point, N and N m, world axes."""
+        mine = self.pairs == pair
+        force = self.forces[mine]
+        torque = np.cross(self.points[mine] - origin, force).sum(axis=0)
+        return np.concatenate((force.sum(axis=0), torque))
+
+
+def nothing_touching(nv: int) -> Touching:
+    """Return what there is of a mechanism with so many rates where nothing touches."""
+    none = np.zeros((0, 3))
+    return Touching(np.zeros(0, dtype=np.int64), none, none, np.zeros(0), none, np.zeros(nv))

@@ -1,0 +1,91 @@
+"""Rules of shapes and contacts that concern more than one value of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from hapticmech_ros.errors import SceneProblem
+from hapticmech_ros.scene.contacts import ContactPair, Shape
+from hapticmech_ros.scene.document import Scene
+
+
+def broken_contact_rules(scene: Scene) -> Iterator[SceneProblem]:
+    """Yield every rule of shapes and contacts that ``scene`` breaks."""
+    yield from _names(scene)
+    yield from _shapes(scene)
+    shapes = {shape.name: shape for shape in scene.shapes}
+    for index, contact in enumerate(scene.contacts):
+        yield from _pair(scene, f"contacts[{index}]", contact, shapes)
+    if scene.contacts and scene.simulation.integrator == "linearly_implicit":
+        rule = "contacts are solved for by themselves: rk4, rk2 or semi_implicit_euler"
+        yield SceneProblem("simulation.integrator", scene.simulation.integrator, rule)
+
+
+def with_mesh_paths(document: object, folder: Path) -> object:
+    """Return a scene's document with relative paths of meshes taken from ``folder``."""
+    if not isinstance(document, Mapping) or not isinstance(document.get("shapes"), list | tuple):
+        return document
+    return {**document, "shapes": [_with_path(shape, folder) for shape in document["shapes"]]}
+
+
+def _with_path(shape: object, folder: Path) -> object:
+    geometry = shape.get("geometry") if isinstance(shape, Mapping) else None
+    if not isinstance(shape, Mapping) or not isinstance(geometry, Mapping):
+        return shape
+    file = geometry.get("file")
+    if geometry.get("kind") != "mesh" or not isinstance(file, str) or not file:
+        return shape
+    return {**shape, "geometry": {**geometry, "file": str(folder / file)}}
+
+
+def _names(scene: Scene) -> Iterator[SceneProblem]:
+    groups = (
+        ("shapes[{}].name", [shape.name for shape in scene.shapes]),
+        ("contacts[{}].name", [contact.name for contact in scene.contacts]),
+    )
+    for key, names in groups:
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                yield SceneProblem(key.format(index), name, "names must be unique")
+
+
+def _shapes(scene: Scene) -> Iterator[SceneProblem]:
+    links = {link.name for link in scene.links}
+    for index, shape in enumerate(scene.shapes):
+        if shape.link != "world" and shape.link not in links:
+            rule = f"unknown frame: must be 'world' or one of {sorted(links)}"
+            yield SceneProblem(f"shapes[{index}].link", shape.link, rule)
+        if shape.geometry.kind == "mesh" and not Path(shape.geometry.file).is_file():
+            key = f"shapes[{index}].geometry.file"
+            yield SceneProblem(key, shape.geometry.file, "no such file")
+
+
+def _pair(
+    scene: Scene, key: str, contact: ContactPair, shapes: Mapping[str, Shape]
+) -> Iterator[SceneProblem]:
+    """Yield what is wrong with the two shapes that a contact joins."""
+    unknown = [side for side in ("a", "b") if getattr(contact, side) not in shapes]
+    for side in unknown:
+        rule = f"unknown shape: must be one of {sorted(shapes)}"
+        yield SceneProblem(f"{key}.{side}", getattr(contact, side), rule)
+    if unknown:
+        return
+    a, b = shapes[contact.a], shapes[contact.b]
+    if _carrier(scene, a.link) == _carrier(scene, b.link):
+        rule = "a contact joins shapes that move against each other, not on one body"
+        yield SceneProblem(f"{key}.b", contact.b, rule)
+    elif a.geometry.kind == b.geometry.kind == "half_space":
+        rule = "two half-spaces do not touch in points: one of the two must be bounded"
+        yield SceneProblem(f"{key}.b", contact.b, rule)
+
+
+def _carrier(scene: Scene, link: str) -> str:
+    """Return the first link towards the world that a joint moves; ``world`` if none does."""
+    links = {one.name: one for one in scene.links}
+    for _ in scene.links:
+        held = links.get(link)
+        if held is None or not (held.joint.type == "fixed" or held.joint.locked):
+            return link
+        link = held.parent
+    return link

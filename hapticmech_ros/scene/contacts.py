@@ -1,0 +1,93 @@
+"""Virtual objects in a scene: shapes on links or in the world, and the pairs that may touch."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints
+
+from hapticmech_ros.scene.mechanism import Origin
+from hapticmech_ros.scene.part import Name, NonNegative, Part, Positive
+
+Size3 = tuple[Positive, Positive, Positive]
+FilePath = Annotated[str, StringConstraints(strict=True, min_length=1)]
+
+
+class Sphere(Part):
+    """Ball about the origin of its frame; radius in m."""
+
+    kind: Literal["sphere"]
+    radius: Positive
+
+
+class Box(Part):
+    """Box about the origin of its frame; size is its lengths along x, y and z, m."""
+
+    kind: Literal["box"]
+    size: Size3
+
+
+class Cylinder(Part):
+    """Cylinder along z, its middle at the origin of its frame; radius and length in m."""
+
+    kind: Literal["cylinder"]
+    radius: Positive
+    length: Positive
+
+
+class Capsule(Part):
+    """Cylinder along z with a half-ball on each end; length in m is that of the cylinder alone."""
+
+    kind: Literal["capsule"]
+    radius: Positive
+    length: Positive
+
+
+class HalfSpace(Part):
+    """All that is below the plane z = 0 of its frame: a floor or a wall."""
+
+    kind: Literal["half_space"]
+
+
+class Mesh(Part):
+    """Convex hull of the vertices in a file.
+
+    Attributes:
+        file: path, absolute or from the scene's file.
+        scale: of the file's coordinates along x, y and z.
+    """
+
+    kind: Literal["mesh"]
+    file: FilePath
+    scale: Size3 = (1.0, 1.0, 1.0)
+
+
+Geometry = Annotated[
+    Sphere | Box | Cylinder | Capsule | HalfSpace | Mesh, Field(discriminator="kind")
+]
+
+
+class Shape(Part):
+    """A rigid shape carried by a link, or fixed in ``world``; it has no mass of its own."""
+
+    name: Name
+    link: Name
+    origin: Origin = Origin()
+    geometry: Geometry
+
+
+class ContactPair(Part):
+    """Two shapes that may touch, and what then acts at each point of contact.
+
+    Attributes:
+        stiffness: N/m, of each point.
+        damping: N s/m, of each point, while it pushes; never less than stiffness times the step.
+        friction: Coulomb's coefficient.
+    """
+
+    name: Name
+    a: Name
+    b: Name
+    stiffness: Positive
+    damping: NonNegative = 0.0
+    friction: NonNegative = 0.0

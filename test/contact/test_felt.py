@@ -1,0 +1,104 @@
+"""What the hand feels of contacts: the wrench at the operational point, consistent and in full."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.mechanism import Simulator
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.operational.contact_wrench import contact_wrench
+from hapticmech_ros.scene import document_of, scene_from_document
+
+PUSH = 0.5
+
+
+def against_a_wall(name="two_link", law=None):
+    """Return a shipped scene whose first point's link carries a ball beside a wall."""
+    document = document_of(load_scene(name))
+    sim = Simulator(load_scene(name))
+    state = sim.initial_state()
+    point = sim.evaluate(state).points[0].pose.translation
+    held = document["operational_points"][0]
+    ball = {
+        "name": "ball",
+        "link": held["link"],
+        "origin": held["origin"],
+        "geometry": {"kind": "sphere", "radius": 0.01},
+    }
+    wall = {
+        "name": "wall",
+        "link": "world",
+        "origin": {"xyz": [float(point[0]) - 0.0101, 0.0, 0.0], "rpy": [0.0, np.pi / 2, 0.0]},
+        "geometry": {"kind": "half_space"},
+    }
+    law = law or {"stiffness": 5e3, "damping": 50.0}
+    pair = {"name": "touch", "a": "ball", "b": "wall"} | law
+    document["hand"] = {"kind": "constant_wrench", "force": [-PUSH, 0.0, 0.0]}
+    for link in document["links"]:
+        link["joint"]["damping"] = 0.02
+    return scene_from_document(document | {"shapes": [ball, wall], "contacts": [pair]})
+
+
+def test_the_wrench_accelerates_the_point_as_the_contacts_do():
+    """X F_c = a_c, checked with Eq. 1's own accelerations, loops closed."""
+    scene = against_a_wall("five_bar")
+    sim = Simulator(scene)
+    state = sim.initial_state()
+    rng = np.random.default_rng(4)
+    terms = sim.evaluate(state)
+    force = rng.normal(size=sim.mechanism.nv)
+    found = Analyser(sim.mechanism).analyse(terms)
+    wrench = contact_wrench(terms, found, force, 0)
+    rates = terms.acceleration(force)[0] - terms.acceleration(np.zeros_like(force))[0]
+    free = found.weights == 0.0
+    # Along directions that count as rigid there is no wrench; the others are exact to rounding.
+    along = found.spectrum.wrenches[:, free].T
+    asked = (terms.points[0].jacobian @ rates)[found.rows]
+    given = (found.inverse_inertia @ wrench)[found.rows]
+    assert free.sum() >= 2
+    assert along @ given == pytest.approx(along @ asked, rel=1e-8)
+
+
+def test_the_device_feels_the_contact_in_steady_state():
+    """The hand's push, what the device gives back, and the contact's wrench: equal within 2 %."""
+    session = Session(against_a_wall())
+    for _ in range(3000):
+        sample = session.tick()
+    point = sample.mechanism.touching.wrench(0, sample.point.pose.translation)
+    assert np.linalg.norm(sample.mechanism.v) < 1e-4
+    assert point[0] > 0.5 * PUSH
+    # Along what the mechanism can move, J_c's wrench and F_c accelerate it alike.
+    x = sample.analysis.inverse_inertia
+    assert x @ sample.contact_wrench == pytest.approx(x @ point, rel=0.02, abs=1e-6)
+    # At rest the device's force is what the hand's is, and what it gives along the free directions
+    # is the contact's.
+    felt = sample.output.device
+    assert felt[:2] == pytest.approx(-sample.hand_wrench[:2], abs=0.02 * PUSH)
+    share = np.eye(6) - sample.analysis.balanced_share
+    assert (share @ felt)[:2] == pytest.approx((share @ sample.contact_wrench)[:2], abs=0.02 * PUSH)
+
+
+def test_a_scene_without_contacts_imports_nothing_of_them():
+    program = (
+        "import sys; from hapticmech_ros import Session, load_scene; "
+        "s = Session(load_scene('two_link')); s.tick(); "
+        "print([m for m in sys.modules if m.startswith('hapticmech_ros.contact')])"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert run.stdout.strip() == "[]"
+
+
+def test_a_session_with_contacts_repeats_to_the_bit():
+    ends = []
+    for _ in range(2):
+        session = Session(against_a_wall())
+        for _ in range(400):
+            sample = session.tick()
+        ends.append((sample.mechanism.q, sample.mechanism.v, sample.contact_wrench))
+    for one, two in zip(*ends, strict=True):
+        assert (one == two).all()

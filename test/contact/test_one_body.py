@@ -1,0 +1,148 @@
+"""One body on a floor or a slope: analytic answers, shape by shape."""
+
+import numpy as np
+import pytest
+
+from oracles.touching import FLOOR, SHAPES, G, body, held, on_floor, pair, run, scene, shape
+
+# Half of each shape's height, standing, m; and on how many points it rests.
+HEIGHT = {"sphere": 0.05, "box": 0.05, "cylinder": 0.05, "capsule": 0.05}
+POINTS = {"sphere": 1, "box": 4, "cylinder": 4, "capsule": 1}
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_a_body_rests_where_springs_carry_its_weight(kind):
+    law = {"stiffness": 1e4, "damping": 50.0}
+    _, states = run(on_floor(kind, HEIGHT[kind], law=law), 1.0, 1000)
+    end = states[-1]
+    sunk = HEIGHT[kind] - end.q[2]
+    # Decayed by exp(-50 t / 2 m) and more: 1e-11 of a start 1 mm off.
+    assert sunk == pytest.approx(G / (POINTS[kind] * 1e4), rel=1e-6)
+    assert end.touching.forces.sum(axis=0) == pytest.approx([0, 0, G], abs=1e-6)
+    assert np.abs(end.v).max() < 1e-7
+
+
+@pytest.mark.parametrize("stiffness", [1e3, 1e4, 1e6, 1e8])
+@pytest.mark.parametrize("kind", SHAPES)
+def test_a_dropped_body_never_gains_energy(kind, stiffness):
+    law = {"stiffness": stiffness, "friction": 0.5}
+    sim, states = run(on_floor(kind, HEIGHT[kind] + 0.05, law=law), 0.4)
+    energies = np.array([held(sim, state) for state in states])
+    # What contacts store is seen half a step ahead of what gravity does: T16 bounds what that makes
+    # of a mass that moves at |v| by m g h |v| / 2.
+    slack = 0.5e-3 * G * max(np.linalg.norm(state.v[:3]) for state in states)
+    assert energies.max() <= energies[0] + slack
+    lost = np.array([state.account.contact_loss for state in states])
+    assert np.diff(lost).min() > -slack
+    assert energies == pytest.approx(energies[0] - lost, abs=1e-9)
+    # Springs far softer than m / h² bounce on.
+    assert stiffness < 1e6 or energies[-1] < energies[0] - 0.45
+    assert all(np.isfinite(state.q).all() for state in states)
+
+
+def test_stiffness_far_above_the_explicit_limit_is_stable():
+    """A step of 1 ms and 0.1 kg: an explicit rule needs k < 4 m / h² = 4e5 N/m."""
+    document = on_floor("box", 0.06, mass=0.1, law={"stiffness": 1e6})
+    _, states = run(document, 1.0)
+    assert states[-1].q[2] == pytest.approx(0.05 - 0.1 * G / 4e6, abs=1e-9)
+    late = states[len(states) // 2 :]
+    assert max(np.abs(state.v).max() for state in late) < 1e-9
+
+
+@pytest.mark.parametrize(("kind", "friction"), [("box", 0.3), ("box", 0.1), ("cylinder", 0.4)])
+def test_a_body_slides_as_far_as_coulomb_says(kind, friction):
+    sunk = G / 4e5
+    law = {"stiffness": 1e5, "damping": 100.0, "friction": friction}
+    document = on_floor(kind, 0.05 - sunk, (1.0, 0.0, 0.0), law=law)
+    _, states = run(document, 1.0 / (friction * G) + 0.2, 10)
+    assert states[-1].q[0] == pytest.approx(1.0 / (2.0 * friction * G), rel=0.01)
+    assert abs(states[-1].v[0]) < 1e-6
+
+
+def test_a_sphere_that_slides_ends_in_rolling():
+    """From v without spin it rolls at v (1 + I / (m r²))⁻¹, whatever the friction."""
+    document = on_floor("sphere", 0.05, (1.0, 0.0, 0.0), law={"damping": 200.0, "friction": 0.3})
+    _, states = run(document, 0.6, 200)
+    share = 0.1**2 / 6.0 / 0.05**2
+    # Speed in body axes, which turn; 1e-4 m of sinking takes 1e-3 of the radius.
+    assert np.linalg.norm(states[-1].v[:3]) == pytest.approx(1.0 / (1.0 + share), rel=2e-3)
+    halfway = np.linalg.norm(states[-2].v[:3])
+    assert np.linalg.norm(states[-1].v[:3]) == pytest.approx(halfway, rel=1e-6)
+
+
+def test_a_block_on_a_slope_does_not_creep():
+    """A minute on a slope of 80 % of the friction angle, by gravity turned instead of the floor."""
+    angle = np.arctan(0.4)
+    gravity = (G * np.sin(angle), 0.0, -G * np.cos(angle))
+    law = {"stiffness": 1e5, "damping": 200.0, "friction": 0.5}
+    document = on_floor("box", 0.05 - G * np.cos(angle) / 4e5, law=law, gravity=gravity)
+    _, states = run(document, 5.0, 1000)
+    settled = states[1].q
+    creep = np.abs(states[-1].q - settled).max() * 15.0
+    assert creep < 1e-6
+
+
+def test_a_block_on_a_steeper_slope_slides():
+    angle = np.arctan(0.6)
+    gravity = (G * np.sin(angle), 0.0, -G * np.cos(angle))
+    law = {"stiffness": 1e5, "damping": 200.0, "friction": 0.5}
+    document = on_floor("box", 0.05 - G * np.cos(angle) / 4e5, law=law, gravity=gravity)
+    _, states = run(document, 0.5, 500)
+    wanted = 0.5 * (G * np.sin(angle) - 0.5 * G * np.cos(angle)) * 0.25
+    assert states[-1].q[0] == pytest.approx(wanted, rel=0.01)
+
+
+def test_damping_above_stiffness_times_step_acts_as_written():
+    """Rebound of a damped oscillator, against its exact solution; error of first order."""
+    stiffness, damping, speed = 1e4, 20.0, 1.0
+    errors = []
+    for period in (5e-4, 2.5e-4):
+        law = {"stiffness": stiffness, "damping": damping}
+        document = on_floor(
+            "sphere", 0.05, (0, 0, -speed), law=law, gravity=(0, 0, 0), period=period
+        )
+        _, states = run(document, 0.06)
+        errors.append(states[-1].v[2] - _rebound(stiffness, damping, speed))
+    assert abs(errors[0]) < 0.02
+    assert abs(errors[1]) < 0.6 * abs(errors[0])
+
+
+def _rebound(stiffness, damping, speed):
+    """Return the speed at which k x + d ẋ falls to zero, of 1 kg that came in at ``speed``."""
+    decay = damping / 2.0
+    turn = np.sqrt(stiffness - decay**2)
+    time = np.arange(1e-6, 0.05, 1e-6)
+    x = speed / turn * np.exp(-decay * time) * np.sin(turn * time)
+    v = speed * np.exp(-decay * time) * (np.cos(turn * time) - decay / turn * np.sin(turn * time))
+    left = np.argmax(stiffness * x + damping * v < 0.0)
+    return -v[left]
+
+
+@pytest.mark.parametrize("stiffness", [1e3, 1e5, 1e7])
+def test_a_step_on_a_spring_is_the_one_derived(stiffness):
+    """T15: y⁺ = (y + h v) / (1 + κ) and v⁺ = (v - κ y / h) / (1 + κ), y inwards, κ = k h² / m."""
+    law = {"stiffness": stiffness}
+    document = on_floor("sphere", 0.05 - 1e-4, (0, 0, -0.01), law=law, gravity=(0, 0, 0))
+    _, states = run(document, 0.002)
+    kappa, h = stiffness * 1e-6, 1e-3
+    inwards = [-state.v[2] for state in states]
+    ahead = [0.05 - state.q[2] + 0.5 * h * v for state, v in zip(states, inwards, strict=True)]
+    # Rounding of positions of 0.05 m, over a step.
+    assert inwards[1] == pytest.approx(
+        (inwards[0] - kappa * ahead[0] / h) / (1.0 + kappa), rel=1e-9, abs=1e-12
+    )
+    assert ahead[1] == pytest.approx((ahead[0] + h * inwards[0]) / (1.0 + kappa), abs=1e-14)
+
+
+def test_two_runs_are_the_same_to_the_bit():
+    law = {"stiffness": 1e5, "friction": 0.5}
+    document = scene(
+        [body("one")],
+        [FLOOR, shape("one", SHAPES["box"])],
+        [pair("one_shape", **law)],
+        {"one": [0, 0, 0.08, *(np.array([0.1, 0.2, 0.0, 1.0]) / np.sqrt(1.05))]},
+        {"one": [0.3, 0.1, 0.0, 1.0, 2.0, 0.5]},
+    )
+    first, second = (run(document, 0.3, 300)[1][-1] for _ in range(2))
+    assert (first.q == second.q).all()
+    assert (first.v == second.v).all()

@@ -1,0 +1,88 @@
+"""Scenes of bodies that touch a floor and each other."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+
+import numpy as np
+
+from hapticmech_ros.mechanism import MechanismState, Simulator
+from hapticmech_ros.scene import scene_from_document
+
+G = 9.81
+FLOOR = {"name": "floor", "link": "world", "geometry": {"kind": "half_space"}}
+SHAPES = {
+    "sphere": {"kind": "sphere", "radius": 0.05},
+    "box": {"kind": "box", "size": [0.1, 0.1, 0.1]},
+    "cylinder": {"kind": "cylinder", "radius": 0.05, "length": 0.1},
+    "capsule": {"kind": "capsule", "radius": 0.03, "length": 0.04},
+}
+UPRIGHT = [0.0, 0.0, 0.0, 1.0]
+
+
+def body(name, mass=1.0, joint="free"):
+    """Return a link with the inertia of a cube of 0.1 m."""
+    moment = mass * 0.1**2 / 6.0
+    inertia = {"ixx": moment, "iyy": moment, "izz": moment}
+    return {
+        "name": name,
+        "joint": {"name": f"of_{name}", "type": joint},
+        "inertial": {"mass": mass, "inertia": inertia},
+    }
+
+
+def shape(link, geometry, **more):
+    return {"name": f"{link}_shape", "link": link, "geometry": deepcopy(geometry)} | more
+
+
+def pair(a, b="floor", stiffness=1e5, damping=0.0, friction=0.0):
+    values = {"stiffness": stiffness, "damping": damping, "friction": friction}
+    return {"name": f"{a}_{b}", "a": a, "b": b} | values
+
+
+def scene(links, shapes, contacts, q=None, v=None, gravity=(0.0, 0.0, -G), **simulation):
+    """Return a scene's document; ``q`` and ``v`` by name of the link."""
+    return {
+        "format": "hapticmech-scene/1",
+        "name": "touching",
+        "gravity": [float(g) for g in gravity],
+        "links": links,
+        "operational_points": [{"name": "held", "link": links[0]["name"]}],
+        "shapes": shapes,
+        "contacts": contacts,
+        "initial_state": {
+            "q": {f"of_{name}": [float(x) for x in at] for name, at in (q or {}).items()},
+            "v": {f"of_{name}": [float(x) for x in at] for name, at in (v or {}).items()},
+        },
+        "hand": {"kind": "constant_wrench"},
+        "simulation": simulation,
+    }
+
+
+def on_floor(kind="box", height=0.05, speed=(0.0, 0.0, 0.0), mass=1.0, law=None, **more):
+    """Return the document of one body above the floor."""
+    return scene(
+        [body("one", mass)],
+        [FLOOR, shape("one", SHAPES[kind])],
+        [pair("one_shape", **(law or {}))],
+        {"one": [0.0, 0.0, height, *UPRIGHT]},
+        {"one": [*speed, 0.0, 0.0, 0.0]},
+        **more,
+    )
+
+
+def run(document, duration, every=1):
+    """Return the simulator, and the states on the way."""
+    sim = Simulator(scene_from_document(document))
+    state, calm = sim.initial_state(), np.zeros((1, 6))
+    states: list[MechanismState] = [state]
+    for step in range(round(duration / sim.period)):
+        state = sim.step(state, calm)
+        if (step + 1) % every == 0:
+            states.append(state)
+    return sim, states
+
+
+def held(sim, state):
+    """Return kinetic, potential and contacts' energy, J."""
+    return sum(sim.mechanism.energy(state.q, state.v)) + state.account.contact_energy

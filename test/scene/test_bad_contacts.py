@@ -1,0 +1,92 @@
+"""Every rule that shapes and contacts can break: the error names key path, value and rule."""
+
+import pytest
+
+from hapticmech_ros.errors import SceneError
+from hapticmech_ros.scene import document_of, load_scene, scene_from_document
+from hapticmech_ros.scene.contact_rules import with_mesh_paths
+from oracles.touching import on_floor
+
+# key path | value | words of the rule
+BROKEN = [
+    ("shapes[1].link", "nothing", "unknown frame"),
+    ("shapes[1].name", "floor", "names must be unique"),
+    ("shapes[1].geometry.radius", -1.0, "greater than 0"),
+    ("shapes[1].geometry.radiu", 1.0, "unknown key"),
+    ("shapes[1].geometry.kind", "cone", "'sphere'"),
+    ("contacts[0].a", "nothing", "unknown shape"),
+    ("contacts[0].a", "floor", "move against each other"),
+    ("contacts[0].stiffness", 0.0, "greater than 0"),
+    ("contacts[0].damping", -1.0, "greater than or equal to 0"),
+    ("contacts[0].friction", float("nan"), "finite number"),
+    ("contacts[0].restitution", 0.5, "unknown key"),
+    ("simulation.integrator", "linearly_implicit", "contacts are solved for by themselves"),
+]
+WHERE = {"contacts[0].a": "contacts[0].b", "shapes[1].geometry.kind": "shapes[1].geometry"}
+
+
+def place(document, path, value):
+    keys = path.replace("[", ".").replace("]", "").split(".")
+    for key in keys[:-1]:
+        document = document[int(key) if key.isdigit() else key]
+    document[keys[-1]] = value
+
+
+def problems(document):
+    with pytest.raises(SceneError) as caught:
+        scene_from_document(document, source="scene.yaml")
+    return caught.value.problems
+
+
+@pytest.mark.parametrize(("path", "value", "rule"), BROKEN)
+def test_a_broken_rule_names_key_and_rule(path, value, rule):
+    document = on_floor("sphere")
+    place(document, path, value)
+    wanted = WHERE.get(path, path) if value in ("floor", "cone") and path in WHERE else path
+    found = [p for p in problems(document) if p.key_path == wanted]
+    assert any(rule in p.rule for p in found), problems(document)
+
+
+def test_two_half_spaces_do_not_touch():
+    document = on_floor("sphere")
+    document["shapes"][1]["geometry"] = {"kind": "half_space"}
+    (found,) = problems(document)
+    assert found.key_path == "contacts[0].b"
+    assert "two half-spaces" in found.rule
+
+
+def test_a_mesh_that_is_not_there():
+    document = on_floor("sphere")
+    document["shapes"][1]["geometry"] = {"kind": "mesh", "file": "nowhere.stl"}
+    (found,) = problems(document)
+    assert (found.key_path, found.rule) == ("shapes[1].geometry.file", "no such file")
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [("nothing", "cannot be read"), ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "must not be flat")],
+)
+def test_a_mesh_that_is_no_body(tmp_path, text, rule):
+    from hapticmech_ros.mechanism import Simulator
+
+    file = tmp_path / "bad.obj"
+    file.write_text(text, encoding="utf-8")
+    document = on_floor("sphere")
+    document["shapes"][1]["geometry"] = {"kind": "mesh", "file": str(file)}
+    with pytest.raises(SceneError, match=rule) as caught:
+        Simulator(scene_from_document(document))
+    assert caught.value.problems[0].key_path == "shapes[1].geometry.file"
+
+
+def test_paths_of_meshes_are_from_the_scenes_file(tmp_path):
+    geometry = {"kind": "mesh", "file": "parts/cube.obj"}
+    document = {"shapes": [{"name": "cube", "geometry": geometry}]}
+    moved = with_mesh_paths(document, tmp_path)
+    assert moved["shapes"][0]["geometry"]["file"] == str(tmp_path / "parts/cube.obj")
+    assert geometry["file"] == "parts/cube.obj"
+
+
+def test_what_a_scene_says_of_contacts_survives_a_document():
+    scene = scene_from_document(on_floor("capsule"))
+    assert scene_from_document(document_of(scene)) == scene
+    assert load_scene("five_bar").contacts == ()
