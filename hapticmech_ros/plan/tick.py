@@ -42,6 +42,7 @@ def parts_of_tick(run: Running) -> tuple[TickPart, ...]:
         *_solve(run),
         *_elements(run),
         *_closures(run),
+        *_contacts(run),
         *_device(run),
     )
 
@@ -111,6 +112,18 @@ def _closures(run: Running) -> Iterator[TickPart]:
     frames = 2 * still * len(run.scheme.weights) * substeps
     why = f"{still} of {len(closures)} closures are open; placed with all other frames"
     yield TickPart("step", "frames of open closures", frames, why if still else "no open closures")
+
+
+def _contacts(run: Running) -> Iterator[TickPart]:
+    pairs, substeps = len(run.scene.contacts), run.stepping.substeps
+    if not pairs:
+        for what in ("bounding boxes of declared pairs", "points of contact and their forces"):
+            yield TickPart("step", what, 0, "no pair may touch: nothing of contacts is loaded")
+        return
+    declared = f"{pairs} declared pair{'s' if pairs > 1 else ''}"
+    yield TickPart("step", "bounding boxes of declared pairs", substeps, declared)
+    why = "of pairs whose boxes meet; D, W and their factors at the step's start serve both"
+    yield TickPart("step", "points of contact and their forces", 0, why)
 
 
 def _device(run: Running) -> Iterator[TickPart]:

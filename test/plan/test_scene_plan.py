@@ -232,6 +232,22 @@ def test_another_point_can_be_held_and_an_unknown_one_cannot() -> None:
         plan_scene(scene, "foot")
 
 
+def test_contacts_are_looked_for_only_where_pairs_are_declared() -> None:
+    what = "bounding boxes of declared pairs"
+    assert what not in computed(plan_scene(load_scene("two_link")))
+
+    def floor(document: dict[str, Any]) -> None:
+        document["simulation"]["substeps"] = 3
+        tip = {"name": "tip", "link": "link2", "geometry": {"kind": "sphere", "radius": 0.01}}
+        wall = {"name": "wall", "link": "world", "geometry": {"kind": "half_space"}}
+        document["shapes"] = [tip, wall]
+        document["contacts"] = [{"name": "touch", "a": "tip", "b": "wall", "stiffness": 1e3}]
+
+    plan = plan_scene(changed("two_link", floor))
+    assert computed(plan)[what] == 3
+    assert any(part.what == what and part.why == "1 declared pair" for part in plan.tick)
+
+
 def test_the_command_prints_the_plan() -> None:
     run = CliRunner().invoke(app, ["scene", "plan", "four_bar_closing", "--json"])
     assert run.exit_code == 0

@@ -61,6 +61,8 @@ def _steps() -> tuple[tuple[str, tuple[Change, ...]], ...]:
         ("+ redundant closure", (_redundant_closure,)),
         ("+ free-flying base", (_free_base,)),
         ("+ two substeps", (_two_substeps,)),
+        ("+ contact out of reach", (_floor,)),
+        ("+ that rests", (_resting,)),
     )
 
 
@@ -137,6 +139,21 @@ def _free_base(document: Document) -> None:
 
 def _two_substeps(document: Document) -> None:
     document["simulation"]["substeps"] = 2
+
+
+def _floor(document: Document) -> None:
+    """Add a floor far below, and a ball at the base that may touch it."""
+    ball = {"name": "ball", "link": "base", "geometry": {"kind": "sphere", "radius": 0.05}}
+    below = {"xyz": [0.0, 0.0, -FAR_AWAY]}
+    floor = {"name": "floor", "link": "world", "origin": below, "geometry": {"kind": "half_space"}}
+    document["shapes"] = [ball, floor]
+    law = {"stiffness": 1e4, "damping": 20.0, "friction": 0.5}
+    document["contacts"] = [{"name": "touch", "a": "ball", "b": "floor", **law}]
+
+
+def _resting(document: Document) -> None:
+    """Turn the floor against gravity and put it below the ball."""
+    document["shapes"][1]["origin"] = {"xyz": [0.0, -0.05, 0.0], "rpy": [-np.pi / 2, 0.0, 0.0]}
 
 
 def _pin(document: Document, name: str, away: float) -> Document:
