@@ -86,7 +86,9 @@ class _Readable:
             sample.time,
             self._engagement,
             DeviceMeasurement(device.measured_pose, device.measured_twist, device.hand_wrench),
-            PointMeasurement(point.pose, point.twist, sample.external_wrench),
+            PointMeasurement(
+                point.pose, point.twist, sample.external_wrench + sample.contact_wrench
+            ),
             rendering_model(sample.analysis),
         )
         self._commands.append((sample.output.device, sample.output.mechanism))
