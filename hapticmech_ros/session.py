@@ -21,10 +21,9 @@ from hapticmech_ros.control import (
 from hapticmech_ros.device import DeviceState, device_for
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
-from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
-from hapticmech_ros.operational.contact_wrench import contact_wrench
+from hapticmech_ros.operational.contact_wrench import touching_wrench
 from hapticmech_ros.operational.counter import CountState, first_count, next_count
 from hapticmech_ros.scene.document import Scene
 
@@ -111,7 +110,7 @@ class Session:
         point = terms.points[self._index]
         analysis = self._analyser.analyse(terms)
         self._count = self._next_count(analysis.spectrum.s, time)
-        contact = self._contact_wrench(terms, analysis, mechanism)
+        contact = touching_wrench(terms, analysis, mechanism.touching, self._index)
         output = self._control.compute(
             time,
             self._engagement,
@@ -147,15 +146,6 @@ class Session:
             InvalidInputError: unknown closure, or one too far open to be closed.
         """
         self._mechanism_state = self.simulator.switch(self._mechanism_state, {name: closed})
-
-    def _contact_wrench(
-        self, terms: Evaluation, analysis: OperationalAnalysis, mechanism: MechanismState
-    ) -> Array:
-        """Return what virtual objects do at the operational point, (6,)."""
-        touching = mechanism.touching
-        if touching is None or not touching.pairs.size:
-            return np.zeros(6)
-        return contact_wrench(terms, analysis, touching.joint_force, self._index)
 
     def _next_count(self, s: Array, time: float) -> CountState:
         perception = self.scene.perception

@@ -8,12 +8,17 @@ that the joints hold (weight w(s_i) of 1) no wrench does, and F_c has no part th
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.analysis import Analyser, OperationalAnalysis
+
+if TYPE_CHECKING:
+    from hapticmech_ros.contact.touching import Touching
 
 
 def contact_wrench(
@@ -40,6 +45,15 @@ def contact_wrench(
     wrench = np.zeros(6)
     wrench[analysis.rows] = found.wrenches @ shares
     return wrench
+
+
+def touching_wrench(
+    terms: Evaluation, analysis: OperationalAnalysis, touching: Touching | None, index: int
+) -> Array:
+    """Return F_c (6,) of all that touches; zero where nothing does. See :func:`contact_wrench`."""
+    if touching is None or not touching.pairs.size:
+        return np.zeros(6)
+    return contact_wrench(terms, analysis, touching.joint_force, index)
 
 
 class ContactWrenches:

@@ -12,6 +12,7 @@ from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser
+from hapticmech_ros.operational.contact_wrench import touching_wrench
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import rendering_model
 
@@ -50,13 +51,14 @@ class Loop:
         terms = self.simulator.evaluate(state)
         evaluated = perf_counter_ns()
         analysis = self.analyser.analyse(terms)
+        contact = touching_wrench(terms, analysis, state.touching, self._index)
         analysed = perf_counter_ns()
         point = terms.points[self._index]
         output = self.control.compute(
             self.ticks * self.simulator.period,
             self.engagement,
             DeviceMeasurement(device.measured_pose, device.measured_twist, device.hand_wrench),
-            PointMeasurement(point.pose, point.twist, self._nothing),
+            PointMeasurement(point.pose, point.twist, self._nothing + contact),
             rendering_model(analysis),
         )
         controlled = perf_counter_ns()
