@@ -35,6 +35,9 @@ def run(scene: str, out: Path, composed: bool) -> dict[str, Any]:
 
 def was_given_time(summary: dict[str, Any]) -> bool:
     nodes = summary["graph"]["nodes"]
+    if not {"haptic_device", "teleoperation_controller"} <= set(nodes):
+        # The recorder never heard a node's diagnostics, which says nothing of the motion either.
+        return False
     unbroken = nodes["haptic_device"]["times_held"] == 1 and summary["coverage"]["complete"]
     unbroken = unbroken and nodes["teleoperation_controller"]["engagements"] == 1
     motion = summary["coverage"]["groups"]["device and point"]
