@@ -50,12 +50,13 @@ def draw_shapes(shapes: Sequence[Shape], path: Path, planar: bool, title: str = 
     axes.set_aspect("equal")
     axes.set_axis_off()
     seen = [shape for shape in shapes if shape.kind != "text"]
-    outlines = [outline @ view.T for shape in seen for outline in _outlines(shape, view)]
-    colours = [shape.colour for shape in seen for _ in _outlines(shape, view)]
-    nearest = np.argsort([float(outline[:, 2].mean()) for outline in outlines], kind="stable")
-    for index in nearest:
-        _fill(axes, outlines[index][:, :2], colours[index])
-    _frame(axes, np.vstack([outline[:, :2] for outline in outlines]))
+    parts = [
+        (outline @ view.T, shape.colour) for shape in seen for outline in _outlines(shape, view)
+    ]
+    parts.sort(key=lambda part: float(part[0][:, 2].mean()))
+    for outline, colour in parts:
+        _fill(axes, outline[:, :2], colour)
+    _frame(axes, np.vstack([outline[:, :2] for outline, _ in parts]))
     words = [shape.text for shape in shapes if shape.kind == "text"]
     figure.text(0.02, 0.97, "  ·  ".join([title, *words]), fontsize=LETTERS_PT, va="top")
     figure.savefig(path)
