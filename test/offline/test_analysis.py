@@ -11,6 +11,7 @@ from hapticmech_ros.bench.accuracy import cases
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.offline import RecordedStates, analyse_states, states_from_bag
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.wire.cdr import FlatArray
@@ -48,7 +49,13 @@ def bag(scene, samples, tmp_path_factory):
         for index, sample in enumerate(samples):
             state, stamp_ns = sample.mechanism, EPOCH_NS + index * 1_000_000
             wire = WireState(
-                stamp_ns, state.active, state.q, state.v, np.zeros((points, 6)), (True,) * points
+                stamp_ns,
+                state.active,
+                state.q,
+                state.v,
+                np.zeros((points, 6)),
+                flat_grasps(mechanism.scene),
+                (True,) * points,
             )
             writer.write("/left/mechanism/state", stamp_ns, encode(layout.pack(wire)))
             stamp = types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 1_000_000_000))
@@ -131,7 +138,8 @@ def test_states_come_in_order_of_their_stamps(tmp_path):
         writer.add_topic("/mechanism/state", STATE.type)
         for stamp in (3_000_000, 1_000_000, 2_000_000):
             q = np.full(mechanism.nq, stamp * 1e-6)
-            wire = WireState(stamp, (), q, q, np.zeros((points, 6)), (True,) * points)
+            held = flat_grasps(mechanism.scene)
+            wire = WireState(stamp, (), q, q, np.zeros((points, 6)), held, (True,) * points)
             writer.write("/mechanism/state", 0, FlatArray(layout.fields).encode(layout.pack(wire)))
     found = states_from_bag(tmp_path / "bag", mechanism)
     assert found.stamps_ns.tolist() == [1_000_000, 2_000_000, 3_000_000]
