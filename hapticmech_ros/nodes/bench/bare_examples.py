@@ -137,6 +137,7 @@ class Examples:
             table.JOINT_STATES: _joints(*joints),
             table.POINT_JOINTS: _joints(*joints),
             table.POINT_POSE: _pose(sample.point.pose),
+            table.GRASPED: _pose(sample.point.pose),
             table.POINT_TWIST: _twist(sample.point.twist),
             table.CLOSURES: _constant(_flags(flags, names)),
             table.INVERSE_INERTIA: _matrix("row", "column", analysis.inverse_inertia),
