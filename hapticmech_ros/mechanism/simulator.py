@@ -12,6 +12,7 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.build import build, build_contact_stepper, build_stepper
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
+from hapticmech_ros.mechanism.latching import Latches
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion import NOTHING, Pushes, Start
 from hapticmech_ros.mechanism.projection import project
@@ -43,9 +44,7 @@ class Simulator:
         self._contacts = build_contact_stepper(self.mechanism)
         self._evaluated: tuple[MechanismState, Evaluation] | None = None
         self._projected: tuple[MechanismState, Closing] | None = None
-        self._can_latch = [
-            index for index, loop in enumerate(self.mechanism.closures) if loop.latch_distance
-        ]
+        self._latches = Latches(self.mechanism)
 
     def initial_state(self) -> MechanismState:
         """Return the scene's initial state with its closures met.
@@ -122,8 +121,7 @@ class Simulator:
         if every < 1:
             raise InvalidInputError("every", every, "must be 1 or more")
         held = np.zeros((len(self.mechanism.point_names), 6)) if wrenches is None else wrenches
-        latching = not all(state.active[index] for index in self._can_latch)
-        if latching or self._contacts is not None:
+        if self._latches.waiting(state.active) or self._contacts is not None:
             return self._run_watched(state, steps, held, every)
         return self._run_free(state, steps, held, every)
 
@@ -165,13 +163,15 @@ class Simulator:
         Raises:
             InvalidInputError: unknown closure, or one whose frames are too far apart to close.
         """
-        active = list(state.active)
+        active, released = list(state.active), set(state.released)
         for name, on in closures.items():
             index = self.mechanism.closure_index(name)
             if on and not active[index]:
                 self._refuse_far(index, state.q)
+            if active[index] and not on:
+                released.add(index)
             active[index] = bool(on)
-        return self._activated(state, tuple(active))
+        return self._activated(replace(state, released=frozenset(released)), tuple(active))
 
     def _start(self, state: MechanismState) -> Start:
         """Return a state as the start of a step, with what is known there."""
@@ -187,7 +187,8 @@ class Simulator:
             before, work_in=before.work_in + work_in, damping_loss=before.damping_loss + lost
         )
         time = state.time + steps * self.period
-        ended = MechanismState(time, _frozen(q), _frozen(v), state.active, error, account)
+        q, v, released = _frozen(q), _frozen(v), state.released
+        ended = MechanismState(time, q, v, state.active, error, account, None, released)
         self._projected = ended, closing
         return ended
 
@@ -208,19 +209,13 @@ class Simulator:
 
     def _latch(self, state: MechanismState) -> MechanismState:
         """Close open loops that are within reach, where their frames come nearest to each other."""
-        if not self._can_latch:
+        if not self._latches.waiting(state.active):
             return state
-        active = list(state.active)
-        for index in self._can_latch:
-            loop = self.mechanism.closures[index]
-            limit = loop.latch_distance
-            if not active[index] and limit is not None:
-                distance, speed = self.mechanism.distance_of(index, state.q, state.v)
-                near = distance < limit and (speed >= 0.0 or distance < 0.1 * limit)
-                active[index] = near and not self.mechanism.on_wrong_branch(index, state.q)
-        if tuple(active) == state.active:
-            return state
-        return self._activated(state, tuple(active))
+        q, v = state.q, state.v
+        active, released = self._latches.after(q, v, state.active, state.released)
+        if released != state.released:
+            state = replace(state, released=released)
+        return state if active == state.active else self._activated(state, active)
 
     def _activated(self, state: MechanismState, active: Active) -> MechanismState:
         before = sum(self.mechanism.energy(state.q, state.v))

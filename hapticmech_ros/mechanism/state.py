@@ -43,6 +43,7 @@ class MechanismState:
         account: energy account.
         touching: points of contact in the step that led here; None before the first one, and in a
             scene without contacts.
+        released: indices of closures that were opened and have not left their catch since.
     """
 
     time: float
@@ -52,6 +53,7 @@ class MechanismState:
     closure_error: float = 0.0
     account: EnergyAccount = EnergyAccount()
     touching: Touching | None = None
+    released: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)

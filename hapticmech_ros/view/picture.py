@@ -17,6 +17,7 @@ from hapticmech_ros.view.directions import directions
 from hapticmech_ros.view.mechanism_shapes import closure_shapes, joint_shapes, link_shapes
 from hapticmech_ros.view.placement import Placement
 from hapticmech_ros.view.shapes import Shape, axes, numbered, sphere, text
+from hapticmech_ros.view.solid_shapes import solid_shapes, spring_shapes
 from hapticmech_ros.view.wrench_shapes import Scales, direction_shapes, wrench_shapes
 
 # Sizes as shares of the mechanism's characteristic length.
@@ -77,6 +78,8 @@ class Picture:
         unit = self._scales.unit
         closed = dict(zip(self._closures, snapshot.active, strict=True))
         shapes = [
+            *solid_shapes(self._scene, placement, unit),
+            *spring_shapes(placement, unit),
             *link_shapes(self._scene, placement, unit),
             *joint_shapes(self._scene, placement, unit),
             *closure_shapes(placement, closed, unit),
