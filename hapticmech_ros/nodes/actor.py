@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Generic, TypeVar
 
 from geometry_msgs.msg import WrenchStamped
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
@@ -136,6 +137,7 @@ class Actor(Generic[P]):
         qos: QoSProfile,
         accept: Callable[[Array, int, int], None],
         unstamped_is_now: bool = True,
+        events: SubscriptionEventCallbacks | None = None,
     ) -> None:
         """Subscribe to wrenches in ``world``, read from the bytes on the wire.
 
@@ -151,7 +153,7 @@ class Actor(Generic[P]):
             stamp = checked_time(found.stamp_ns, now_ns, limit, unstamped_is_now)
             accept(found.values, stamp, now_ns)
 
-        self._input_raw(name, WrenchStamped, qos, read)
+        self._input_raw(name, WrenchStamped, qos, read, events)
 
     def guarded(self, name: str, accept: Callable[[M, int], None]) -> Callable[[M], None]:
         """Return a callback that hands on messages while active, and counts those refused."""
@@ -174,13 +176,17 @@ class Actor(Generic[P]):
         message_type: Any,
         qos: QoSProfile,
         read: Callable[[bytes, int], None],
+        events: SubscriptionEventCallbacks | None = None,
     ) -> None:
         """Subscribe to a topic's bytes, be they from this process or from outside."""
         node, callback = self.node, self.guarded(name, read)
         if not self.lockstep:
             # In lockstep all goes one way: what is late there is waited for, not dropped.
             callback = node.hand_over(node.resolve_topic_name(name), callback)
-        node.keep(node.create_subscription(message_type, name, callback, qos, raw=True))
+        made = node.create_subscription(
+            message_type, name, callback, qos, raw=True, event_callbacks=events
+        )
+        node.keep(made)
 
 
 class ClockedActor(Actor[P]):

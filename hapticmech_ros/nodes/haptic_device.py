@@ -5,17 +5,22 @@ CRTK: publishes measured_cp, measured_cv, measured_cf; obeys servo_cf.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
+from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
+from hapticmech_ros.nodes.command_guard import CommandGuard
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Latest, Stamped
 from hapticmech_ros.nodes.messages import (
@@ -40,6 +45,7 @@ from hapticmech_ros.wire.topics import (
     DEVICE_SETPOINT,
     DEVICE_STATE,
     DEVICE_TWIST,
+    EMERGENCY_STOP,
     HAND_WRENCH,
     START_HAND,
 )
@@ -63,6 +69,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._pushes: Pushes | None = None
         super().__init__(node, parameters)
         self._hand_waits = parameters.hand_waits
+        self._envelope = SafetyEnvelope(self.period_s)
         self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
         self._push: Array = NO_WRENCH
         self._awaited: Stamped[Array] = Stamped()
@@ -85,7 +92,15 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._publish_joints = self.output(DEVICE_JOINTS, JointState)
         self._publish_pose = self.output(DEVICE_POSE, PoseStamped)
         node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
-        self.input_command(DEVICE_COMMAND.name, self.control_input, self._on_command)
+        node.keep(node.create_service(SetBool, EMERGENCY_STOP, self._on_stop))
+        commands = node.resolve_topic_name(DEVICE_COMMAND.name)
+        self._guard = CommandGuard(lambda: node.count_publishers(commands))
+        self.input_command(
+            DEVICE_COMMAND.name,
+            self.control_input,
+            self._on_command,
+            events=SubscriptionEventCallbacks(matched=self._on_matched),
+        )
         if self._awaits_hand:
             qos = self.control_input
             self.input_command(HAND_WRENCH.name, qos, self._on_awaited, unstamped_is_now=False)
@@ -104,6 +119,15 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Take new parameters: the timeouts count from now on."""
         super().adopt(parameters)
         self.timeout_ns = nanoseconds(parameters.command_timeout)
+        device = self.scene.device
+        self._limits = SafetyLimits(
+            force=parameters.force_limit or device.force_limit,
+            torque=parameters.torque_limit or device.torque_limit,
+            force_slew=parameters.force_slew,
+            torque_slew=parameters.torque_slew,
+            ramp=parameters.start_ramp,
+            radius=parameters.workspace_radius or math.inf,
+        )
         if self._pushes is not None:
             self._pushes.set_timeout(nanoseconds(parameters.hand_timeout))
 
@@ -114,13 +138,15 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._push = NO_WRENCH
         self._command = Latest()
         self._state = self._device.at_rest(self._state.pose, held=self.lockstep)
+        self._envelope.place(self._state.published[:3])
+        self._envelope.stop()
         self._held = self._state if self.lockstep else None
         self.times_held = int(self.lockstep)
 
     def deactivate(self) -> None:
         """Put the actuators at zero and let go."""
         self._command = Latest()
-        self._held = None
+        self._let_go()
         self._state = self._device.at_rest(self._state.pose)
 
     def ready(self, deadline_ns: int) -> bool:
@@ -170,14 +196,17 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the device's state and figures."""
-        rendering = self._command.fresh(self.now_ns(), self.timeout_ns)
-        sentence = "rendering" if rendering else "no commands: actuators at zero"
+        fault, counts = self._guard.fault, self._envelope.counts
+        rendering = not fault and self._command.fresh(self.now_ns(), self.timeout_ns)
+        sentence = "rendering" if rendering else f"{fault or 'no commands'}: actuators at zero"
         return (
             rendering,
             sentence,
             {
                 **self.clock_figures(),
                 "times_held": str(self.times_held),
+                "fault": fault,
+                **{f"limited_by_{reason.value}": str(count) for reason, count in counts.items()},
                 **self.latency.summary("loop_latency"),
                 **({} if self._pushes is None else self._pushes.figures(self.now_ns())),
             },
@@ -185,21 +214,29 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def _standing_command(self, now_ns: int) -> Array:
         """Return servo_cf, or zero when it is stale; the hand takes hold and lets go with it."""
+        fault = self._guard.fault
         if self.lockstep:
-            if self._ticks < 2:
-                return NO_WRENCH
-            return self._commands.take(self.answered_ns(now_ns))
+            known = self._ticks >= 2
+            answer = self._commands.take(self.answered_ns(now_ns)) if known else NO_WRENCH
+            return self._envelope.stop() if fault else self._safe(answer)
         command = self._command.value
-        if command is None or not self._command.fresh(now_ns, self.timeout_ns):
+        if command is None or fault or not self._command.fresh(now_ns, self.timeout_ns):
             if self._held is not None:
-                self.node.get_logger().warning("servo_cf is lost: actuators at zero")
-            self._held = None
-            return NO_WRENCH
+                self.node.get_logger().warning(f"{fault or 'servo_cf is lost'}: actuators at zero")
+            return self._let_go()
         if self._held is None and not self._hand_waits:
             self._held = self._state
             self._ticks_held = 0
             self.times_held += 1
-        return command
+        return self._safe(command)
+
+    def _safe(self, command: Array) -> Array:
+        return self._envelope.apply(self._limits, command, self._state.published[:3])
+
+    def _let_go(self) -> Array:
+        """Let the hand go, and return what the actuators then apply: zero."""
+        self._held = None
+        return self._envelope.stop()
 
     def _pushing(self, now_ns: int) -> Array:
         """Return what others add to the hand's wrench from now on."""
@@ -213,6 +250,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
         self.latency.add(now_ns - stamp_ns)
         self.ages.add(now_ns - stamp_ns)
+        self._guard.heard(wrench.tobytes(), stamp_ns, now_ns)
         self._command.put(wrench, now_ns)
         if self.lockstep:
             self._commands.put(wrench, stamp_ns)
@@ -221,6 +259,16 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def _on_awaited(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
         self._awaited.put(wrench, stamp_ns)
         self.act(now_ns)
+
+    def _on_matched(self, info: QoSSubscriptionMatchedInfo) -> None:
+        self._guard.matched(info.current_count, self.now_ns(), self.timeout_ns)
+
+    def _on_stop(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        """Put the actuators at zero, until it is taken back."""
+        self._guard.stop(request.data)
+        response.success = True
+        response.message = "actuators at zero" if request.data else "commands are obeyed again"
+        return response
 
     def _on_start_hand(
         self, request: Trigger.Request, response: Trigger.Response

@@ -76,6 +76,20 @@ class DeviceParameters(NodeParameters):
     command_timeout: float = number(
         0.012, "servo_cf older than this counts as lost: actuators at zero", "s", 0.001, 1.0
     )
+    force_limit: float = number(
+        0.0, "largest force that leaves; 0: the scene's device.force_limit", "N", 0.0, 1000.0
+    )
+    torque_limit: float = number(
+        0.0, "largest torque that leaves; 0: the scene's device.torque_limit", "N m", 0.0, 100.0
+    )
+    force_slew: float = number(2000.0, "fastest change of the force", "N/s", 1.0, 1e6)
+    torque_slew: float = number(100.0, "fastest change of the torque", "N m/s", 0.01, 1e5)
+    start_ramp: float = number(
+        0.1, "force and torque limit open over this when commands begin", "s", 0.0, 10.0
+    )
+    workspace_radius: float = number(
+        0.0, "nothing pushes outwards so far from the start; 0: anywhere", "m", 0.0, 100.0
+    )
     hand: Literal["scene", "commanded"] = text(
         "scene", "scene: its hand holds the device; commanded: hand_cf alone moves it"
     )

@@ -236,6 +236,8 @@ DIAGNOSTICS = Topic(
 )
 # Service of the simulated device, std_srvs/srv/Trigger: a hand that waits takes hold.
 START_HAND = "device/start_hand"
+# Service of a device, std_srvs/srv/SetBool: true puts the actuators at zero until false.
+EMERGENCY_STOP = "device/emergency_stop"
 
 TOPICS: tuple[Topic, ...] = (
     DEVICE_STATE,

@@ -21,7 +21,7 @@ from hapticmech_ros.wire.layouts import unpack_device
 from ros.harness import Peer, running
 
 pytestmark = pytest.mark.ros
-UNITS = ("Hz", "s")
+UNITS = ("Hz", "s", "m", "N", "N m", "N/s", "N m/s")
 DEVICE = "haptic_device"
 
 
