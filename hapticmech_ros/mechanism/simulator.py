@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,75 +16,16 @@ from hapticmech_ros.mechanism.latching import Latches
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion import NOTHING, Pushes, Start
 from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.state import MechanismState, Trajectory
 from hapticmech_ros.mechanism.stepping import Stepped
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import OperationalPoint
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.stepping import Touched
-    from hapticmech_ros.contact.touching import Touching
 
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.
 CLOSE_BY_HAND = 0.02
-
-
-@dataclass(frozen=True, slots=True)
-class EnergyAccount:
-    """Energies since the start, J.
-
-    Attributes:
-        work_in: work by wrenches, and by efforts and further forces in joints.
-        damping_loss: in damping, friction, dampers, and the part of stops that is no spring.
-        latch_loss: when loops latched.
-        contact_loss: in contacts, by friction, damping and impact.
-        contact_energy: held by contacts now, as by springs.
-    """
-
-    work_in: float = 0.0
-    damping_loss: float = 0.0
-    latch_loss: float = 0.0
-    contact_loss: float = 0.0
-    contact_energy: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class MechanismState:
-    """Everything that evolves. Arrays are read-only; a step returns a new state.
-
-    Attributes:
-        time: s since the start.
-        q, v: configuration (nq,) and rates (nv,).
-        active: per closure of the scene, whether it is closed.
-        closure_error: largest residual of the active closures, m or rad.
-        account: energy account.
-        touching: points of contact in the step that led here; None before the first one, and in a
-            scene without contacts.
-        released: indices of closures that were opened and have not left their catch since.
-    """
-
-    time: float
-    q: Array
-    v: Array
-    active: Active
-    closure_error: float = 0.0
-    account: EnergyAccount = EnergyAccount()
-    touching: Touching | None = None
-    released: frozenset[int] = frozenset()
-
-
-@dataclass(frozen=True, slots=True)
-class Trajectory:
-    """What a run went through; k samples, the first one its start.
-
-    Attributes:
-        time: (k,) s since the simulation's start.
-        q, v: configurations (k, nq) and rates (k, nv).
-        end: the state after the last step, whether it is a sample or not.
-    """
-
-    time: Array
-    q: Array
-    v: Array
-    end: MechanismState
 
 
 class Simulator:
@@ -115,6 +56,13 @@ class Simulator:
         active = self.mechanism.initially_active
         error = self.mechanism.closing_terms(q, active).error
         return MechanismState(0.0, _frozen(q), _frozen(v), active, error)
+
+    def grasp(self, point: OperationalPoint) -> None:
+        """Put an operational point elsewhere from now on; see :meth:`Mechanism.grasp`."""
+        self.mechanism.grasp(point)
+        self.scene = self.mechanism.scene
+        # Both know where the point was.
+        self._evaluated = self._projected = None
 
     def evaluate(self, state: MechanismState) -> Evaluation:
         """Return every term of Eq. 1 at ``state``; asked twice for the same, it remembers."""
