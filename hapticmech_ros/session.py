@@ -18,7 +18,7 @@ from hapticmech_ros.control import (
     RenderingModel,
     control_for,
 )
-from hapticmech_ros.device import DeviceState, device_for
+from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
 from hapticmech_ros.mechanism.grasp import grasped
@@ -38,7 +38,7 @@ class Sample:
         time: s since the session's start; the device is engaged at time 0.
         device, mechanism: states at ``time``.
         point: the operational point's kinematics.
-        hand_wrench: (6,) F_h on the device.
+        hand_wrench: (6,) F_h on the device, by the hand and by others.
         external_wrench: (6,) on the mechanism at the operational point, by others.
         contact_wrench: (6,) F_c of virtual objects there, of the step that led here; zero without.
         analysis: Λ_h⁻¹ and what follows.
@@ -96,12 +96,16 @@ class Session:
         """Time of the next tick, s."""
         return self._tick * self.period
 
-    def tick(self, external_wrench: Array | None = None) -> Sample:
+    def tick(
+        self, external_wrench: Array | None = None, hand_wrench: Array | None = None
+    ) -> Sample:
         """Measure, analyse, control, and advance mechanism and device by one period.
 
         Args:
             external_wrench: (6,) wrench on the mechanism at the operational point, world axes, held
                 over the period; none if left out.
+            hand_wrench: (6,) on the device at the point held, world axes, beside the hand's own and
+                held over the period; none if left out.
 
         Raises:
             ClosureError: a closed loop came apart.
@@ -109,14 +113,16 @@ class Session:
         """
         time = self.time
         external = np.zeros(6) if external_wrench is None else np.asarray(external_wrench, float)
+        push = NO_WRENCH if hand_wrench is None else np.asarray(hand_wrench, float)
         device, mechanism = self._device_state, self._mechanism_state
+        held = device.hand_wrench + push
         terms = self.simulator.evaluate(mechanism)
         point = terms.points[self._index]
         analysis = self._analyser.analyse(terms)
         self._count = self._next_count(analysis.spectrum.s, time)
         contact = touching_wrench(terms, analysis, mechanism.touching, self._index)
         measured = DeviceMeasurement(
-            device.measured_pose, device.measured_twist, device.hand_wrench
+            device.measured_pose, device.measured_twist, held
         )
         self._tie(time, measured, point)
         output = self._control.compute(
@@ -131,7 +137,7 @@ class Session:
             device,
             mechanism,
             point,
-            device.hand_wrench,
+            held,
             external,
             contact,
             analysis,
@@ -144,7 +150,7 @@ class Session:
         wrenches = np.zeros((self._points, 6))
         wrenches[self._index] = to_mechanism + external
         self._mechanism_state = self.simulator.step(mechanism, wrenches)
-        self._device_state = self._device.step(device, to_device, self._held, self._tick)
+        self._device_state = self._device.step(device, to_device, self._held, self._tick, push)
         self._tick += 1
         return sample
 
