@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from hapticmech_ros.control import (
     RenderingModel,
     control_for,
 )
+from hapticmech_ros.control.force_gain import corrected
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
@@ -58,6 +60,18 @@ class Sample:
     output: ControlOutput
 
 
+_NO_GAIN = np.zeros((6, 6))
+
+
+class _Command(NamedTuple):
+    """Wrenches (6,) of a tick on their way, G (6, 6), and the hand wrench that they answer."""
+
+    device: Array
+    mechanism: Array
+    gain: Array
+    answered: Array
+
+
 class Session:
     """A scene, running.
 
@@ -83,9 +97,9 @@ class Session:
         start = self.simulator.evaluate(self._mechanism_state).points[self._index].pose
         self._device_state = self._held = self._device.at_rest(start, held=True)
         self._engagement: Engagement = self._control.engage(0.0, start, start)
-        self._pending: deque[tuple[Array, Array]] = deque(
-            [(np.zeros(6), np.zeros(6))] * command_delay
-        )
+        self._local = scene.controller.force_channel.local
+        nothing = _Command(np.zeros(6), np.zeros(6), _NO_GAIN, np.zeros(6))
+        self._pending: deque[_Command] = deque([nothing] * command_delay)
         self._count: CountState | None = None
         self._carried: Array | None = None
         self._sent = np.zeros(6)
@@ -121,16 +135,15 @@ class Session:
         analysis = self._analyser.analyse(terms)
         self._count = self._next_count(analysis.spectrum.s, time)
         contact = touching_wrench(terms, analysis, mechanism.touching, self._index)
-        measured = DeviceMeasurement(
-            device.measured_pose, device.measured_twist, held
-        )
+        measured = DeviceMeasurement(device.measured_pose, device.measured_twist, held)
         self._tie(time, measured, point)
+        model = rendering_model(analysis)
         output = self._control.compute(
             time,
             self._engagement,
             measured,
             PointMeasurement(point.pose, point.twist, external + contact),
-            rendering_model(analysis),
+            model,
         )
         sample = Sample(
             time,
@@ -145,8 +158,11 @@ class Session:
             output,
         )
         self._sent = output.device
-        self._pending.append((output.device, output.mechanism))
-        to_device, to_mechanism = self._pending.popleft()
+        gain = self._control.force_gain(time, self._engagement, model) if self._local else _NO_GAIN
+        self._pending.append(_Command(output.device, output.mechanism, gain, held))
+        to_device, to_mechanism, gain, answered = self._pending.popleft()
+        if self._local:
+            to_device = corrected(to_device, gain, answered, held)
         wrenches = np.zeros((self._points, 6))
         wrenches[self._index] = to_mechanism + external
         self._mechanism_state = self.simulator.step(mechanism, wrenches)
@@ -179,7 +195,7 @@ class Session:
         point = grasped(self.simulator.scene, self._analyser.point.name, frame, origin)
         self.simulator.grasp(point)
         self._analyser = Analyser(self.simulator.mechanism, point.name)
-        self._pending = deque((device, np.zeros(6)) for device, _ in self._pending)
+        self._pending = deque(one._replace(mechanism=np.zeros(6)) for one in self._pending)
         self._carried = self._sent
         self._count = None
 

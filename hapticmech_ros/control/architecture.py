@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from hapticmech_ros.control.engagement import Engagement, engage, pose_error
 from hapticmech_ros.control.flat import device_of, model_of, point_of
+from hapticmech_ros.control.force_gain import force_gain
 from hapticmech_ros.control.four_channel import FourChannel
 from hapticmech_ros.control.impedance import impedance_wrench
 from hapticmech_ros.control.joint_constraint import joint_constraint_wrench
@@ -107,6 +108,14 @@ class ControlArchitecture:
         """Return the device's wrench (6,) with what it still carries on from another grasp."""
         faded = engagement.faded(time, self.ramp_of(engagement))
         return wrench if faded is None else limited(wrench + faded, *self.limits)
+
+    def force_gain(self, time: float, engagement: Engagement, model: RenderingModel) -> Array:
+        """Return G (6, 6) as it is let through at ``time`` (s); see :mod:`.force_gain`."""
+        beta = self.gains.joint_constraint.feedforward
+        x, share = model.inverse_inertia, model.balanced_share
+        gain = force_gain(self.device_inertia, x, share, beta)
+        ramp = engagement.ramp(time, self.ramp_of(engagement))
+        return np.asarray(ramp * self._task[:, None] * gain * self._task)
 
     def engage_flat(
         self,

@@ -9,9 +9,7 @@ import math
 
 import numpy as np
 import pinocchio as pin
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
@@ -21,37 +19,25 @@ from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.command_guard import CommandGuard
+from hapticmech_ros.nodes.device_view import DeviceView
+from hapticmech_ros.nodes.force_loop import ForceLoop
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Latest, Stamped
-from hapticmech_ros.nodes.messages import (
-    WORLD,
-    set_stamp,
-    write_pose,
-    write_twist,
-    write_wrench,
-)
 from hapticmech_ros.nodes.parameters import DeviceParameters
 from hapticmech_ros.nodes.pushes import Pushes
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.device_wire import DeviceWriter
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, GAIN_FIELDS
 from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,
-    DEVICE_FORCE,
-    DEVICE_JOINTS,
-    DEVICE_POSE,
-    DEVICE_SETPOINT,
+    DEVICE_GAIN,
     DEVICE_STATE,
-    DEVICE_TWIST,
     EMERGENCY_STOP,
     HAND_WRENCH,
     START_HAND,
 )
-
-# The six coordinates as joints: metres, and the rotation vector's components in radians.
-COORDINATES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 class HapticDevice(ClockedActor[DeviceParameters]):
@@ -70,6 +56,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         super().__init__(node, parameters)
         self._hand_waits = parameters.hand_waits
         self._envelope = SafetyEnvelope(self.period_s)
+        self._loop = ForceLoop()
+        self._answered_ns = 0
         self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
         self._push: Array = NO_WRENCH
         self._awaited: Stamped[Array] = Stamped()
@@ -80,17 +68,10 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._ticks_held = 0
         self.times_held = 0
         self.latency = DurationHistogram()
-        self._pose, self._twist, self._force = PoseStamped(), TwistStamped(), WrenchStamped()
-        self._setpoint, self._joints = WrenchStamped(), JointState(name=list(COORDINATES))
-        self._joints.header.frame_id = WORLD
         self._ticks = 0
         self._wire, self._written = FlatArray(DEVICE_FIELDS), DeviceWriter()
         self._publish_wire = self.output(DEVICE_STATE, Float64MultiArray)
-        self._publish_force = self.output(DEVICE_FORCE, WrenchStamped)
-        self._publish_twist = self.output(DEVICE_TWIST, TwistStamped)
-        self._publish_setpoint = self.output(DEVICE_SETPOINT, WrenchStamped)
-        self._publish_joints = self.output(DEVICE_JOINTS, JointState)
-        self._publish_pose = self.output(DEVICE_POSE, PoseStamped)
+        self._view = DeviceView(self)
         node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
         node.keep(node.create_service(SetBool, EMERGENCY_STOP, self._on_stop))
         commands = node.resolve_topic_name(DEVICE_COMMAND.name)
@@ -101,6 +82,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             self._on_command,
             events=SubscriptionEventCallbacks(matched=self._on_matched),
         )
+        if self._is_local:
+            self.input_array(DEVICE_GAIN.name, self.control_input, self._on_gain, GAIN_FIELDS)
         if self._awaits_hand:
             qos = self.control_input
             self.input_command(HAND_WRENCH.name, qos, self._on_awaited, unstamped_is_now=False)
@@ -114,6 +97,10 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     @property
     def _awaits_hand(self) -> bool:
         return self.lockstep and self.parameters.hand == "commanded"
+
+    @property
+    def _is_local(self) -> bool:
+        return self.scene.controller.force_channel.local
 
     def adopt(self, parameters: DeviceParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
@@ -153,7 +140,9 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Return whether the command to act on, and the hand's wrench if awaited, are there."""
         if self._awaits_hand and not self._awaited.has(deadline_ns):
             return False
-        return self._ticks < 2 or self._commands.has(self.answered_ns(deadline_ns))
+        answered = self.answered_ns(deadline_ns)
+        known = self._commands.has(answered)
+        return self._ticks < 2 or (known and (not self._is_local or self._loop.gains.has(answered)))
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Move the device on under the command that stands, and publish what it measures."""
@@ -163,36 +152,15 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._push = self._pushing(deadline_ns)
         self._written.see(self._state, self._push, deadline_ns)
         self._publish_wire.publish(self._wire.encode(self._written.values))
+        self._loop.measured(self._written.hand_wrench, deadline_ns)
         if self._ticks % self.view_every == 0:
-            self._publish_view(deadline_ns)
+            self._view.publish(self._state, self._written.hand_wrench, deadline_ns)
         self._ticks += 1
 
     def _move(self, command: Array) -> None:
         held, ticks = self._held, self._ticks_held
         self._state = self._device.step(self._state, command, held, ticks, self._push)
         self._ticks_held += held is not None
-
-    def _publish_view(self, deadline_ns: int) -> None:
-        state = self._state
-        pose, twist, applied = state.measured_pose, state.measured_twist, state.applied
-        write_wrench(self._force, self._written.hand_wrench, deadline_ns)
-        write_twist(self._twist, twist, deadline_ns)
-        write_pose(self._pose, pose, deadline_ns)
-        self._publish_force.publish(self._force)
-        self._publish_twist.publish(self._twist)
-        write_wrench(self._setpoint, applied, deadline_ns)
-        self._publish_setpoint.publish(self._setpoint)
-        turned = pin.log3(pose.rotation)
-        # Rates of the rotation vector, and torques that do the same work with them.
-        spin = pose.rotation @ pin.Jexp3(turned)
-        rates = pin.Jlog3(pose.rotation) @ pose.rotation.T @ twist[3:]
-        set_stamp(self._joints.header.stamp, deadline_ns)
-        self._joints.position = [*pose.translation.tolist(), *turned.tolist()]
-        self._joints.velocity = [*twist[:3].tolist(), *rates.tolist()]
-        self._joints.effort = [*applied[:3].tolist(), *(spin.T @ applied[3:]).tolist()]
-        self._publish_joints.publish(self._joints)
-        # Last of the sample: who speaks CRTK only answers the pose.
-        self._publish_pose.publish(self._pose)
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the device's state and figures."""
@@ -216,8 +184,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Return servo_cf, or zero when it is stale; the hand takes hold and lets go with it."""
         fault = self._guard.fault
         if self.lockstep:
-            known = self._ticks >= 2
-            answer = self._commands.take(self.answered_ns(now_ns)) if known else NO_WRENCH
+            answer = self._answer_of(self.answered_ns(now_ns)) if self._ticks >= 2 else NO_WRENCH
             return self._envelope.stop() if fault else self._safe(answer)
         command = self._command.value
         if command is None or fault or not self._command.fresh(now_ns, self.timeout_ns):
@@ -228,7 +195,14 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             self._held = self._state
             self._ticks_held = 0
             self.times_held += 1
-        return self._safe(command)
+        return self._safe(self._loop.correct(command, self._answered_ns, now_ns))
+
+    def _answer_of(self, answered_ns: int) -> Array:
+        """Return the answer to a sample, in lockstep."""
+        command = self._commands.take(answered_ns)
+        if not self._is_local:
+            return command
+        return self._loop.correct_in_lockstep(command, answered_ns)
 
     def _safe(self, command: Array) -> Array:
         return self._envelope.apply(self._limits, command, self._state.published[:3])
@@ -236,6 +210,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def _let_go(self) -> Array:
         """Let the hand go, and return what the actuators then apply: zero."""
         self._held = None
+        self._loop.forget()
         return self._envelope.stop()
 
     def _pushing(self, now_ns: int) -> Array:
@@ -252,8 +227,14 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self.ages.add(now_ns - stamp_ns)
         self._guard.heard(wrench.tobytes(), stamp_ns, now_ns)
         self._command.put(wrench, now_ns)
+        self._answered_ns = stamp_ns
         if self.lockstep:
             self._commands.put(wrench, stamp_ns)
+            self.act(now_ns)
+
+    def _on_gain(self, values: Array, now_ns: int) -> None:
+        self._loop.take(values, now_ns, self.lockstep)
+        if self.lockstep:
             self.act(now_ns)
 
     def _on_awaited(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:

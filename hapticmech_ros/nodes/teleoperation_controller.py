@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.control import DeviceMeasurement, Engagement, control_for
-from hapticmech_ros.control.flat import flat_device
+from hapticmech_ros.control.flat import flat_device, model_of
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.host import Host
@@ -24,13 +25,15 @@ from hapticmech_ros.nodes.messages import (
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
+from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, GAIN_FIELDS, RENDERING_FIELDS, pack_gain
 from hapticmech_ros.wire.readings import RenderingReading, read_device, read_rendering
 from hapticmech_ros.wire.topics import (
     CHANNEL_PART,
     CONSTRAINT_PART,
     DEVICE_COMMAND,
     DEVICE_FORCE,
+    DEVICE_GAIN,
     DEVICE_POSE,
     DEVICE_STATE,
     DEVICE_TWIST,
@@ -73,6 +76,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._rendering: Latest[RenderingReading] = Latest()
         self._message = WrenchStamped()
         self._publish_device = self.output(DEVICE_COMMAND, WrenchStamped)
+        self._publish_gain = self.output(DEVICE_GAIN, Float64MultiArray)
+        self._gain = FlatArray(GAIN_FIELDS)
+        self._gain_ns = NEVER
         self._publish_point = self.output(POINT_COMMAND, WrenchStamped)
         self._publish_parts = [
             self.output(topic, WrenchStamped)
@@ -96,6 +102,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         """Take new parameters: the timeout counts from now on."""
         super().adopt(parameters)
         self.timeout_ns = nanoseconds(parameters.input_timeout)
+        # Less half a period: samples are not evenly apart.
+        self._gain_every_ns = nanoseconds((self.view_every - 0.5) * self.period_s)
 
     def activate(self) -> None:
         """Wait for device and rendering; times count from now, to lose no digits."""
@@ -200,7 +208,19 @@ class TeleoperationController(Actor[ControllerParameters]):
             self.grasps += 1
         self._grasp = rendering.grasp
         self._engagement = self._control.slipped_flat(time_s, engagement, device, rendered)
+        self._send_gain(time_s, self._engagement, rendered, stamp)
         self._send(self._control.answer(time_s, self._engagement, device, rendered, ahead), stamp)
+
+    def _send_gain(
+        self, time_s: float, engagement: Engagement, rendered: Array, stamp_ns: int
+    ) -> None:
+        """Publish how the device corrects commands: at view rate, in lockstep with each of them."""
+        if not self.scene.controller.force_channel.local:
+            return
+        if self.lockstep or stamp_ns - self._gain_ns >= self._gain_every_ns:
+            self._gain_ns = stamp_ns
+            gain = self._control.force_gain(time_s, engagement, model_of(rendered))
+            self._publish_gain.publish(self._gain.encode(pack_gain(gain, stamp_ns)))
 
     def _send(self, wrenches: Array, stamp_ns: int) -> None:
         """Publish rows 0 and 1 of an answer (6, 6); at view rate also its parts, rows 2 to 4."""
@@ -219,6 +239,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             return
         self.node.get_logger().warning(f"disengaged: lost {', '.join(lost)}")
         self._engagement = None
+        self._gain_ns = NEVER
         zero = encode_wrench(_NO_WRENCH, self.now_ns())
         self._publish_device.publish(zero)
         self._publish_point.publish(zero)

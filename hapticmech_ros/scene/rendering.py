@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from hapticmech_ros.scene.part import NonNegative, Part, Positive, Real, Vector3
+from hapticmech_ros.scene.part import Flag, NonNegative, Part, Positive, Real, Vector3
 
 
 class Perception(Part):
@@ -106,10 +106,18 @@ class PositionChannelGains(Part):
 
 
 class ForceChannelGains(Part):
-    """Force channels: ``contact`` (C2, contact to hand), ``hand`` (C3, hand to mechanism)."""
+    """Force channels.
+
+    Attributes:
+        contact: C2, contact to hand.
+        hand: C3, hand to mechanism.
+        local: whether the device corrects each command by what the hand's wrench has changed since
+            the sample that the command answers; see docs/feel.md.
+    """
 
     contact: Annotated[Real, Field(ge=0.0, le=1.0)] = 1.0
     hand: Annotated[Real, Field(ge=0.0, le=1.0)] = 1.0
+    local: Flag = True
 
 
 class Controller(Part):

@@ -68,6 +68,14 @@ DEVICE_COMMAND = Topic(
     (DEVICE, VIEWER),
     rate="control",
 )
+DEVICE_GAIN = Topic(
+    "device/servo_gain",
+    ARRAY,
+    CONTROLLER,
+    "G, by which the device corrects `servo_cf`: by G times what F_h has changed since the sample "
+    "that the command answers; stamp and 6 x 6, axes of `world`",
+    (DEVICE,),
+)
 HAND_WRENCH = Topic(
     "device/hand_cf",
     WRENCH,
@@ -247,6 +255,7 @@ TOPICS: tuple[Topic, ...] = (
     DEVICE_SETPOINT,
     DEVICE_JOINTS,
     DEVICE_COMMAND,
+    DEVICE_GAIN,
     HAND_WRENCH,
     STATE,
     JOINT_STATES,

@@ -38,11 +38,13 @@ from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import (
     DEVICE_FIELDS,
     ENERGY_FIELDS,
+    GAIN_FIELDS,
     RENDERING_FIELDS,
     DeviceSample,
     Rendering,
     pack_device,
     pack_energy,
+    pack_gain,
     pack_rendering,
 )
 from hapticmech_ros.wire.state import StateLayout, WireState
@@ -124,6 +126,7 @@ class Examples:
             ),
             table.STATE: StampedArray(FlatArray(layout.fields), layout.pack(wire)),
             table.RENDERING: StampedArray(FlatArray(RENDERING_FIELDS), pack_rendering(rendering)),
+            table.DEVICE_GAIN: StampedArray(FlatArray(GAIN_FIELDS), pack_gain(np.zeros((6, 6)), 0)),
             table.ENERGY: StampedArray(FlatArray(ENERGY_FIELDS), pack_energy(energy)),
         }
         wrenches = np.zeros((6, sample.count))
