@@ -68,6 +68,7 @@ def test_scenes_start_closed_and_describe_themselves(name):
         ("shared_payload", 6, 0),
         ("crane", 2, 1),
         ("peg_in_hole", 3, 0),
+        ("ur5e", 6, 0),
     ],
 )
 def test_rank_at_the_start(name, rank, constraints):
