@@ -1,0 +1,1 @@
+"""What reaches the hand: felt beside desired impedance, over frequency."""

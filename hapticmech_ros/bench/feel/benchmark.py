@@ -1,0 +1,91 @@
+"""The feel of scenes, from plan to files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hapticmech_ros.bench.feel.figure import draw
+from hapticmech_ros.bench.feel.impedance import Felt, felt
+from hapticmech_ros.scene import Scene, load_scene
+
+JSON_NAME, PLOT_NAME = "bench_feel.json", "bench_feel.png"
+# How the force channel is closed: by the device, or by the controller alone.
+LOOPS = {"device": True, "controller": False}
+
+Show = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What is felt along one direction of a scene.
+
+    Attributes:
+        scene: its name.
+        loop: what closes the force channel: device or controller.
+        delay: periods from measuring to acting.
+        felt: along the direction.
+    """
+
+    scene: str
+    loop: str
+    delay: int
+    felt: Felt
+
+    def document(self) -> dict[str, object]:
+        """Return the row as plain lists and numbers."""
+        found = self.felt
+        return {
+            "scene": self.scene,
+            "loop": self.loop,
+            "delay_periods": self.delay,
+            "direction": found.direction.tolist(),
+            "mass": found.mass,
+            "frequencies_hz": found.frequencies.tolist(),
+            "ratio_real": found.ratio.real.tolist(),
+            "ratio_imaginary": found.ratio.imag.tolist(),
+            "error_to_10_hz": found.error(10.0),
+            "error_to_30_hz": found.error(30.0),
+            "bandwidth_hz": found.bandwidth,
+        }
+
+
+def run_feel(
+    scenes: Sequence[str], delays: Sequence[int], out: Path, show: Show = lambda line: None
+) -> list[Row]:
+    """Measure every scene with both loops and each delay; write JSON and picture into ``out``.
+
+    Args:
+        scenes: names or paths.
+        delays: periods from measuring to acting, each 0 or more.
+        out: folder, made if it is not there.
+        show: told of each scene.
+
+    Raises:
+        SceneError: a scene that cannot be loaded.
+        InvalidInputError: as :func:`~hapticmech_ros.bench.feel.impedance.felt`.
+    """
+    rows = []
+    for name in scenes:
+        loaded = load_scene(name)
+        show(f"{loaded.name}: {loaded.description}")
+        for loop, local in LOOPS.items():
+            for delay in delays:
+                directions = felt(with_loop(loaded, local), delay=delay)
+                rows += [Row(loaded.name, loop, delay, one) for one in directions]
+    out.mkdir(parents=True, exist_ok=True)
+    written = json.dumps([row.document() for row in rows], indent=1, ensure_ascii=False)
+    (out / JSON_NAME).write_text(written + "\n", encoding="utf-8")
+    draw(rows, out / PLOT_NAME)
+    return rows
+
+
+def with_loop(scene: Scene, local: bool) -> Scene:
+    """Return a scene whose force channel is closed in the device, or is not."""
+    controller = scene.controller
+    force = controller.force_channel.model_copy(update={"local": local})
+    return scene.model_copy(
+        update={"controller": controller.model_copy(update={"force_channel": force})}
+    )

@@ -1,0 +1,42 @@
+"""The feel of scenes as a picture: size and phase of felt over desired impedance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hapticmech_ros.experiment.figure_style import BLUE, GREY, ORANGE, dress, new_figure, save
+
+if TYPE_CHECKING:
+    from hapticmech_ros.bench.feel.benchmark import Row
+
+CAPTION = (
+    "Felt over desired impedance along each free direction of each scene, at the smallest delay. "
+    "Blue: the device corrects commands by what the hand has done since. Orange: it does not. "
+    "Dotted: 3 dB."
+)
+
+
+def draw(rows: Sequence[Row], path: Path) -> Path:
+    """Write the picture as PNG, and return its path."""
+    figure = new_figure(9.0, 4.0, CAPTION)
+    sizes, phases = figure.subplots(1, 2)
+    least = min((row.delay for row in rows), default=0)
+    for row in rows:
+        if row.delay != least:
+            continue
+        colour = BLUE if row.loop == "device" else ORANGE
+        ratio = row.felt.ratio
+        for axes, values in (
+            (sizes, 20.0 * np.log10(np.abs(ratio))),
+            (phases, np.rad2deg(np.angle(ratio))),
+        ):
+            axes.semilogx(row.felt.frequencies, values, color=colour, linewidth=1.0, alpha=0.8)
+    for level in (-3.0, 3.0):
+        sizes.axhline(level, color=GREY, linestyle=":", linewidth=1.0)
+    dress(sizes, "frequency (Hz)", "size (dB)")
+    dress(phases, "frequency (Hz)", "phase (°)")
+    return save(figure, path)

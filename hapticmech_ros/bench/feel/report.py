@@ -1,0 +1,36 @@
+"""The feel of scenes as a table for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from hapticmech_ros.bench.feel.benchmark import Row
+
+
+def table(rows: Sequence[Row]) -> Table:
+    """Return, for each scene, loop and delay, the worst of its directions."""
+    shown = Table(title="felt over desired impedance, worst direction", title_justify="left")
+    shown.box = SIMPLE_HEAD
+    for name in ("scene", "force channel closed by"):
+        shown.add_column(name, overflow="fold")
+    for name in ("delay, periods", "directions", "error to 10 Hz", "to 30 Hz", "± 3 dB to, Hz"):
+        shown.add_column(name, justify="right")
+    for (scene, loop, delay), group in groupby(rows, lambda row: (row.scene, row.loop, row.delay)):
+        found = [row.felt for row in group]
+        shown.add_row(
+            escape(scene),
+            loop,
+            str(delay),
+            str(len(found)),
+            f"{100.0 * max(one.error(10.0) for one in found):.1f} %",
+            f"{100.0 * max(one.error(30.0) for one in found):.1f} %",
+            f"{min(one.bandwidth for one in found):g}",
+        )
+    return shown

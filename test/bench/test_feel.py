@@ -1,0 +1,80 @@
+"""Felt beside desired impedance: right where the device closes the force channel, and only there."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.bench.feel.benchmark import JSON_NAME, PLOT_NAME, with_loop
+from hapticmech_ros.bench.feel.impedance import FREQUENCIES_HZ, Felt, felt
+from hapticmech_ros.cli import app
+from hapticmech_ros.errors import InvalidInputError
+
+
+def at_period(scene, period):
+    simulation = scene.simulation.model_copy(update={"period": period})
+    return scene.model_copy(update={"simulation": simulation})
+
+
+@pytest.mark.parametrize(("name", "error"), [("five_bar", 0.05), ("spatial_arm", 0.06)])
+def test_free_directions_feel_as_the_mechanism_does(name, error):
+    """What is left is what couples both sides: B T / m_d = 0.033 in the five-bar's case."""
+    found = felt(load_scene(name))
+    assert len(found) == {"five_bar": 2, "spatial_arm": 6}[name]
+    for one in found:
+        assert one.error(30.0) < error
+        assert one.bandwidth >= 30.0
+
+
+def test_closed_by_the_controller_a_heavy_mechanism_is_felt_wrong():
+    errors = [one.error(10.0) for one in felt(with_loop(load_scene("five_bar"), local=False))]
+    assert min(errors) > 0.5
+
+
+@pytest.mark.parametrize("delay", [0, 3])
+def test_whatever_the_delay_the_device_corrects_it(delay):
+    """The coupling's own error grows with the delay, (1 + 2) B T / m_d for 3 periods: 0.13."""
+    for one in felt(load_scene("five_bar"), delay=delay):
+        assert one.error(10.0) < (1e-3 if delay == 0 else 0.15)
+
+
+def test_what_is_left_falls_with_the_period():
+    """First order, as the hold: transparent in the limit, 1 % at 30 Hz at 4 kHz."""
+    scene = load_scene("five_bar")
+    errors = [felt(at_period(scene, period))[0].error(30.0) for period in (1e-3, 5e-4, 2.5e-4)]
+    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(1.0, abs=0.15)
+    assert errors[-1] < 0.0115
+
+
+def test_bandwidth_and_errors_of_a_ratio():
+    frequencies = np.array(FREQUENCIES_HZ, dtype=float)
+    ratio = np.ones(frequencies.size, dtype=complex)
+    ratio[frequencies == 14.0] = 0.5
+    one = Felt(np.eye(6)[0], 1.0, frequencies, ratio)
+    assert (one.bandwidth, one.error(10.0), one.error(14.0)) == (10.0, 0.0, 0.5)
+    assert Felt(np.eye(6)[0], 1.0, frequencies, 2.0 * ratio).bandwidth == 0.0
+    assert Felt(np.eye(6)[0], 1.0, frequencies, np.ones(frequencies.size)).bandwidth == 85.0
+
+
+@pytest.mark.parametrize("period", [0.0003, 0.005])
+def test_periods_that_cannot_be_measured_are_refused(period):
+    with pytest.raises(InvalidInputError, match="must divide 1 s"):
+        felt(at_period(load_scene("five_bar"), period))
+
+
+def test_the_command_writes_table_file_and_picture(tmp_path):
+    found = CliRunner().invoke(app, ["bench", "feel", "two_link", "--out", str(tmp_path)])
+    assert found.exit_code == 0, found.output
+    assert "two_link" in found.output
+    rows = json.loads((tmp_path / JSON_NAME).read_text(encoding="utf-8"))
+    assert {row["loop"] for row in rows} == {"device", "controller"}
+    assert len(rows) == 4
+    assert (tmp_path / PLOT_NAME).stat().st_size > 5000
+
+
+def test_delays_that_are_no_numbers_are_refused():
+    found = CliRunner().invoke(app, ["bench", "feel", "two_link", "--delays", "1,x"])
+    assert found.exit_code != 0
+    assert "--delays" in str(found.exception) + found.output

@@ -1,0 +1,35 @@
+"""G corrects a command for another hand wrench exactly, wherever no limit is met."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control.force_gain import corrected
+from hapticmech_ros.session import rendering_model
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize("time", [0.03, 5.0])
+@pytest.mark.parametrize("name", ["five_bar", "spatial_arm", "door"])
+def test_it_is_the_answer_to_the_other_wrench(name, time, beta):
+    scene = load_scene(name)
+    stiffened = scene.controller.joint_constraint.model_copy(update={"feedforward": beta})
+    gains = scene.controller.model_copy(update={"joint_constraint": stiffened})
+    control = ControlArchitecture(scene.model_copy(update={"controller": gains}))
+    sample = Session(scene).tick()
+    model, pose = rendering_model(sample.analysis), sample.point.pose
+    tie = control.engage(0.0, pose, pose)
+    rng = np.random.default_rng(1)
+    first, second = rng.normal(scale=0.3, size=(2, 6)) * ([1.0] * 3 + [0.02] * 3)
+    twist = rng.normal(scale=0.01, size=6)
+
+    def answer(hand):
+        seen = PointMeasurement(pose, twist, np.zeros(6))
+        return control.compute(time, tie, DeviceMeasurement(pose, twist, hand), seen, model).device
+
+    gain = control.force_gain(time, tie, model)
+    found = corrected(answer(first), gain, first, second)
+    assert np.abs(found - answer(second)).max() < 1e-13
+    # And it does correct something.
+    assert np.abs(answer(second) - answer(first)).max() > 1e-3
