@@ -99,7 +99,7 @@ class ContactStepper:
             return Touched(stepped, nothing_touching(mechanism.nv), 0.0, 0.0)
         forces, report = _guesses(owners, points, before), np.zeros(REPORT_VALUES)
         space = motion.first.space
-        joints = search.joints[owners]
+        joints, centres = search.joints[owners], search.centres(owners)
         contact_forces(
             points,
             joints,
@@ -111,7 +111,7 @@ class ContactStepper:
             np.ascontiguousarray(space.factor),
             np.ascontiguousarray(space.basis.T),
             search.later_axes(start.q, 0.5 * self._step * (start.v + free)),
-            search.centres(owners),
+            centres,
             self._step,
             self._ahead,
             forces,
@@ -129,6 +129,7 @@ class ContactStepper:
             points[:, 3:6],
             points[:, 6],
             forces,
+            centres[:, 0],
             _joint_force(about_world, joints, search.axes, search.moves),
             int(report[SWEEPS]),
             float(report[CHANGE]),

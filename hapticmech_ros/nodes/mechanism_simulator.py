@@ -14,6 +14,7 @@ from hapticmech_ros.mechanism import Evaluation, MechanismState, Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.closure_services import offer_closures
+from hapticmech_ros.nodes.contact_port import ContactPort
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import WORLD, set_stamp
 from hapticmech_ros.nodes.parameters import MechanismParameters
@@ -74,6 +75,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._publish_energy = self.output(ENERGY, Float64MultiArray)
         self._publish_closures = self.output(CLOSURES, UInt8MultiArray, LATCHED)
         self._ports = [PointPort(self, name, self.act) for name in names]
+        self._contact_port = ContactPort(self, [contact.name for contact in self.scene.contacts])
         if not parameters.awaits_external:
             self._pushes = self._listen_to_pushes(names)
         self.adopt(parameters)
@@ -210,6 +212,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._publish_joints.publish(self._joints)
         for port, point, force in zip(self._ports, terms.points, external, strict=True):
             port.publish(point, force, self._joints, time_ns)
+        self._contact_port.publish(self._state.touching, time_ns)
         self._publish_energy.publish(self._energy.encode(pack_energy(self._energies(time_ns))))
 
     def _energies(self, time_ns: int) -> Energy:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hapticmech_ros.wire.contact_topics import CONTACTS
 from hapticmech_ros.wire.topic import (
     ANALYSER,
     ARRAY,
@@ -238,6 +239,7 @@ TOPICS: tuple[Topic, ...] = (
     EXTERNAL_WRENCH,
     CLOSURES,
     ENERGY,
+    CONTACTS,
     RENDERING,
     INVERSE_INERTIA,
     PROJECTOR,
