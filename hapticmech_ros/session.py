@@ -21,11 +21,13 @@ from hapticmech_ros.control import (
 from hapticmech_ros.device import DeviceState, device_for
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
+from hapticmech_ros.mechanism.grasp import grasped
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.contact_wrench import touching_wrench
 from hapticmech_ros.operational.counter import CountState, first_count, next_count
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import Origin
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,8 @@ class Session:
             [(np.zeros(6), np.zeros(6))] * command_delay
         )
         self._count: CountState | None = None
+        self._carried: Array | None = None
+        self._sent = np.zeros(6)
         self._tick = 0
 
     @property
@@ -111,10 +115,14 @@ class Session:
         analysis = self._analyser.analyse(terms)
         self._count = self._next_count(analysis.spectrum.s, time)
         contact = touching_wrench(terms, analysis, mechanism.touching, self._index)
+        measured = DeviceMeasurement(
+            device.measured_pose, device.measured_twist, device.hand_wrench
+        )
+        self._tie(time, measured, point)
         output = self._control.compute(
             time,
             self._engagement,
-            DeviceMeasurement(device.measured_pose, device.measured_twist, device.hand_wrench),
+            measured,
             PointMeasurement(point.pose, point.twist, external + contact),
             rendering_model(analysis),
         )
@@ -130,6 +138,7 @@ class Session:
             self._count.count,
             output,
         )
+        self._sent = output.device
         self._pending.append((output.device, output.mechanism))
         to_device, to_mechanism = self._pending.popleft()
         wrenches = np.zeros((self._points, 6))
@@ -146,6 +155,35 @@ class Session:
             InvalidInputError: unknown closure, or one too far open to be closed.
         """
         self._mechanism_state = self.simulator.switch(self._mechanism_state, {name: closed})
+
+    def grasp(self, frame: str, origin: Origin | None = None) -> None:
+        """Hold the mechanism elsewhere from the next tick on, without a bump.
+
+        The device's wrench is carried on and fades over the scene's ``engagement_ramp``, in which
+        the new grasp closes; see :mod:`~hapticmech_ros.control.engagement`. What the hand did to
+        the mechanism at the old place ends at once.
+
+        Args:
+            frame: a link, or an operational point of the scene.
+            origin: where in it; its own origin if left out.
+
+        Raises:
+            InvalidInputError: as :func:`~hapticmech_ros.mechanism.grasp.grasped`.
+        """
+        point = grasped(self.simulator.scene, self._analyser.point.name, frame, origin)
+        self.simulator.grasp(point)
+        self._analyser = Analyser(self.simulator.mechanism, point.name)
+        self._pending = deque((device, np.zeros(6)) for device, _ in self._pending)
+        self._carried = self._sent
+        self._count = None
+
+    def _tie(self, time: float, device: DeviceMeasurement, point: PointKinematics) -> None:
+        """Tie the device anew if the mechanism is held elsewhere since the last tick."""
+        if self._carried is not None:
+            pose, carried = device.pose, self._carried
+            self._engagement = self._control.engage(time, pose, point.pose, carried)
+            self._carried = None
+        self._engagement = self._control.slipped(time, self._engagement, device, point.twist)
 
     def _next_count(self, s: Array, time: float) -> CountState:
         perception = self.scene.perception

@@ -18,6 +18,7 @@ from hapticmech_ros.bench.ablation import ladder
 from hapticmech_ros.control import control_for
 from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Simulator, build
+from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.plan import plan_scene
 from hapticmech_ros.scene import Scene
@@ -59,7 +60,7 @@ def nodes(scene: Scene) -> Tick:
     held = device.at_rest(start, held=True)
     engagement = control.engage(0.0, start, start)
     now = {"state": state, "device": held, "ticks": 0}
-    heard = (True,) * points
+    heard, grasps = (True,) * points, flat_grasps(scene)
 
     def tick() -> object:
         mechanism, own, ticks = now["state"], now["device"], now["ticks"]
@@ -69,6 +70,7 @@ def nodes(scene: Scene) -> Tick:
             mechanism.q,
             mechanism.v,
             np.zeros((points, 6)),
+            grasps,
             heard,
         )
         sent = state_wire.encode(layout.pack(wire))

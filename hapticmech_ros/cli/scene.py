@@ -84,6 +84,7 @@ def show(
     point: Annotated[
         str, typer.Option(help="operational point held", show_default="the scene's first")
     ] = "",
+    pixels: Annotated[int, typer.Option(min=100, max=5000, help="width and height")] = 1050,
 ) -> None:
     """Draw SCENE at its start: the point held, and its rigid and free directions."""
     from hapticmech_ros.cli.console import console
@@ -92,7 +93,7 @@ def show(
 
     loaded = load_scene(scene)
     path = Path(f"{loaded.name}.png") if out is None else out
-    draw_scene(loaded, path, point)
+    draw_scene(loaded, path, point, pixels)
     console.print(f"{path}", highlight=False, markup=False, soft_wrap=True)
 
 

@@ -46,9 +46,23 @@ class ControlArchitecture:
         if scene.task_space == "planar":
             self._task[2:5] = 0.0
 
-    def engage(self, time: float, device: pin.SE3, point: pin.SE3) -> Engagement:
-        """Start rendering: tie the device's present pose to the point's."""
-        return engage(time, device, point)
+    def engage(
+        self, time: float, device: pin.SE3, point: pin.SE3, carried: Array | None = None
+    ) -> Engagement:
+        """Start rendering: tie the device's present pose to the point's; see :func:`engage`."""
+        return engage(time, device, point, carried)
+
+    def slipped(
+        self, time: float, engagement: Engagement, device: DeviceMeasurement, twist: Array
+    ) -> Engagement:
+        """Return the tie to use at ``time`` (s); see :meth:`Engagement.slipped`."""
+        duration = self.ramp_of(engagement)
+        return engagement.slipped(time, duration, device.pose, device.twist, twist)
+
+    def ramp_of(self, engagement: Engagement) -> float:
+        """Return how long (s) the wrench takes to come in."""
+        started = engagement.carried is None
+        return self.gains.engagement_ramp if started else self.gains.grasp_ramp
 
     def compute(
         self,
@@ -78,10 +92,10 @@ class ControlArchitecture:
             gains.joint_constraint, model.constraint_projector, error, error_rate
         )
         channels = self._channels.wrenches(model.balanced_share, error, error_rate, hand, contact)
-        ramp = engagement.ramp(time, gains.engagement_ramp)
+        ramp = engagement.ramp(time, self.ramp_of(engagement))
         total = ramp * (impedance + constraint + channels.device)
         return ControlOutput(
-            device=limited(total, *self.limits),
+            device=self.joined(time, engagement, limited(total, *self.limits)),
             mechanism=limited(ramp * channels.mechanism, *self.limits),
             impedance=ramp * impedance,
             joint_constraint=ramp * constraint,
@@ -89,9 +103,30 @@ class ControlArchitecture:
             error=error,
         )
 
-    def engage_flat(self, time: float, device: Array, rendered: Array, ahead: float) -> Engagement:
+    def joined(self, time: float, engagement: Engagement, wrench: Array) -> Array:
+        """Return the device's wrench (6,) with what it still carries on from another grasp."""
+        faded = engagement.faded(time, self.ramp_of(engagement))
+        return wrench if faded is None else limited(wrench + faded, *self.limits)
+
+    def engage_flat(
+        self,
+        time: float,
+        device: Array,
+        rendered: Array,
+        ahead: float,
+        carried: Array | None = None,
+    ) -> Engagement:
         """Start rendering with flat measurements; arguments as in :meth:`answer`."""
-        return self.engage(time, device_of(device).pose, _point_at(rendered, ahead).pose)
+        point = _point_at(rendered, ahead)
+        return self.engage(time, device_of(device).pose, point.pose, carried)
+
+    def slipped_flat(
+        self, time: float, engagement: Engagement, device: Array, rendered: Array
+    ) -> Engagement:
+        """Return the tie to use with flat measurements; see :meth:`slipped`."""
+        if engagement.carried is None:
+            return engagement
+        return self.slipped(time, engagement, device_of(device), point_of(rendered).twist)
 
     def answer(
         self, time: float, engagement: Engagement, device: Array, rendered: Array, ahead: float

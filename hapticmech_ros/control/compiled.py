@@ -10,7 +10,7 @@ import pinocchio as pin
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.engagement import Engagement
 from hapticmech_ros.control.flat import DEVICE_SIZE, RENDERED_SIZE
-from hapticmech_ros.control.kernels import ENGAGED, SETTINGS_SIZE, control_wrenches
+from hapticmech_ros.control.kernels import ENGAGED, RAMP, SETTINGS_SIZE, control_wrenches
 from hapticmech_ros.control.measurements import (
     ControlOutput,
     DeviceMeasurement,
@@ -84,9 +84,12 @@ class CompiledControl(ControlArchitecture):
             sizes = device.size, rendered.size
             rule = f"must be {DEVICE_SIZE} and {RENDERED_SIZE}"
             raise InvalidInputError("numbers of device and rendering", sizes, rule)
+        if engagement.carried is not None:
+            out[0] = self.joined(time, engagement, out[0])
         return out
 
     def _tie_to(self, engagement: Engagement) -> None:
+        self._settings[RAMP] = self.ramp_of(engagement)
         self._tie[0] = engagement.time
         self._tie[1:4] = engagement.displacement
         turn = pin.Quaternion(quaternion_of(engagement.turn))

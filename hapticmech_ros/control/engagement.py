@@ -3,11 +3,17 @@
 A device wakes up anywhere in its workspace. The offset between the two poses at the moment of
 engagement is kept, axes of the world shared, so that rendering starts without error and without a
 jump; it starts anew after every interruption.
+
+Who holds the mechanism elsewhere from one moment to the next is engaged anew while the device moves
+and pushes. The wrench of that moment is then carried on and fades as the new one comes in, and the
+tie slips like a clutch that is being closed: of the two sides' difference in velocity only the cube
+of the ramp's share becomes error, so that damping brings both to one velocity before the springs
+hold them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -23,11 +29,16 @@ class Engagement:
         time: s, when rendering started.
         displacement: (3,) m, from device to operational point at that time.
         turn: (3, 3) rotation, R_device R_turn = R_point at that time.
+        carried: (6,) wrench of the device at that time, which fades as the ramp rises; None when
+            the device was left alone before.
+        slipped_at: s, until when the tie has slipped; of a tie with ``carried``.
     """
 
     time: float
     displacement: Array
     turn: Array
+    carried: Array | None = None
+    slipped_at: float = 0.0
 
     def mapped(self, device: pin.SE3) -> pin.SE3:
         """Return the device's pose seen from the mechanism's side."""
@@ -39,13 +50,54 @@ class Engagement:
             return 1.0
         return float(np.clip((time - self.time) / duration, 0.0, 1.0))
 
+    def faded(self, time: float, duration: float) -> Array | None:
+        """Return what is left of ``carried`` (6,) at ``time``; None for nothing."""
+        return None if self.carried is None else (1.0 - self.ramp(time, duration)) * self.carried
 
-def engage(time: float, device: pin.SE3, point: pin.SE3) -> Engagement:
-    """Return the engagement that maps the device's pose onto the operational point's."""
+    def slipped(
+        self, time: float, duration: float, device: pin.SE3, device_twist: Array, twist: Array
+    ) -> Engagement:
+        """Return the tie after slipping until ``time``; itself, once it holds.
+
+        Args:
+            time: s.
+            duration: of the ramp, s.
+            device: pose of the device.
+            device_twist: (6,) of the device, world axes.
+            twist: (6,) of the operational point, world axes.
+        """
+        if self.carried is None:
+            return self
+        share = self.ramp(time, duration)
+        if share >= 1.0:
+            return replace(self, carried=None)
+        away = (1.0 - share**3) * (time - self.slipped_at) * (twist - device_twist)
+        rotation = device.rotation
+        return replace(
+            self,
+            displacement=self.displacement + away[:3],
+            turn=rotation.T @ pin.exp3(away[3:]) @ rotation @ self.turn,
+            slipped_at=time,
+        )
+
+
+def engage(
+    time: float, device: pin.SE3, point: pin.SE3, carried: Array | None = None
+) -> Engagement:
+    """Return the engagement that maps the device's pose onto the operational point's.
+
+    Args:
+        time: s.
+        device: its pose at that time.
+        point: that of the operational point.
+        carried: (6,) the device's wrench until then, if it held the mechanism elsewhere.
+    """
     return Engagement(
         time,
         point.translation - device.translation,
         device.rotation.T @ point.rotation,
+        carried,
+        time,
     )
 
 

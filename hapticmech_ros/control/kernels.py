@@ -23,7 +23,7 @@ from hapticmech_ros.mechanism.compiled.small_matrices import dot
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation_kernels import limit
 
-ENGAGED = 34
+RAMP, ENGAGED = 31, 34
 SETTINGS_SIZE = 42
 
 
@@ -99,7 +99,7 @@ def control_wrenches(
     place, twist = rendered[114:121], rendered[121:127]
     tied_error(settings[ENGAGED + 1 :], device[:7], place, twist, ahead, out[5])
     parts(settings, device, rendered, out)
-    duration, force_limit, torque_limit = settings[31:34]
+    duration, force_limit, torque_limit = settings[RAMP:ENGAGED]
     ramp = let_through(time, settings[ENGAGED], duration)
     for i in range(6):
         out[0, i] = ramp * (out[2, i] + out[3, i] + out[4, i])

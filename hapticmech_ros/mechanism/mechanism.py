@@ -30,6 +30,7 @@ from hapticmech_ros.mechanism.elements import Elements, bind_spring
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation, PointKinematics
 from hapticmech_ros.mechanism.model import Array, TreeModel, build_tree
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import OperationalPoint
 
 _NOTHING = np.zeros(0)
 
@@ -65,7 +66,7 @@ class Mechanism:
         self.model: pin.Model = self.tree.pinocchio
         self.data: pin.Data = self.model.createData()
         self.nv, self.nq = int(self.model.nv), int(self.model.nq)
-        self.length = self._characteristic_length()
+        self.length = self.tree.extent()
         refuse_massless(self.tree, self.length)
         self.elements = Elements(self.tree, springs, self.length)
         self._zero = np.zeros(self.model.nv)
@@ -73,6 +74,18 @@ class Mechanism:
         self._choices: dict[Active, tuple[list[LoopClosure], Array]] = {}
         closed = [closure.active for closure in scene.closures]
         self.initially_active: Active = (*closed, *(True for _ in scene.couplings))
+
+    def grasp(self, point: OperationalPoint) -> None:
+        """Put the operational point of that name elsewhere; ``scene`` has it there from now on.
+
+        Terms evaluated before are of the place before. The unit ``length`` stays what it was.
+        """
+        index = self.point_index(point.name)
+        points = list(self.scene.operational_points)
+        points[index] = point
+        self.scene = self.scene.model_copy(update={"operational_points": tuple(points)})
+        frame = self.model.frames[self._point_frames[index]]
+        frame.parentJoint, frame.placement = self.tree.place(point.link, point.origin)
 
     def evaluate(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
@@ -282,11 +295,3 @@ class Mechanism:
             lengths = [loop.row_lengths(self.length) for loop in loops]
             self._choices[active] = (loops, np.concatenate(lengths) if lengths else _NOTHING)
         return self._choices[active]
-
-    def _characteristic_length(self) -> float:
-        """Return the largest distance (m) between a joint and anything placed in its link."""
-        placements = [frame.placement.translation for frame in self.model.frames]
-        placements += [placement.translation for placement in self.model.jointPlacements]
-        placements += [inertia.lever for inertia in self.model.inertias]
-        length = max(float(np.linalg.norm(placement)) for placement in placements)
-        return length if length > 0.0 else 1.0

@@ -54,9 +54,22 @@ class TreeModel:
 
     def add_frame(self, name: str, link: str, origin: Origin) -> int:
         """Add an operational frame fixed in ``link`` (or ``world``) and return its index."""
-        joint, placement = self.link_joint[link]
-        frame = pin.Frame(name, joint, placement * se3(origin), pin.FrameType.OP_FRAME)
+        frame = pin.Frame(name, *self.place(link, origin), pin.FrameType.OP_FRAME)
         return int(self.pinocchio.addFrame(frame))
+
+    def place(self, link: str, origin: Origin) -> tuple[int, pin.SE3]:
+        """Return the joint that carries a frame fixed in ``link``, and the frame in it."""
+        joint, placement = self.link_joint[link]
+        return joint, placement * se3(origin)
+
+    def extent(self) -> float:
+        """Return the largest distance (m) between a joint and anything placed in its link."""
+        model = self.pinocchio
+        placements = [frame.placement.translation for frame in model.frames]
+        placements += [placement.translation for placement in model.jointPlacements]
+        placements += [inertia.lever for inertia in model.inertias]
+        length = max(float(np.linalg.norm(placement)) for placement in placements)
+        return length if length > 0.0 else 1.0
 
 
 def build_tree(scene: Scene) -> TreeModel:

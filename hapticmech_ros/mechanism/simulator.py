@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,76 +12,20 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.build import build, build_contact_stepper, build_stepper
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
+from hapticmech_ros.mechanism.latching import Latches
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion import NOTHING, Pushes, Start
 from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.state import MechanismState, Trajectory
 from hapticmech_ros.mechanism.stepping import Stepped
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import OperationalPoint
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.stepping import Touched
-    from hapticmech_ros.contact.touching import Touching
 
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.
 CLOSE_BY_HAND = 0.02
-
-
-@dataclass(frozen=True, slots=True)
-class EnergyAccount:
-    """Energies since the start, J.
-
-    Attributes:
-        work_in: work by wrenches, and by efforts and further forces in joints.
-        damping_loss: in damping, friction, dampers, and the part of stops that is no spring.
-        latch_loss: when loops latched.
-        contact_loss: in contacts, by friction, damping and impact.
-        contact_energy: held by contacts now, as by springs.
-    """
-
-    work_in: float = 0.0
-    damping_loss: float = 0.0
-    latch_loss: float = 0.0
-    contact_loss: float = 0.0
-    contact_energy: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class MechanismState:
-    """Everything that evolves. Arrays are read-only; a step returns a new state.
-
-    Attributes:
-        time: s since the start.
-        q, v: configuration (nq,) and rates (nv,).
-        active: per closure of the scene, whether it is closed.
-        closure_error: largest residual of the active closures, m or rad.
-        account: energy account.
-        touching: points of contact in the step that led here; None before the first one, and in a
-            scene without contacts.
-    """
-
-    time: float
-    q: Array
-    v: Array
-    active: Active
-    closure_error: float = 0.0
-    account: EnergyAccount = EnergyAccount()
-    touching: Touching | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Trajectory:
-    """What a run went through; k samples, the first one its start.
-
-    Attributes:
-        time: (k,) s since the simulation's start.
-        q, v: configurations (k, nq) and rates (k, nv).
-        end: the state after the last step, whether it is a sample or not.
-    """
-
-    time: Array
-    q: Array
-    v: Array
-    end: MechanismState
 
 
 class Simulator:
@@ -100,9 +44,7 @@ class Simulator:
         self._contacts = build_contact_stepper(self.mechanism)
         self._evaluated: tuple[MechanismState, Evaluation] | None = None
         self._projected: tuple[MechanismState, Closing] | None = None
-        self._can_latch = [
-            index for index, loop in enumerate(self.mechanism.closures) if loop.latch_distance
-        ]
+        self._latches = Latches(self.mechanism)
 
     def initial_state(self) -> MechanismState:
         """Return the scene's initial state with its closures met.
@@ -114,6 +56,13 @@ class Simulator:
         active = self.mechanism.initially_active
         error = self.mechanism.closing_terms(q, active).error
         return MechanismState(0.0, _frozen(q), _frozen(v), active, error)
+
+    def grasp(self, point: OperationalPoint) -> None:
+        """Put an operational point elsewhere from now on; see :meth:`Mechanism.grasp`."""
+        self.mechanism.grasp(point)
+        self.scene = self.mechanism.scene
+        # Both know where the point was.
+        self._evaluated = self._projected = None
 
     def evaluate(self, state: MechanismState) -> Evaluation:
         """Return every term of Eq. 1 at ``state``; asked twice for the same, it remembers."""
@@ -172,8 +121,7 @@ class Simulator:
         if every < 1:
             raise InvalidInputError("every", every, "must be 1 or more")
         held = np.zeros((len(self.mechanism.point_names), 6)) if wrenches is None else wrenches
-        latching = not all(state.active[index] for index in self._can_latch)
-        if latching or self._contacts is not None:
+        if self._latches.waiting(state.active) or self._contacts is not None:
             return self._run_watched(state, steps, held, every)
         return self._run_free(state, steps, held, every)
 
@@ -215,13 +163,15 @@ class Simulator:
         Raises:
             InvalidInputError: unknown closure, or one whose frames are too far apart to close.
         """
-        active = list(state.active)
+        active, released = list(state.active), set(state.released)
         for name, on in closures.items():
             index = self.mechanism.closure_index(name)
             if on and not active[index]:
                 self._refuse_far(index, state.q)
+            if active[index] and not on:
+                released.add(index)
             active[index] = bool(on)
-        return self._activated(state, tuple(active))
+        return self._activated(replace(state, released=frozenset(released)), tuple(active))
 
     def _start(self, state: MechanismState) -> Start:
         """Return a state as the start of a step, with what is known there."""
@@ -237,7 +187,8 @@ class Simulator:
             before, work_in=before.work_in + work_in, damping_loss=before.damping_loss + lost
         )
         time = state.time + steps * self.period
-        ended = MechanismState(time, _frozen(q), _frozen(v), state.active, error, account)
+        q, v, released = _frozen(q), _frozen(v), state.released
+        ended = MechanismState(time, q, v, state.active, error, account, None, released)
         self._projected = ended, closing
         return ended
 
@@ -258,19 +209,13 @@ class Simulator:
 
     def _latch(self, state: MechanismState) -> MechanismState:
         """Close open loops that are within reach, where their frames come nearest to each other."""
-        if not self._can_latch:
+        if not self._latches.waiting(state.active):
             return state
-        active = list(state.active)
-        for index in self._can_latch:
-            loop = self.mechanism.closures[index]
-            limit = loop.latch_distance
-            if not active[index] and limit is not None:
-                distance, speed = self.mechanism.distance_of(index, state.q, state.v)
-                near = distance < limit and (speed >= 0.0 or distance < 0.1 * limit)
-                active[index] = near and not self.mechanism.on_wrong_branch(index, state.q)
-        if tuple(active) == state.active:
-            return state
-        return self._activated(state, tuple(active))
+        q, v = state.q, state.v
+        active, released = self._latches.after(q, v, state.active, state.released)
+        if released != state.released:
+            state = replace(state, released=released)
+        return state if active == state.active else self._activated(state, active)
 
     def _activated(self, state: MechanismState, active: Active) -> MechanismState:
         before = sum(self.mechanism.energy(state.q, state.v))

@@ -65,6 +65,9 @@ class Actor(Generic[P]):
         # In lockstep a sample may come before its own time has been told here.
         self.age_limit_ns = FOR_EVER if self.lockstep else limit_ns
 
+    def vet(self, parameters: P) -> None:
+        """Refuse new parameters that this scene cannot have, by HapticMechError."""
+
     def activate(self) -> None:
         """Begin to act; what was heard before counts no more."""
 

@@ -12,6 +12,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.parameters import (
     NodeParameters,
     ParameterError,
@@ -31,6 +32,7 @@ class HostedParameters:
         node: where they are declared.
         model: what there is, and its rules.
         configured: whether something is built from them, so that some can no longer change.
+        vetted: called with parameters that keep the model's rules; may refuse by HapticMechError.
         adopted: called with the parameters before, after a change.
 
     Raises:
@@ -42,11 +44,13 @@ class HostedParameters:
         node: Node,
         model: type[NodeParameters],
         configured: Callable[[], bool],
+        vetted: Callable[[NodeParameters], None],
         adopted: Callable[[NodeParameters], None],
     ) -> None:
         self._node = node
         self._model = model
         self._configured = configured
+        self._vetted = vetted
         self._adopted = adopted
         try:
             self.values = validated(model, {name: self._declare(name) for name in self._names})
@@ -85,8 +89,8 @@ class HostedParameters:
             reason = f"{', '.join(fixed)}: can change only while the node is unconfigured"
             return SetParametersResult(successful=False, reason=reason)
         try:
-            self._proposed(changes)
-        except ParameterError as error:
+            self._vetted(self._proposed(changes))
+        except HapticMechError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 

@@ -62,7 +62,11 @@ class ManagedNode(LifecycleNode):
         self._jumps: JumpHandle | None = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._hosted = HostedParameters(
-            self, actor_type.parameters_type, lambda: self.actor is not None, self._adopt
+            self,
+            actor_type.parameters_type,
+            configured=lambda: self.actor is not None,
+            vetted=lambda parameters: self.actor.vet(parameters) if self.actor else None,
+            adopted=self._adopt,
         )
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS.name, STREAM_PUBLISHER

@@ -11,10 +11,12 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Evaluation, MechanismState, Simulator
+from hapticmech_ros.mechanism.grasp import grasp_written
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.closure_services import offer_closures
 from hapticmech_ros.nodes.contact_port import ContactPort
+from hapticmech_ros.nodes.grasps import Grasps
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import WORLD, set_stamp
 from hapticmech_ros.nodes.parameters import MechanismParameters
@@ -22,10 +24,12 @@ from hapticmech_ros.nodes.point_port import PointPort
 from hapticmech_ros.nodes.pushes import Pushes
 from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
+from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.energies import energy_of
 from hapticmech_ros.wire.joints import coordinate_names
-from hapticmech_ros.wire.layouts import ENERGY_FIELDS, Energy, pack_energy
+from hapticmech_ros.wire.layouts import ENERGY_FIELDS, pack_energy
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import CLOSURES, ENERGY, EXTERNAL_WRENCH, JOINT_STATES, STATE
 
@@ -48,26 +52,26 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def __init__(self, node: Host, parameters: MechanismParameters) -> None:
         self._ports: list[PointPort] = []
         self._pushes: Pushes | None = None
+        self._asked: str | None = None
         super().__init__(node, parameters)
         self._simulator = Simulator(self.scene)
+        self._mechanism = self._simulator.mechanism
         self._state: MechanismState = self._simulator.initial_state()
-        names = self._simulator.mechanism.point_names
+        names = self._mechanism.point_names
         self._commands = np.zeros((len(names), 6))
         self._calm = np.zeros((len(names), 6))
         self._calm.flags.writeable = False
         self._external = self._calm
-        self._contact_wrenches = (
-            ContactWrenches(self._simulator.mechanism) if self.scene.contacts else None
-        )
+        self._contact_wrenches = ContactWrenches(self._mechanism) if self.scene.contacts else None
         held = parameters.held_points.split(",") if parameters.held_points else [self.point]
-        self._held = [self._simulator.mechanism.point_index(name.strip()) for name in held]
+        self._held = [self._mechanism.point_index(name.strip()) for name in held]
         self._on_links: dict[str, Array] = {}
         self._silent_until_ns = 0
         self.failures = 0
-        self._ticks = 0
-        self._joints = JointState(name=list(coordinate_names(self._simulator.mechanism)))
+        self._ticks = self._sampled_ns = 0
+        self._joints = JointState(name=list(coordinate_names(self._mechanism)))
         self._joints.header.frame_id = WORLD
-        self._layout = StateLayout(self._simulator.mechanism)
+        self._layout = StateLayout(self._mechanism)
         self._wire = FlatArray(self._layout.fields)
         self._energy = FlatArray(ENERGY_FIELDS)
         self._publish_wire = self.output(STATE, Float64MultiArray)
@@ -78,10 +82,14 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._contact_port = ContactPort(self, [contact.name for contact in self.scene.contacts])
         if not parameters.awaits_external:
             self._pushes = self._listen_to_pushes(names)
+        self._grasps = Grasps(self, self._mechanism, lambda: self._state.q, self._told_to_grasp)
+        self._asked = ""
+        self.vet(parameters)
         self.adopt(parameters)
+        self._grasps.announce()
         self._announced = self._state.active
         self._announce_closures()
-        offer_closures(node, [c.name for c in self._simulator.mechanism.closures], self._switch)
+        offer_closures(node, [c.name for c in self._mechanism.closures], self._switch)
 
     def adopt(self, parameters: MechanismParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
@@ -91,6 +99,15 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             port.set_timeout(timeout_ns)
         if self._pushes is not None:
             self._pushes.set_timeout(nanoseconds(parameters.external_timeout))
+        if self._asked is not None and parameters.grasp != self._asked:
+            self._asked = parameters.grasp
+            self._grasp(self._asked_for(parameters))
+
+    def vet(self, parameters: MechanismParameters) -> None:
+        """Refuse a grasp that the scene cannot have, or that comes in the middle of lockstep."""
+        point = self._asked_for(parameters)
+        if self._ticks and parameters.grasp != self._asked:
+            self._refuse_in_lockstep("grasp", point.link)
 
     def activate(self) -> None:
         """Go on where the mechanism is; what was commanded before counts no more."""
@@ -131,9 +148,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def _publish(self, deadline_ns: int) -> None:
         state, external = self._state, self._by_all()
+        self._sampled_ns = deadline_ns
         lockstep = self.lockstep
         heard = tuple([lockstep or p.command.heard(deadline_ns) for p in self._ports])
-        wire = WireState(deadline_ns, state.active, state.q, state.v, external, heard)
+        wire = WireState(
+            deadline_ns, state.active, state.q, state.v, external, self._grasps.numbers, heard
+        )
         self._publish_wire.publish(self._wire.encode(self._layout.pack(wire)))
         if state.active != self._announced:
             self._announce_closures()
@@ -151,9 +171,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the mechanism's state and figures."""
-        closed = ", ".join(self._simulator.mechanism.names_of(self._state.active)) or "none"
+        closed = ", ".join(self._mechanism.names_of(self._state.active)) or "none"
         pushing = {} if self._pushes is None else self._pushes.figures(self.now_ns())
-        energy = self._energies(0)
+        energy = energy_of(self._mechanism, self._state, 0)
         space = self._simulator.evaluate(self._state).space
         figures = {
             **self.clock_figures(),
@@ -194,7 +214,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if not pushed:
             self._on_links = pushed
             return self._calm
-        mechanism = self._simulator.mechanism
+        mechanism = self._mechanism
         external = np.zeros_like(self._external)
         for index, name in enumerate(mechanism.point_names):
             if name in pushed:
@@ -203,7 +223,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return external
 
     def _rotation_of(self, frame: str) -> Array:
-        return np.asarray(self._simulator.mechanism.frame_pose(self._state.q, frame).rotation)
+        return np.asarray(self._mechanism.frame_pose(self._state.q, frame).rotation)
 
     def _publish_view(self, terms: Evaluation, external: Array, time_ns: int) -> None:
         set_stamp(self._joints.header.stamp, time_ns)
@@ -213,32 +233,41 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         for port, point, force in zip(self._ports, terms.points, external, strict=True):
             port.publish(point, force, self._joints, time_ns)
         self._contact_port.publish(self._state.touching, time_ns)
-        self._publish_energy.publish(self._energy.encode(pack_energy(self._energies(time_ns))))
+        energies = energy_of(self._mechanism, self._state, time_ns)
+        self._publish_energy.publish(self._energy.encode(pack_energy(energies)))
 
-    def _energies(self, time_ns: int) -> Energy:
-        state = self._state
-        kinetic, potential = self._simulator.mechanism.energy(state.q, state.v)
-        account = state.account
-        return Energy(
-            time_ns,
-            kinetic,
-            potential + account.contact_energy,
-            account.work_in,
-            account.damping_loss + account.contact_loss,
-            account.latch_loss,
-            state.closure_error,
-        )
+    def _asked_for(self, parameters: MechanismParameters) -> OperationalPoint:
+        """Return the point that the parameter ``grasp`` moves, where it moves it."""
+        if not parameters.grasp:
+            return self.scene.operational_point(self.point)
+        return grasp_written(self.scene, self.point, parameters.grasp)
+
+    def _told_to_grasp(self, point: OperationalPoint) -> None:
+        self._refuse_in_lockstep("grasp", point.link)
+        self._grasp(point)
+
+    def _grasp(self, point: OperationalPoint) -> None:
+        """Put an operational point elsewhere; the hand's wrench at the old place ends."""
+        self._simulator.grasp(point)
+        if self._contact_wrenches is not None:
+            self._contact_wrenches = ContactWrenches(self._mechanism)
+        port = self._ports[self._mechanism.point_index(point.name)]
+        port.let_go(self._sampled_ns)
+        self._grasps.moved(point)
+
+    def _refuse_in_lockstep(self, what: str, value: object) -> None:
+        if self.lockstep:
+            rule = "cannot change in lockstep, whose runs repeat"
+            raise InvalidInputError(what, value, rule)
 
     def _switch(self, closure: str, on: bool) -> None:
-        if self.lockstep:
-            rule = "cannot be switched in lockstep, whose runs repeat: push until it latches"
-            raise InvalidInputError(f"closure {closure}", on, rule)
+        self._refuse_in_lockstep(f"closure {closure}", on)
         self._state = self._simulator.switch(self._state, {closure: on})
 
     def _announce_closures(self) -> None:
         self._announced = self._state.active
         message = UInt8MultiArray(data=[int(on) for on in self._state.active])
-        label = ",".join(closure.name for closure in self._simulator.mechanism.closures)
+        label = ",".join(closure.name for closure in self._mechanism.closures)
         size = len(self._state.active)
         message.layout.dim = [MultiArrayDimension(label=label, size=size, stride=size)]
         self._publish_closures.publish(message)

@@ -92,6 +92,15 @@ def read_pose(message: PoseStamped) -> pin.SE3:
         InvalidInputError: another frame, not finite, or a quaternion that is not of unit length.
     """
     check_frame(message.header)
+    return read_framed_pose(message)
+
+
+def read_framed_pose(message: PoseStamped) -> pin.SE3:
+    """Return the pose in whatever frame the message names.
+
+    Raises:
+        InvalidInputError: not finite, or a quaternion that is not of unit length.
+    """
     p, o = message.pose.position, message.pose.orientation
     values = np.array((p.x, p.y, p.z, o.x, o.y, o.z, o.w))
     if not np.isfinite(values).all():

@@ -6,6 +6,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, UInt8
 
 from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
@@ -50,6 +51,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._first_ns = 0
         self.analyses = 0
         self._rendering = RenderingWriter(self._analyser)
+        self._grasp = flat_grasp(self.scene, self._analyser.point).tobytes()
         self._encoder = FlatArray(RENDERING_FIELDS)
         self._square = matrix_message("row", "column", 6, 6)
         self._publish_rendering = self.output(RENDERING, Float64MultiArray)
@@ -83,6 +85,9 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         state = self._layout.unpack(values)
         check_age(state.stamp_ns, now_ns, self.age_limit_ns)
         self.ages.add(now_ns - state.stamp_ns)
+        grasp = state.grasps[self._analyser.index]
+        if grasp.tobytes() != self._grasp:
+            self._follow(grasp)
         rendering = self._rendering
         rendering.see(state)
         count = self._counted(rendering.s, state.stamp_ns)
@@ -92,6 +97,14 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             terms = self._mechanism.evaluate(state.q, state.v, state.active)
             self._publish_view(self._analyser.analyse(terms), count)
         self.analyses += 1
+
+    def _follow(self, grasp: Array) -> None:
+        """Analyse the point where the mechanism says that it is from now on."""
+        self._mechanism.grasp(grasp_of(self._mechanism.scene, self.point, grasp))
+        self._analyser = Analyser(self._mechanism, self.point)
+        self._rendering = RenderingWriter(self._analyser)
+        self._grasp = grasp.tobytes()
+        self._count = None
 
     def _counted(self, s: Array, time_ns: int) -> int:
         perception = self.scene.perception

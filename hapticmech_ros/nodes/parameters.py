@@ -95,6 +95,12 @@ class MechanismParameters(NodeParameters):
     held_points: str = text(
         "", "in lockstep, points that controllers hold, with commas; empty: operational_point"
     )
+    grasp: str = text(
+        "",
+        "puts operational_point elsewhere: link or point, then x y z (m), then roll pitch yaw "
+        "(rad), or less; empty: as in the scene",
+        "any",
+    )
     awaits_external: bool = flag(
         False, "in lockstep, a tick waits for external_cf at every operational point"
     )

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 
 from hapticmech_ros.mechanism.evaluation import PointKinematics
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
-from hapticmech_ros.nodes.inputs import ExpiringWrench, Stamped
+from hapticmech_ros.nodes.inputs import NEVER, ExpiringWrench, Stamped
 from hapticmech_ros.nodes.messages import write_pose, write_twist, write_wrench
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.wire.topics import (
@@ -41,6 +42,7 @@ class PointPort:
     ) -> None:
         self._actor = actor
         self._go_on = go_on
+        self._since_ns = NEVER
         self.command = ExpiringWrench(0, 0)
         self.commands: Stamped[Array] = Stamped()
         self.awaited: Stamped[Array] = Stamped()
@@ -59,6 +61,15 @@ class PointPort:
         """Set how long a command stands, and how long it then takes to reach zero."""
         self.command.timeout_ns = self.command.ramp_ns = timeout_ns
 
+    def let_go(self, now_ns: int) -> None:
+        """Hold the mechanism no more where it was: what answers earlier samples is heard as zero.
+
+        Args:
+            now_ns: the time of the mechanism's last sample.
+        """
+        self._since_ns = now_ns
+        self.command.put(np.zeros(6), now_ns)
+
     def publish(
         self, point: PointKinematics, force: Array, joints: JointState, time_ns: int
     ) -> None:
@@ -72,7 +83,7 @@ class PointPort:
         self._publish_pose.publish(self._pose)
 
     def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
-        self.command.put(wrench, now_ns)
+        self.command.put(wrench if stamp_ns > self._since_ns else np.zeros(6), now_ns)
         self._actor.ages.add(now_ns - stamp_ns)
         if self._actor.lockstep:
             self.commands.put(wrench, stamp_ns)

@@ -23,6 +23,7 @@ from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.feeds import check_feeds
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.nodes.qos import LOCKSTEP
@@ -122,6 +123,10 @@ def feed_from_bag(path: Path, scene: Scene, kinds: Sequence[str]) -> Feed:
         mechanism = Mechanism(scene)
         layout = StateLayout(mechanism)
         decoded = [layout.unpack(decode(data)) for data in states]
+        if any((state.grasps != flat_grasps(scene)).any() for state in decoded):
+            raise BagError(
+                f"bag {path}: held elsewhere than the scene says, so it cannot be replayed"
+            )
         times = [state.stamp_ns for state in decoded]
         for index, name in enumerate(mechanism.point_names):
             values = np.array([state.contacts[index] for state in decoded])

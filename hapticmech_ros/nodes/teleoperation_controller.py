@@ -50,8 +50,9 @@ class TeleoperationController(Actor[ControllerParameters]):
     """Runs a scene's :class:`ControlArchitecture` on every sample of the device.
 
     While an input is missing or stale, or the mechanism does not hear it, it is disengaged: the
-    device and the mechanism get zero once, then nothing; then it engages anew, without a jump. In
-    lockstep it answers when device and rendering of the same time are there.
+    device and the mechanism get zero once, then nothing; then it engages anew, without a jump. When
+    the mechanism is held elsewhere it goes on there, without a jump either. In lockstep it answers
+    when device and rendering of the same time are there.
     """
 
     name = "teleoperation_controller"
@@ -61,8 +62,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         super().__init__(node, parameters)
         self._control = control_for(self.scene)
         self._engagement: Engagement | None = None
+        self._grasp = b""
+        self._sent = _NO_WRENCH
         self._answers = 0
-        self.engagements = 0
+        self.engagements = self.grasps = 0
         self._last_ns = NEVER
         self._state_ns = NEVER
         self._twist: Latest[Array] = Latest()
@@ -120,7 +123,11 @@ class TeleoperationController(Actor[ControllerParameters]):
             silent.append(POINT_COMMAND.of(self.point) + " to reach the mechanism")
         engaged = self._engagement is not None and not silent
         sentence = "engaged" if engaged else f"waiting for {', '.join(silent) or 'a device'}"
-        figures = {"answers": str(self._answers), "engagements": str(self.engagements)}
+        figures = {
+            "answers": str(self._answers),
+            "engagements": str(self.engagements),
+            "grasps": str(self.grasps),
+        }
         return engaged, sentence, figures
 
     def _on_device_state(self, values: Array, now_ns: int) -> None:
@@ -185,13 +192,19 @@ class TeleoperationController(Actor[ControllerParameters]):
         engagement = self._engagement
         if engagement is None:
             engagement = self._control.engage_flat(time_s, device, rendered, ahead)
-            self._engagement = engagement
             self.engagements += 1
             self.node.get_logger().info("engaged")
-        self._send(self._control.answer(time_s, engagement, device, rendered, ahead), stamp)
+        elif rendering.grasp != self._grasp:
+            # Held elsewhere from now on: what the hand feels is carried over.
+            engagement = self._control.engage_flat(time_s, device, rendered, ahead, self._sent)
+            self.grasps += 1
+        self._grasp = rendering.grasp
+        self._engagement = self._control.slipped_flat(time_s, engagement, device, rendered)
+        self._send(self._control.answer(time_s, self._engagement, device, rendered, ahead), stamp)
 
     def _send(self, wrenches: Array, stamp_ns: int) -> None:
         """Publish rows 0 and 1 of an answer (6, 6); at view rate also its parts, rows 2 to 4."""
+        self._sent = wrenches[0]
         self._publish_device.publish(encode_wrench(wrenches[0], stamp_ns))
         self._publish_point.publish(encode_wrench(wrenches[1], stamp_ns))
         if self._answers % self.view_every == 0:

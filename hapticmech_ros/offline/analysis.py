@@ -14,6 +14,7 @@ import numpy.typing as npt
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.evaluation import Active
+from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.offline.states import RecordedStates
 from hapticmech_ros.operational import Analyser
@@ -89,31 +90,43 @@ def felt_states(
     active: Sequence[Active],
     point: str = "",
     show: Show = lambda done, total: None,
+    grasps: Array | None = None,
 ) -> FeltStates:
     """Analyse an operational point at n states.
 
     Args:
-        mechanism: that is in these states.
+        mechanism: that is in these states; left as it was found.
         q: (n, nq) configurations.
         v: (n, nv) rates.
         active: n times which closures are closed.
         point: name of the operational point; the scene's first one if empty.
         show: told of states done, and of all there are.
+        grasps: (n, points, 7) where each operational point is; as in the scene if left out.
 
     Raises:
-        InvalidInputError: no such point.
+        InvalidInputError: no such point, or one on a link that is not there.
         HapticMechError: a state cannot be analysed; says which.
     """
     analyser = Analyser(mechanism, point)
     total, t = len(active), analyser.rows.size
     seen, wrenches = np.empty((total, _SEEN)), np.empty((total, t, t))
-    for index in range(total):
-        try:
-            analyser.see(q[index], v[index], active[index], seen[index], wrenches[index])
-        except HapticMechError as error:
-            raise HapticMechError(f"state {index} of {total}: {error}") from error
-        if (index + 1) % TOLD == 0:
-            show(index + 1, total)
+    places = None if grasps is None else grasps[:, analyser.index]
+    start = analyser.point
+    place = flat_grasp(mechanism.scene, start)
+    try:
+        for index in range(total):
+            if places is not None and (places[index] != place).any():
+                place = places[index]
+                mechanism.grasp(grasp_of(mechanism.scene, start.name, place))
+                analyser = Analyser(mechanism, start.name)
+            try:
+                analyser.see(q[index], v[index], active[index], seen[index], wrenches[index])
+            except HapticMechError as error:
+                raise HapticMechError(f"state {index} of {total}: {error}") from error
+            if (index + 1) % TOLD == 0:
+                show(index + 1, total)
+    finally:
+        mechanism.grasp(start)
     show(total, total)
     squares = seen[:, 6:114].reshape(total, 3, 6, 6)
     full = np.zeros((total, 6, t))
@@ -139,7 +152,7 @@ def analyse_states(
 ) -> AnalysedStates:
     """Analyse an operational point at every recorded state; see :func:`felt_states`."""
     active = [tuple(row) for row in states.active.tolist()]
-    felt = felt_states(mechanism, states.q, states.v, active, point, show)
+    felt = felt_states(mechanism, states.q, states.v, active, point, show, states.grasps)
     times = (states.stamps_ns - states.stamps_ns[:1]) / NANOSECONDS
     count = _counts(mechanism, felt.s, times)
     return AnalysedStates(**felt.arrays(), stamps_ns=states.stamps_ns, times=times, count=count)

@@ -12,11 +12,12 @@ import numpy.typing as npt
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.joints import coordinate_names
-from hapticmech_ros.wire.state import StateLayout
+from hapticmech_ros.wire.state import StateColumns, StateLayout
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import JOINT_STATES, STATE
 
@@ -30,6 +31,7 @@ class RecordedStates:
         q: (n, nq) configurations.
         v: (n, nv) rates.
         active: (n, closures) whether each closure is closed.
+        grasps: (n, points, 7) where each operational point is.
         topic: where they are from.
     """
 
@@ -37,6 +39,7 @@ class RecordedStates:
     q: Array
     v: Array
     active: npt.NDArray[np.bool_]
+    grasps: Array
     topic: str
 
 
@@ -84,8 +87,8 @@ def _name(bag: BagReader, namespace: str) -> str:
 def _own_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStates:
     layout = StateLayout(mechanism)
     messages = [data for _, _, data in bag.serialized(name)]
-    stamps, active, q, v = layout.unpack_all(FlatArray(layout.fields).decode_all(messages))
-    return _ordered(stamps, q, v, active, name)
+    found = layout.unpack_all(FlatArray(layout.fields).decode_all(messages))
+    return _ordered(found, name)
 
 
 def _joint_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStates:
@@ -100,7 +103,9 @@ def _joint_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedSt
         rates.append(_by_name(item.message, "velocity", names) if given else np.zeros(len(names)))
     closed = np.tile(np.array(mechanism.initially_active, dtype=bool), (len(stamps), 1))
     times = np.array(stamps, dtype=np.int64)
-    return _ordered(times, np.array(configurations), np.array(rates), closed, name)
+    held = np.tile(flat_grasps(mechanism.scene), (len(stamps), 1, 1))
+    found = StateColumns(times, closed, np.array(configurations), np.array(rates), held)
+    return _ordered(found, name)
 
 
 def _by_name(message: Any, what: str, names: tuple[str, ...]) -> Array:
@@ -118,8 +123,7 @@ def _by_name(message: Any, what: str, names: tuple[str, ...]) -> Array:
     return found
 
 
-def _ordered(
-    times: npt.NDArray[np.int64], q: Array, v: Array, closed: npt.NDArray[np.bool_], topic: str
-) -> RecordedStates:
-    order = np.argsort(times, kind="stable")
-    return RecordedStates(times[order], q[order], v[order], closed[order], topic)
+def _ordered(found: StateColumns, topic: str) -> RecordedStates:
+    stamps, active, q, v, grasps = found
+    order = np.argsort(stamps, kind="stable")
+    return RecordedStates(stamps[order], q[order], v[order], active[order], grasps[order], topic)

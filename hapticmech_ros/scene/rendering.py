@@ -113,12 +113,18 @@ class ForceChannelGains(Part):
 
 
 class Controller(Part):
-    """Gains of the three controllers of Fig. 3, and the ramp of the wrench after engagement (s)."""
+    """Gains of the three controllers of Fig. 3, and how they come in.
+
+    Attributes:
+        engagement_ramp: s, over which the wrench comes in when rendering starts.
+        grasp_ramp: s, over which it passes from one grasp to another.
+    """
 
     joint_constraint: JointConstraintGains = JointConstraintGains()
     position_channel: PositionChannelGains = PositionChannelGains()
     force_channel: ForceChannelGains = ForceChannelGains()
     engagement_ramp: NonNegative = 0.1
+    grasp_ramp: NonNegative = 0.3
 
 
 class Experiment(Part):

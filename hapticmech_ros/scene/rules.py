@@ -125,7 +125,7 @@ def _references(scene: Scene) -> Iterator[SceneProblem]:
         if point.link not in links:
             rule = f"unknown frame: must be one of {sorted(links)}"
             yield SceneProblem(f"{key}.link", point.link, rule)
-        elif point.metric is None and not _has_own_metric(links[point.link]):
+        elif point.metric is None and not has_own_metric(links[point.link]):
             rule = "the link has no full inertia of its own: give metric: {mass, length}"
             yield SceneProblem(f"{key}.metric", None, rule)
 
@@ -282,7 +282,8 @@ def _is_planar(scene: Scene) -> bool:
     return scene.task_space == "planar"
 
 
-def _has_own_metric(link: Link) -> bool:
+def has_own_metric(link: Link) -> bool:
+    """Return whether a link's own inertia can say what one unit of each direction is."""
     moments = np.linalg.eigvalsh(inertia_matrix(link.inertial.inertia))
     return link.inertial.mass > 0.0 and bool(moments.min() > 0.0)
 

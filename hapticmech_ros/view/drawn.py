@@ -16,7 +16,7 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.view.palette import Colour
 from hapticmech_ros.view.shapes import Shape, rotation_to
 
-SIDE_INCHES, DPI = 7.0, 150
+SIDE_INCHES, SIDE_PIXELS = 7.0, 1050
 # What is seen from above is drawn as it lies in the world's plane; bodies are seen from here.
 ABOVE = np.array((0.0, 0.0, 1.0))
 ASIDE = np.array((1.0, -1.6, 0.9))
@@ -34,7 +34,13 @@ def view_from(towards: Array) -> Array:
     return np.array((right, np.cross(near, right), near))
 
 
-def draw_shapes(shapes: Sequence[Shape], path: Path, planar: bool, title: str = "") -> None:
+def draw_shapes(
+    shapes: Sequence[Shape],
+    path: Path,
+    planar: bool,
+    title: str = "",
+    side_pixels: int = SIDE_PIXELS,
+) -> None:
     """Write a picture of shapes as a PNG file.
 
     Args:
@@ -42,9 +48,10 @@ def draw_shapes(shapes: Sequence[Shape], path: Path, planar: bool, title: str = 
         path: of the file.
         planar: whether it is seen from above, else from aside.
         title: above it.
+        side_pixels: width and height.
     """
     view = view_from(ABOVE if planar else ASIDE)
-    figure = Figure(figsize=(SIDE_INCHES, SIDE_INCHES), dpi=DPI)
+    figure = Figure(figsize=(SIDE_INCHES, SIDE_INCHES), dpi=side_pixels / SIDE_INCHES)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.01, 0.01, 0.98, 0.93))
     axes.set_aspect("equal")

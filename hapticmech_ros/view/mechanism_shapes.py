@@ -26,6 +26,7 @@ from hapticmech_ros.view.shapes import (
 LINK_DIAMETER = 0.07
 JOINT_DIAMETER = 0.13
 JOINT_LENGTH = 0.18
+SLIDE_WIDTH = 0.03
 CLOSURE_DIAMETER = 0.15
 GAP_WIDTH = 0.015
 
@@ -46,8 +47,8 @@ def link_shapes(scene: Scene, placement: Placement, unit: float) -> list[Shape]:
 
 
 def joint_shapes(scene: Scene, placement: Placement, unit: float) -> list[Shape]:
-    """Return a shape for every joint that holds its link to another or to the world."""
-    shapes = []
+    """Return a shape for every joint that holds its link, and a line along which it slides."""
+    shapes = [strip(line, SLIDE_WIDTH * unit, palette.JOINT) for line in placement.slides]
     for link in scene.links:
         pose, axis = placement.links[link.name], placement.axes[link.name]
         shapes += joint_shape(link.joint, pose, axis, unit)

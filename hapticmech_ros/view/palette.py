@@ -8,6 +8,8 @@ LINK: Colour = (0.62, 0.66, 0.72, 1.0)
 JOINT: Colour = (0.25, 0.28, 0.33, 1.0)
 CLOSED: Colour = (0.16, 0.65, 0.30, 1.0)
 OPEN: Colour = (0.55, 0.55, 0.55, 0.8)
+SOLID: Colour = (0.80, 0.68, 0.50, 0.6)
+SPRING: Colour = (0.55, 0.40, 0.20, 1.0)
 HAND: Colour = (0.93, 0.53, 0.10, 1.0)
 CONTACT: Colour = (0.75, 0.20, 0.65, 1.0)
 DEVICE_COMMAND: Colour = (0.85, 0.15, 0.15, 1.0)
@@ -33,6 +35,8 @@ MEANING: dict[str, Colour] = {
     "joints": JOINT,
     "closures": CLOSED,
     "open_closures": OPEN,
+    "solids": SOLID,
+    "springs": SPRING,
     "hand_force": HAND,
     "contact_force": CONTACT,
     "device_command": DEVICE_COMMAND,

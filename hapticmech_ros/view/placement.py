@@ -25,6 +25,9 @@ class Placement:
         limbs: link name and (2, 3) ends, for every part of a link that is worth a line.
         closures: closure name -> frames a and b.
         rods: names of the closures that keep a distance.
+        slides: (2, 3) of every prismatic joint, where it is at zero and where it is.
+        springs: (2, 3) ends of every spring between two points.
+        solids: frames of the shapes that may touch.
         points: operational point name -> its frame.
     """
 
@@ -33,6 +36,9 @@ class Placement:
     limbs: tuple[tuple[str, Array], ...]
     closures: dict[str, tuple[pin.SE3, pin.SE3]]
     rods: frozenset[str]
+    slides: tuple[Array, ...]
+    springs: tuple[Array, ...]
+    solids: tuple[pin.SE3, ...]
     points: dict[str, pin.SE3]
 
 
@@ -60,6 +66,16 @@ class Placer:
             point.name: (*self._links[point.link], se3(point.origin))
             for point in scene.operational_points
         }
+        self._slides = [
+            ((link.parent, se3(link.joint.origin)), (link.name, pin.SE3.Identity()))
+            for link in scene.links
+            if link.joint.type == "prismatic"
+        ]
+        self._springs = [
+            ((spring.a.link, se3(spring.a.origin)), (spring.b.link, se3(spring.b.origin)))
+            for spring in scene.springs
+        ]
+        self._solids = [(shape.link, se3(shape.origin)) for shape in scene.shapes]
         self.limbs = _limbs(mechanism)
 
     def at(self, q: Array) -> Placement:
@@ -68,6 +84,11 @@ class Placer:
         pin.forwardKinematics(self._model, data, q)
         pin.updateFramePlacements(self._model, data)
         links = {name: data.oMi[joint] * local for name, (joint, local) in self._links.items()}
+        carriers = {**links, "world": pin.SE3.Identity()}
+
+        def line(ends: tuple[tuple[str, pin.SE3], tuple[str, pin.SE3]]) -> Array:
+            return np.array([(carriers[link] * frame).translation for link, frame in ends])
+
         limbs = tuple(
             (name, np.array((links[name].translation, links[name] * end)))
             for name, end in self.limbs
@@ -78,6 +99,9 @@ class Placer:
             limbs,
             {n: (data.oMf[a].copy(), data.oMf[b].copy()) for n, (a, b) in self._closures.items()},
             self._rods,
+            tuple(line(ends) for ends in self._slides),
+            tuple(line(ends) for ends in self._springs),
+            tuple(carriers[link] * frame for link, frame in self._solids),
             {n: data.oMi[j] * local * origin for n, (j, local, origin) in self._points.items()},
         )
 

@@ -10,12 +10,12 @@ from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import first_count
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.view.drawn import draw_shapes
+from hapticmech_ros.view.drawn import SIDE_PIXELS, draw_shapes
 from hapticmech_ros.view.picture import Picture, Snapshot
 from hapticmech_ros.view.placement import Placer
 
 
-def draw_scene(scene: Scene, path: Path, point: str = "") -> None:
+def draw_scene(scene: Scene, path: Path, point: str = "", side_pixels: int = SIDE_PIXELS) -> None:
     """Write a picture of a scene at its start as a PNG file.
 
     The mechanism, its closures, and at the point held the directions that are rigid and free.
@@ -24,6 +24,7 @@ def draw_scene(scene: Scene, path: Path, point: str = "") -> None:
         scene: what is drawn.
         path: of the file; its folder is made.
         point: operational point that is held; the scene's first one if empty.
+        side_pixels: width and height.
 
     Raises:
         InvalidInputError: no such point.
@@ -37,4 +38,4 @@ def draw_scene(scene: Scene, path: Path, point: str = "") -> None:
     snapshot = Snapshot(state.active, held=analyser.point.name, analysis=analysis, count=count)
     shapes = Picture(mechanism, 0.0, 0.0).draw(snapshot, Placer(mechanism).at(np.array(state.q)))
     path.parent.mkdir(parents=True, exist_ok=True)
-    draw_shapes(shapes, path, scene.task_space == "planar", scene.name)
+    draw_shapes(shapes, path, scene.task_space == "planar", scene.name, side_pixels)

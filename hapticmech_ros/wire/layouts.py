@@ -22,6 +22,7 @@ from hapticmech_ros.control.flat import (
     point_of,
 )
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.grasp import GRASP_SIZE
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.times import NANOSECONDS
 
@@ -42,6 +43,7 @@ RENDERING_FIELDS: dict[str, int] = {
     "twist": 6,
     "contact": 6,
     "commanded": 1,
+    "grasp": GRASP_SIZE,
 }
 DEVICE_FIELDS: dict[str, int] = {
     "stamp": 2,
@@ -53,7 +55,7 @@ DEVICE_FIELDS: dict[str, int] = {
 }
 # What control/flat.py describes, inside these messages.
 DEVICE_MEASURED = slice(2, 21)
-RENDERED = slice(10, 143)
+RENDERED, COMMANDED, GRASP = slice(10, 143), 143, slice(144, 151)
 ENERGY_FIELDS: dict[str, int] = {
     "stamp": 2,
     "kinetic": 1,
@@ -76,6 +78,7 @@ class Rendering:
         model: what the controllers use of the analysis.
         point: the operational point's pose, twist and contact wrench at the same time.
         commanded: whether the mechanism heard the controller's commands then.
+        grasp: (7,) where the operational point is; see :func:`~.mechanism.grasp.flat_grasp`.
     """
 
     stamp_ns: int
@@ -84,6 +87,7 @@ class Rendering:
     model: RenderingModel
     point: PointMeasurement
     commanded: bool
+    grasp: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,12 +142,12 @@ def unpack_device(data: object) -> DeviceSample:
 
 
 def pack_rendering(rendering: Rendering) -> Array:
-    """Return the message's data (144,)."""
+    """Return the message's data (151,)."""
     s = np.zeros(6)
     s[: rendering.s.size] = rendering.s
     head = (*divmod(rendering.stamp_ns, NANOSECONDS), rendering.count, rendering.s.size)
     rendered = flat_rendered(rendering.model, rendering.point)
-    return np.concatenate((head, s, rendered, (rendering.commanded,)))
+    return np.concatenate((head, s, rendered, (rendering.commanded,), rendering.grasp))
 
 
 def unpack_rendering(data: object) -> Rendering:
@@ -161,7 +165,8 @@ def unpack_rendering(data: object) -> Rendering:
         values[4 : 4 + int(values[3])],
         model_of(rendered),
         point_of(rendered),
-        bool(values[143]),
+        bool(values[COMMANDED]),
+        values[GRASP],
     )
 
 

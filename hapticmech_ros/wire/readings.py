@@ -11,8 +11,10 @@ from typing import NamedTuple
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.wire.kernels import UNSOUND, stamp_if_sound
 from hapticmech_ros.wire.layouts import (
+    COMMANDED,
     DEVICE_FIELDS,
     DEVICE_MEASURED,
+    GRASP,
     QUATERNION_TOLERANCE,
     RENDERED,
     RENDERING_FIELDS,
@@ -38,11 +40,13 @@ class RenderingReading(NamedTuple):
         stamp_ns: time it stands for, ns.
         rendered: (133,) analysis and operational point, as control/flat.py describes them.
         commanded: whether the mechanism heard the controller's commands then.
+        grasp: bytes of where the operational point is: others, where it is elsewhere.
     """
 
     stamp_ns: int
     rendered: Array
     commanded: bool
+    grasp: bytes
 
 
 def read_device(values: Array) -> DeviceReading:
@@ -69,7 +73,8 @@ def read_rendering(values: Array) -> RenderingReading:
     stamp = _stamp(values, _RENDERING_SIZE, 127)
     if stamp == UNSOUND:
         stamp = unpack_rendering(values).stamp_ns
-    return RenderingReading(stamp, values[RENDERED], values.item(143) != 0.0)
+    commanded, grasp = values.item(COMMANDED) != 0.0, values[GRASP].tobytes()
+    return RenderingReading(stamp, values[RENDERED], commanded, grasp)
 
 
 def _stamp(values: Array, size: int, quaternion: int) -> int:

@@ -7,7 +7,7 @@ import numpy as np
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.layouts import RENDERING_FIELDS
+from hapticmech_ros.wire.layouts import COMMANDED, GRASP, RENDERING_FIELDS
 from hapticmech_ros.wire.state import WireState
 
 _START = dict(
@@ -21,7 +21,7 @@ class RenderingWriter:
     What :func:`~hapticmech_ros.wire.layouts.pack_rendering` returns, without the objects between.
 
     Attributes:
-        values: (144,) the data.
+        values: (151,) the data.
         s: (t,) singular values of the state seen last; a view.
     """
 
@@ -46,7 +46,8 @@ class RenderingWriter:
         values = self.values
         values[0], values[1] = divmod(state.stamp_ns, NANOSECONDS)
         self._contact[:] = state.contacts[self._index]
-        values[-1] = state.commanded[self._index]
+        values[COMMANDED] = state.commanded[self._index]
+        values[GRASP] = state.grasps[self._index]
 
     def count(self, count: int) -> None:
         """Write the number of joint constraints reported."""

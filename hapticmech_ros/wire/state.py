@@ -1,7 +1,7 @@
 """Layout of ``mechanism/state``: all that the analyser needs of a mechanism, in one message.
 
-Flags of the closures, joint coordinates and rates, and the contact wrench at every operational
-point, taken at one time, so that they belong together.
+Flags of the closures, joint coordinates and rates, the contact wrench at every operational point
+and where that point is, taken at one time, so that they belong together.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.evaluation import Active
+from hapticmech_ros.mechanism.grasp import GRASP_SIZE
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.joints import coordinate_names
@@ -32,6 +33,8 @@ class WireState(NamedTuple):
         q: (nq,) configuration.
         v: (nv,) rates.
         contacts: (points, 6) wrench by the environment on the mechanism at each operational point.
+        grasps: (points, 7) where each operational point is: the link's place among the scene's,
+            and xyz (m) and rpy (rad) in its frame.
         commanded: per operational point, whether commands for it are heard.
     """
 
@@ -40,6 +43,7 @@ class WireState(NamedTuple):
     q: Array
     v: Array
     contacts: Array
+    grasps: Array
     commanded: tuple[bool, ...]
 
 
@@ -51,12 +55,14 @@ class StateColumns(NamedTuple):
         active: (n, closures) whether each closure is closed.
         q: (n, nq) configurations.
         v: (n, nv) rates.
+        grasps: (n, points, 7) where each operational point is.
     """
 
     stamps_ns: npt.NDArray[np.int64]
     active: npt.NDArray[np.bool_]
     q: Array
     v: Array
+    grasps: Array
 
 
 class StateLayout:
@@ -77,6 +83,7 @@ class StateLayout:
             "/".join(["position", *names]): mechanism.nv,
             "/".join(["velocity", *names]): mechanism.nv,
             "/".join(["contact", *mechanism.point_names]): 6 * self._points,
+            "/".join(["grasp", *mechanism.point_names]): GRASP_SIZE * self._points,
             "/".join(["commanded", *mechanism.point_names]): self._points,
         }
         self._size = sum(self.fields.values())
@@ -91,6 +98,7 @@ class StateLayout:
                 *self._mechanism.coordinates(state.q).tolist(),
                 *state.v.tolist(),
                 *state.contacts.ravel().tolist(),
+                *state.grasps.ravel().tolist(),
                 *state.commanded,
             ),
             dtype=float,
@@ -106,9 +114,10 @@ class StateLayout:
         # Squares overflow long before numbers do: then each is looked at.
         if values.shape != (self._size,) or not math.isfinite(values @ values):
             values = checked_values("state", values, self._size)
-        nv, first = self._mechanism.nv, 2 + self._closures
+        nv, first, points = self._mechanism.nv, 2 + self._closures, self._points
+        contacts = first + 2 * nv
         numbers = values.tolist()
-        flags = (*numbers[2:first], *numbers[-self._points :])
+        flags = (*numbers[2:first], *numbers[-points:])
         if not _FLAGS.issuperset(flags):
             raise InvalidInputError("flags", list(flags), "must be 0 or 1")
         q = self._mechanism.configuration(values[first : first + nv])
@@ -116,8 +125,9 @@ class StateLayout:
             int(numbers[0]) * NANOSECONDS + int(numbers[1]),
             tuple(map(bool, flags[: self._closures])),
             q,
-            values[first + nv : first + 2 * nv],
-            values[first + 2 * nv : -self._points].reshape(self._points, 6),
+            values[first + nv : contacts],
+            values[contacts : contacts + 6 * points].reshape(points, 6),
+            values[contacts + 6 * points : -points].reshape(points, GRASP_SIZE),
             tuple(map(bool, flags[self._closures :])),
         )
 
@@ -142,7 +152,14 @@ class StateLayout:
             q = q.reshape(len(data), self._mechanism.nq)
         seconds, rest = data[:, 0].astype(np.int64), data[:, 1].astype(np.int64)
         rates = data[:, first + nv : first + 2 * nv].copy()
-        return StateColumns(seconds * NANOSECONDS + rest, data[:, 2:first] == 1.0, q, rates)
+        held = data[:, first + 2 * nv + 6 * self._points : -self._points]
+        return StateColumns(
+            seconds * NANOSECONDS + rest,
+            data[:, 2:first] == 1.0,
+            q,
+            rates,
+            held.reshape(len(data), self._points, GRASP_SIZE).copy(),
+        )
 
     def coordinates(self, q: Array) -> Array:
         """Return (nv,) positions of all degrees of freedom as seen from the neutral ones."""

@@ -84,7 +84,7 @@ STATE = Topic(
     ARRAY,
     MECHANISM,
     "all that the analyser needs in one message: stamp, closed loops, joint positions and "
-    "velocities, F_c at every operational point",
+    "velocities, F_c at every operational point, and where that point is",
     (ANALYSER, VIEWER),
     rate="control",
 )
@@ -138,6 +138,24 @@ EXTERNAL_WRENCH = Topic(
     rate="caller's",
     qos="command",
 )
+GRASP = Topic(
+    "mechanism/{point}/grasp",
+    POSE,
+    "any",
+    "puts the operational point at a pose in the frame of a link, of an operational point, or of "
+    "`world` (then on the link that is held)",
+    (MECHANISM,),
+    rate="caller's",
+    qos="command",
+)
+GRASPED = Topic(
+    "mechanism/{point}/grasped",
+    POSE,
+    MECHANISM,
+    "where the operational point is: its pose in its link, which is the frame named",
+    rate="change",
+    qos="latched",
+)
 CLOSURES = Topic(
     "mechanism/closures",
     "std_msgs/msg/UInt8MultiArray",
@@ -157,7 +175,7 @@ RENDERING = Topic(
     ARRAY,
     ANALYSER,
     "all that the controller needs in one message: stamp, count, s, Λ_h⁻¹, P_c, Π, a_0, pose,"
-    " twist and F_c of the operational point; axes of `world`, at the operational point",
+    " twist and F_c of the operational point, axes of `world`, at that point; and where it is",
     (CONTROLLER,),
     rate="control",
 )
@@ -237,6 +255,8 @@ TOPICS: tuple[Topic, ...] = (
     POINT_JOINTS,
     POINT_COMMAND,
     EXTERNAL_WRENCH,
+    GRASP,
+    GRASPED,
     CLOSURES,
     ENERGY,
     CONTACTS,

@@ -132,6 +132,7 @@ def _messages(scene: Scene, samples: list[tuple[Sample, tuple[float, float]]]) -
             rendering_model(sample.analysis),
             PointMeasurement(sample.point.pose, sample.point.twist, sample.external_wrench),
             True,
+            np.zeros(7),
         )
         yield "analysis/handle/rendering", arrays, t, array(pack_rendering(rendering))
         if index % VIEW_EVERY == 0:

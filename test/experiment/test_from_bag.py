@@ -157,7 +157,7 @@ def test_joint_states_are_only_welcome(make_bag, scene):
         (
             "analysis/handle/rendering",
             lambda m: dataclasses.replace(m, data=m.data[:-1]),
-            "rendering, message 0: .*must hold 144 numbers",
+            "rendering, message 0: .*must hold 151 numbers",
         ),
         (
             "mechanism/energy",

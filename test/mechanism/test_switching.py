@@ -183,3 +183,24 @@ def test_latches_by_itself_once_within_its_distance(kind):
     assert state.account.latch_loss == pytest.approx(gone, rel=1e-9)
     # Once latched it stays so.
     assert sim.step(state, NO_WRENCH).active == (True,)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_that_was_opened_latches_again_only_after_it_has_left(kind):
+    """Opened where it is closed, it stays open until its frames have been apart."""
+    sample = closed_chain(2, kind)
+    limit, period = 1e-4, 1e-5
+    document = with_start(opened(sample.document, latch_distance=limit), sample.q, -sample.v)
+    sim = simulator(document, period)
+    state = sim.switch(sim.initial_state(), {"loop": True})
+    state = sim.switch(state, {"loop": False})
+    still = replace(state, v=0.0 * state.v)
+    assert sim.step(still, NO_WRENCH).active == (False,)
+    away = sim.step(replace(state, v=-sample.v), NO_WRENCH)
+    while sim.mechanism.distance_of(0, away.q, away.v)[0] < limit:
+        assert away.active == (False,)
+        away = sim.step(away, NO_WRENCH)
+    back = replace(away, v=-away.v)
+    for _ in range(40):
+        back = sim.step(back, NO_WRENCH)
+    assert back.active == (True,)

@@ -7,6 +7,7 @@ from std_msgs.msg import Float64MultiArray, UInt8
 from hapticmech_ros import analyse, load_scene
 from hapticmech_ros.mechanism import build
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.messages import write_array
 from hapticmech_ros.wire.layouts import unpack_rendering
 from hapticmech_ros.wire.state import StateLayout, WireState
@@ -17,12 +18,19 @@ CONTACT = np.array([[0.1, -0.2, 0.0, 0.0, 0.0, 0.003]])
 
 
 def _state(
-    peer: Peer, q: np.ndarray, v: np.ndarray, closed: bool = True, late_s: float = 0.0
+    peer: Peer,
+    q: np.ndarray,
+    v: np.ndarray,
+    closed: bool = True,
+    late_s: float = 0.0,
+    grasps: np.ndarray | None = None,
 ) -> Float64MultiArray:
     now = peer.node.get_clock().now().nanoseconds - round(late_s * 1e9)
-    state = WireState(now, (closed,), q, v, CONTACT, (True,))
+    mechanism = build(load_scene("five_bar"))
+    held = flat_grasps(mechanism.scene) if grasps is None else grasps
+    state = WireState(now, (closed,), q, v, CONTACT, held, (True,))
     message = Float64MultiArray()
-    write_array(message, StateLayout(build(load_scene("five_bar"))).pack(state))
+    write_array(message, StateLayout(mechanism).pack(state))
     return message
 
 

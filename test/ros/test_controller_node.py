@@ -10,6 +10,7 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.messages import write_array, write_pose
 from hapticmech_ros.session import rendering_model
 from hapticmech_ros.wire.layouts import DeviceSample, Rendering, pack_device, pack_rendering
@@ -27,6 +28,7 @@ class World:
         self.peer = peer
         self.packed = packed
         self.commanded = True
+        self.grasp = flat_grasps(SCENE)[0]
         self.sample = Session(SCENE).tick()
         self.model = rendering_model(self.sample.analysis)
         self.pose = self.sample.point.pose
@@ -48,7 +50,8 @@ class World:
             s = self.sample.analysis.spectrum.s
             point = PointMeasurement(self.pose, np.zeros(6), np.zeros(6))
             write_array(
-                message, pack_rendering(Rendering(now, 1, s, self.model, point, self.commanded))
+                message,
+                pack_rendering(Rendering(now, 1, s, self.model, point, self.commanded, self.grasp)),
             )
             self.rendering.publish(message)
         moved = pin.SE3(self.pose.rotation, self.pose.translation + np.array([0.0, offset, 0.0]))

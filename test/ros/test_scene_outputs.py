@@ -12,6 +12,7 @@ from rclpy.qos import DurabilityPolicy
 from visualization_msgs.msg import Marker
 
 from hapticmech_ros import Mechanism, load_scene
+from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.exchange import Exchange, Outlet
 from hapticmech_ros.nodes.viewer.scene_inputs import Heard
 from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs
@@ -73,7 +74,9 @@ class Stage:
         self.outputs = SceneOutputs(self.actor, mechanism, prefix, tf_type)  # type: ignore[arg-type]
         self.q = np.zeros(mechanism.nq)
         self.moving = moving_frames(mechanism.scene, Placer(mechanism).at(self.q), DEVICE)
-        told = WireState(NOW, (True,), self.q, self.q, np.ones((1, 6)), (True,))
+        told = WireState(
+            NOW, (True,), self.q, self.q, np.ones((1, 6)), flat_grasps(mechanism.scene), (True,)
+        )
         force = np.arange(6.0)
         self.heard = Heard(told, DEVICE, force, force, {"handle": force}, 1)
 

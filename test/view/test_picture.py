@@ -37,15 +37,15 @@ class Drawn:
         return [s for s in self.shapes(**known) if s.namespace == namespace]
 
 
-def snapshot_of(sample):
+def snapshot_of(sample, held):
     return Snapshot(
         active=sample.mechanism.active,
         device=sample.device.pose,
         hand_wrench=sample.hand_wrench,
         device_command=sample.output.device,
-        contacts={"handle": np.array((0.3, 0.0, 0.1, 0.0, 0.0, 0.01))},
-        point_commands={"handle": sample.output.mechanism},
-        held="handle",
+        contacts={held: np.array((0.3, 0.0, 0.1, 0.0, 0.0, 0.01))},
+        point_commands={held: sample.output.mechanism},
+        held=held,
         analysis=sample.analysis,
         count=sample.count,
     )
@@ -56,14 +56,15 @@ def test_names_are_given_once_and_parts_keep_theirs(name):
     session = Session(load_scene(name))
     mechanism = session.simulator.mechanism
     picture, placer = Picture(mechanism, FORCE_SCALE, TORQUE_SCALE), Placer(mechanism)
+    held = mechanism.point_names[0]
     parts = []
     for tick in range(601):
         sample = session.tick()
         if tick % 200 == 0:
-            shapes = picture.draw(snapshot_of(sample), placer.at(sample.mechanism.q))
+            shapes = picture.draw(snapshot_of(sample, held), placer.at(sample.mechanism.q))
             keys = [shape.key for shape in shapes]
             assert len(set(keys)) == len(keys)
-            parts.append([k for k in keys if k[0] in ("links", "joints", "device")])
+            parts.append([k for k in keys if k[0] in ("links", "joints", "solids", "device")])
     assert parts[0]
     assert all(found == parts[0] for found in parts)
 

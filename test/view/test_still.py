@@ -77,5 +77,14 @@ def test_the_command_names_its_file(tmp_path):
     path = tmp_path / "five.png"
     found = CliRunner().invoke(app, ["scene", "show", "five_bar", "--out", str(path)])
     assert found.exit_code == 0, found.output
-    assert path.stat().st_size > 10_000
+    assert image.imread(path).shape == (1050, 1050, 4)
     assert "five.png" in found.output.replace("\n", "")
+
+
+def test_a_picture_can_be_small(tmp_path):
+    path = tmp_path / "five.png"
+    command = ["scene", "show", "five_bar", "--out", str(path), "--pixels", "400"]
+    found = CliRunner().invoke(app, command)
+    assert found.exit_code == 0, found.output
+    assert image.imread(path).shape == (400, 400, 4)
+    assert pixels(path, CLOSED)[0].size > 500

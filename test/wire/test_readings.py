@@ -40,7 +40,9 @@ def sample(kind, seed=0, stamp=STAMP):
         return pack_device(DeviceSample(stamp, measured, rng.normal(size=6))), flat_device(measured)
     model = RenderingModel(*rng.normal(size=(3, 6, 6)), rng.normal(size=6))
     point = PointMeasurement(pose(rng), *rng.normal(size=(2, 6)))
-    rendering = Rendering(stamp, 2, rng.normal(size=5), model, point, bool(seed % 2))
+    rendering = Rendering(
+        stamp, 2, rng.normal(size=5), model, point, bool(seed % 2), rng.normal(size=7)
+    )
     return pack_rendering(rendering), flat_rendered(model, point)
 
 
@@ -65,6 +67,7 @@ def test_the_part_for_the_control_is_read_to_the_bit(kind):
         assert found[1].flags.aligned
         if kind == "rendering":
             assert found.commanded is unpack(wire).commanded is bool(seed % 2)
+            assert found.grasp == unpack(wire).grasp.tobytes() == data[144:].tobytes()
 
 
 @pytest.mark.parametrize("kind", KINDS)

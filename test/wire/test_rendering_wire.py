@@ -7,6 +7,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.control import PointMeasurement
 from hapticmech_ros.mechanism import build
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import shipped_scenes
 from hapticmech_ros.session import rendering_model
@@ -27,6 +28,7 @@ def states(mechanism):
             q,
             rng.normal(size=mechanism.nv),
             rng.normal(size=(points, 6)),
+            flat_grasps(mechanism.scene),
             (tick % 2 == 0,) * points,
         )
         q = mechanism.integrate(q, 1e-3 * rng.normal(size=mechanism.nv))
@@ -43,10 +45,10 @@ def test_both_ways_write_the_same(name):
         terms = mechanism.evaluate(state.q, state.v, state.active)
         found, point = analyser.analyse(terms), terms.points[analyser.index]
         measured = PointMeasurement(point.pose, point.twist, state.contacts[analyser.index])
-        heard = state.commanded[analyser.index]
+        heard, grasp = state.commanded[analyser.index], state.grasps[analyser.index]
         s = found.spectrum.s
         expected = pack_rendering(
-            Rendering(state.stamp_ns, count, s, rendering_model(found), measured, heard)
+            Rendering(state.stamp_ns, count, s, rendering_model(found), measured, heard, grasp)
         )
         assert (writer.s == s).all()
         # The quaternion by a kernel and by Eigen, which rounds it once less or more.

@@ -6,6 +6,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.state import StateLayout, WireState
 from oracles.generator import random_mechanism
@@ -28,7 +29,9 @@ def state_of(mechanism, q):
     v = np.linspace(-1.0, 1.0, mechanism.nv)
     contacts = np.arange(6.0 * points).reshape(points, 6)
     active = tuple(index % 2 == 0 for index in range(len(mechanism.closures)))
-    return WireState(STAMP, active, q, v, contacts, tuple(i % 2 == 1 for i in range(points)))
+    grasps = flat_grasps(mechanism.scene)
+    heard = tuple(i % 2 == 1 for i in range(points))
+    return WireState(STAMP, active, q, v, contacts, grasps, heard)
 
 
 @pytest.mark.parametrize(("layout", "mechanism", "q"), list(layouts()))
@@ -60,6 +63,7 @@ def test_parts_are_where_the_label_says():
         q,
         state.v,
         state.contacts.ravel(),
+        state.grasps.ravel(),
         state.commanded,
     )
     for found, part in zip(parts, expected, strict=True):

@@ -28,7 +28,7 @@ from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array, TreeModel, authored_state
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.mechanism import Joint
+from hapticmech_ros.scene.mechanism import Joint, OperationalPoint
 
 # A pose in memory: the columns of its rotation, then its translation.
 _POSE_SIZE = 12
@@ -77,6 +77,22 @@ class CompiledMechanism(Mechanism):
         self.needs_matrix: bool = SCHEMES[scene.simulation.integrator].implicit
         self._authored, _ = authored_state(scene, self.tree)
         self._single = [self._choose([index]) for index in range(len(self.closures))]
+
+    def grasp(self, point: OperationalPoint) -> None:
+        """Put an operational point elsewhere; see :meth:`Mechanism.grasp`."""
+        super().grasp(point)
+        index = self.point_index(point.name)
+        at = self._point_frames[index]
+        frame = self.model.frames[at]
+        self._carriers[at], self._all_placements[at] = (
+            frame.parentJoint,
+            _in_memory(frame.placement),
+        )
+        for chosen in {*self._sets.values(), *self._single}:
+            for tables in (chosen.tables, chosen.dense.tables):
+                place = tables.points[index]
+                tables.carriers[place] = self._carriers[at]
+                tables.placements[place] = self._all_placements[at]
 
     def evaluate(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None

@@ -17,6 +17,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8, UInt8Mul
 
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.messages import (
     WORLD,
@@ -32,13 +33,13 @@ from hapticmech_ros.session import Session, rendering_model
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire import topics as table
 from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.energies import energy_of
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import (
     DEVICE_FIELDS,
     ENERGY_FIELDS,
     RENDERING_FIELDS,
     DeviceSample,
-    Energy,
     Rendering,
     pack_device,
     pack_energy,
@@ -99,27 +100,23 @@ class Examples:
         self.points = tuple(mechanism.point_names)
         state, analysis, output = sample.mechanism, sample.analysis, sample.output
         external = np.zeros((len(self.points), 6))
-        heard = (True,) * len(self.points)
+        heard, grasps = (True,) * len(self.points), flat_grasps(scene)
         layout = StateLayout(mechanism)
         device = DeviceMeasurement(
             sample.device.measured_pose, sample.device.measured_twist, sample.hand_wrench
         )
         seen = PointMeasurement(sample.point.pose, sample.point.twist, external[0])
         rendering = Rendering(
-            0, sample.count, analysis.spectrum.s, rendering_model(analysis), seen, True
-        )
-        kinetic, potential = mechanism.energy(state.q, state.v)
-        account = state.account
-        energy = Energy(
             0,
-            kinetic,
-            potential,
-            account.work_in,
-            account.damping_loss,
-            account.latch_loss,
-            state.closure_error,
+            sample.count,
+            analysis.spectrum.s,
+            rendering_model(analysis),
+            seen,
+            True,
+            grasps[0],
         )
-        wire = WireState(0, state.active, state.q, state.v, external, heard)
+        energy = energy_of(mechanism, state, 0)
+        wire = WireState(0, state.active, state.q, state.v, external, grasps, heard)
         joints = coordinate_names(mechanism), layout.coordinates(state.q), state.v
         self.arrays: dict[Topic, StampedArray] = {
             table.DEVICE_STATE: StampedArray(
@@ -140,6 +137,7 @@ class Examples:
             table.JOINT_STATES: _joints(*joints),
             table.POINT_JOINTS: _joints(*joints),
             table.POINT_POSE: _pose(sample.point.pose),
+            table.GRASPED: _pose(sample.point.pose),
             table.POINT_TWIST: _twist(sample.point.twist),
             table.CLOSURES: _constant(_flags(flags, names)),
             table.INVERSE_INERTIA: _matrix("row", "column", analysis.inverse_inertia),

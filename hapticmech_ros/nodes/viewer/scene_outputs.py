@@ -58,7 +58,7 @@ TF, TF_STATIC = "/tf", "/tf_static"
 
 
 class SceneOutputs:
-    """Publishers of one viewer; what never changes is published at once.
+    """Publishers of one viewer; what seldom changes is published at once.
 
     Args:
         actor: whose publishers they are.
@@ -77,7 +77,6 @@ class SceneOutputs:
             name: prefixed(frame, prefix) for name, frame in frame_names(mechanism.scene).items()
         }
         self._joints = JointPositions(mechanism)
-        self._fixed = fixed_frames(mechanism.scene)
         # None: whatever is shown was put there by others, or by an earlier life.
         self._shown: list[Key] | None = None
         self._publish_markers = actor.output(MARKERS, MarkerArray)
@@ -96,8 +95,7 @@ class SceneOutputs:
         if tf_type is not None:
             self._publish_tf = self._tf_publisher(TF, BURST_PUBLISHER)
             self._publish_tf_static = self._tf_publisher(TF_STATIC, STATIC_PUBLISHER)
-            fixed = self._transforms(self._fixed, actor.now_ns())
-            self._publish_tf_static.publish(tf_message(tf_type, fixed))
+        self.show_fixed_frames(actor.now_ns())
 
     def looked_at(self) -> bool:
         """Return whether somebody subscribes to anything that moves."""
@@ -126,6 +124,13 @@ class SceneOutputs:
         """Publish an empty picture."""
         self._shown = None
         self._publish_markers.publish(marker_array((), (), time_ns, 0.0, afresh=True))
+
+    def show_fixed_frames(self, time_ns: int) -> None:
+        """Find the frames that stay where they are in a link, and publish them on /tf_static."""
+        self._fixed = fixed_frames(self._mechanism.scene)
+        if self._tf_type is not None:
+            fixed = self._transforms(self._fixed, time_ns)
+            self._publish_tf_static.publish(tf_message(self._tf_type, fixed))
 
     def show_frames(self, moving: Sequence[NamedTransform], time_ns: int) -> None:
         """Publish all frames by name, and on /tf those that move."""

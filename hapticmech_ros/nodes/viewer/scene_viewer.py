@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.grasp import flat_grasps, grasp_of
+from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.parameters import ViewerParameters
@@ -36,6 +38,7 @@ class SceneViewer(ClockedActor[ViewerParameters]):
         self._mechanism = mechanism
         self._analyser = Analyser(mechanism, self.point)
         self._placer = Placer(mechanism)
+        self._grasps = flat_grasps(mechanism.scene)
         self._inputs = SceneInputs(self, mechanism)
         tf_type = installed_tf_type() if parameters.tf else None
         self._outputs = SceneOutputs(self, mechanism, parameters.frame_prefix, tf_type)
@@ -92,6 +95,12 @@ class SceneViewer(ClockedActor[ViewerParameters]):
             return
         state, outputs = heard.state, self._outputs
         time_ns = state.stamp_ns
+        if (state.grasps != self._grasps).any():
+            try:
+                self._follow(state.grasps)
+            except InvalidInputError as error:
+                self.node.refuse(STATE.name, error)
+                return
         self.ages.add(now - time_ns)
         self._last_ns = now
         placement = self._placer.at(state.q)
@@ -108,6 +117,16 @@ class SceneViewer(ClockedActor[ViewerParameters]):
             lifetime = max(SHORTEST_LIFETIME_S, 3.0 * self.period_s)
             outputs.show_markers(shapes, time_ns, lifetime)
             self.pictures += 1
+
+    def _follow(self, grasps: Array) -> None:
+        """Draw operational points where the mechanism says that they are from now on."""
+        mechanism = self._mechanism
+        for name, numbers in zip(mechanism.point_names, grasps, strict=True):
+            mechanism.grasp(grasp_of(mechanism.scene, name, numbers))
+        self._analyser = Analyser(mechanism, self.point)
+        self._placer = Placer(mechanism)
+        self._outputs.show_fixed_frames(self.now_ns())
+        self._grasps = grasps
 
     def _draw(self, heard: Heard, placement: Placement) -> list[Shape]:
         state, parameters = heard.state, self.parameters

@@ -1,0 +1,130 @@
+"""Held elsewhere while the graph runs: by topic and by parameter, told to all, without a bump."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Float64MultiArray
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_written
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.nodes.messages import stamp_ns
+from hapticmech_ros.wire.layouts import unpack_rendering
+from hapticmech_ros.wire.state import StateLayout
+from ros.harness import Peer, figures, refuses, running, six
+
+pytestmark = pytest.mark.ros
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+SCENE = load_scene("five_bar")
+# N from one command to the next; what the hand is promised not to feel.
+BUMP_N = 0.1
+
+
+def grasp(peer: Peer, frame: str, x: float = 0.0, y: float = 0.0, w: float = 1.0) -> PoseStamped:
+    message = peer.pose(x, y, w)
+    message.header.frame_id = frame
+    return message
+
+
+def position(message: PoseStamped) -> list[float]:
+    return [message.pose.position.x, message.pose.position.y, message.pose.position.z]
+
+
+def test_a_topic_and_a_parameter_put_the_point_elsewhere(domain: int, peer: Peer) -> None:
+    poses = peer.listen("mechanism/handle/measured_cp", PoseStamped)
+    told = peer.listen("mechanism/handle/grasped", PoseStamped, LATCHED)
+    states = peer.listen("mechanism/state", Float64MultiArray)
+    mechanism = build(SCENE)
+    layout = StateLayout(mechanism)
+    with running("mechanism_simulator", domain):
+        command = peer.publisher("mechanism/handle/grasp", PoseStamped)
+        peer.until(lambda: told and poses, "where the point is at the start")
+        start = SCENE.operational_point()
+        assert told[-1].header.frame_id == start.link
+        assert position(told[-1]) == list(start.origin.xyz)
+        command.publish(grasp(peer, "link1", 0.02, 0.01))
+        peer.until(lambda: told[-1].header.frame_id == "link1", "the new place")
+        assert position(told[-1]) == [0.02, 0.01, 0.0]
+        count = len(states)
+        peer.until(lambda: len(states) > count + 5, "states")
+        state = layout.unpack(states[-1].data)
+        point = grasp_written(SCENE, "", "link1 0.02 0.01 0")
+        assert state.grasps[0].tolist() == flat_grasp(SCENE, point).tolist()
+        expected = mechanism.frame_pose(state.q, "link1") * np.array([0.02, 0.01, 0.0])
+        assert np.abs(np.array(position(poses[-1])) - expected).max() < 1e-12
+        # Where it is in the world: on the link that is held, found from the present state.
+        command.publish(grasp(peer, "world", 0.03, 0.04))
+        peer.until(lambda: position(told[-1]) != [0.02, 0.01, 0.0], "the place in the world")
+        count = len(poses)
+        peer.until(lambda: len(poses) > count + 5, "poses")
+        assert told[-1].header.frame_id == "link1"
+        assert np.abs(np.array(position(poses[-1])) - [0.03, 0.04, 0.0]).max() < 1e-12
+        assert peer.set_parameters("mechanism_simulator", grasp="link3 0.01 0 0").successful
+        peer.until(lambda: told[-1].header.frame_id == "link3", "the parameter's place")
+        refused = peer.set_parameters("mechanism_simulator", grasp="link9")
+        assert not refused.successful
+        assert "must be one of" in refused.reason
+        assert peer.set_parameters("mechanism_simulator", grasp="").successful
+        peer.until(lambda: told[-1].header.frame_id == start.link, "the scene's place")
+
+
+def test_places_that_are_not_there_are_refused(domain: int, peer: Peer) -> None:
+    statuses = peer.statuses()
+    told = peer.listen("mechanism/handle/grasped", PoseStamped, LATCHED)
+    with running("mechanism_simulator", domain, diagnostics_period=0.05, grasp="link1 0.02 0 0"):
+        command = peer.publisher("mechanism/handle/grasp", PoseStamped)
+        for bad in (
+            grasp(peer, "link9"),
+            grasp(peer, ""),
+            grasp(peer, "link3", float("nan")),
+            grasp(peer, "link3", 1e4),
+            grasp(peer, "link3", w=0.5),
+        ):
+            refuses(peer, statuses, "mechanism_simulator", command, bad)
+        peer.until(lambda: told, "where the point is")
+    assert {message.header.frame_id for message in told} == {"link1"}
+
+
+def test_a_start_that_is_not_there_is_an_error(
+    domain: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with running("mechanism_simulator", domain, grasp="link9 0 0 0") as process:
+        assert process.wait(timeout=20.0) != 0
+    assert "grasp: must be one of ['link1', 'link2'" in capfd.readouterr().err
+
+
+def test_the_hand_feels_no_bump(domain: int, peer: Peer) -> None:
+    commands = peer.listen("device/servo_cf", WrenchStamped)
+    renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)
+    frames = peer.listen("view/frames", TransformStamped)
+    statuses = peer.statuses()
+    # Patient nodes: what is asked here is not how soon a starved machine lets go.
+    patience = {"input_timeout": 0.5, "command_timeout": 0.5, "message_age_limit": 1.0}
+    names = ",".join([*NODES, "scene_viewer"])
+    with running(names, domain, diagnostics_period=0.05, **patience):
+        command = peer.publisher("mechanism/handle/grasp", PoseStamped)
+        peer.until(lambda: len(commands) > 300, "a hand that pushes")
+        before = len(commands)
+        command.publish(grasp(peer, "link1", 0.02, 0.01))
+        controller = "teleoperation_controller"
+        peer.until(lambda: figures(statuses[controller])["grasps"] == "1", "the new grasp")
+        peer.until(lambda: len(commands) > before + 600, "its closing")
+        peer.until(lambda: six(commands[-1])[0] > 0.1, "the hand held again")
+        assert figures(statuses[controller])["engagements"] == "1"
+        parents = {f.header.frame_id for f in frames[-20:] if f.child_frame_id == "handle"}
+    assert parents == {"link1"}
+    steps = [
+        np.linalg.norm(np.subtract(six(late)[:3], six(early)[:3]))
+        for early, late in pairwise(commands[before:])
+        if stamp_ns(late.header) - stamp_ns(early.header) < 5_000_000
+    ]
+    assert len(steps) > 300
+    assert max(steps) < BUMP_N
+    found = unpack_rendering(renderings[-1].data)
+    assert found.grasp[0] == 0.0
+    # A link on a pin in the world: one direction is free, where the handle had two.
+    assert np.count_nonzero(found.s > 1e-6) == 1

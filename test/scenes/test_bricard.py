@@ -1,0 +1,128 @@
+"""Bricard's linkage: mobile where the count of freedoms says that it is not; one way to go."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import Mechanism, analyse, load_scene
+from hapticmech_ros.mechanism.redundancy import redundancy
+from oracles.bricard import RODS, Pose
+from oracles.sessions import SessionRun
+
+LENGTH, MASS, SIDE = 0.15, 0.265, 0.015
+ALONG = MASS * SIDE**2 / 6.0
+ACROSS = MASS * (LENGTH**2 + SIDE**2) / 12.0
+CORNER = 2  # of the oracle's points: the second rod's end
+ANGLES = np.linspace(-0.5, 1.5, 9)
+
+
+@cache
+def whole():
+    return SessionRun(load_scene("bricard"))
+
+
+@cache
+def mechanism():
+    return Mechanism(load_scene("bricard"))
+
+
+def way(angle):
+    """Return hinges' positions and their rates per rad/s of the first, (5,) each.
+
+    Every other hinge turns alike, by a and b, and the ring closes where (1 + sin a)(1 + sin b) = 1.
+    """
+    sine = np.sin(angle)
+    other = np.arcsin(-sine / (1.0 + sine))
+    rate = -np.cos(angle) / ((1.0 + sine) ** 2 * np.cos(other))
+    return np.array([angle, other] * 3)[:RODS], np.array([1.0, rate] * 3)[:RODS]
+
+
+def twist_and_inertia(angle):
+    """Return the corner's twist (6,) and the inertia of all rods, per rad/s of the first hinge.
+
+    The oracle's rods are 1 m long.
+    """
+    q, rates = way(angle)
+    pose = Pose(q, rates)
+    corner = np.concatenate(
+        (LENGTH * pose.moving(1, pose.points[CORNER]) @ rates, pose.turning(1) @ rates)
+    )
+    inertia = 0.0
+    for rod in range(RODS):
+        direction = pose.points[rod + 1] - pose.points[rod]
+        speed = LENGTH * pose.moving(rod, pose.centres[rod]) @ rates
+        spin = pose.turning(rod) @ rates
+        lengthwise = direction @ spin
+        inertia += MASS * speed @ speed + ACROSS * (spin @ spin - lengthwise**2)
+        inertia += ALONG * lengthwise**2
+    return corner, inertia
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_it_moves_though_it_should_not(angle):
+    """Counted: 6 (links - 1) - 5 hinges = 6 · 5 - 5 · 6 = 0. Found: five rows of rank four."""
+    q, rates = way(angle)
+    closed = mechanism().initially_active
+    terms = mechanism().closing_terms(q, closed)
+    assert terms.error < 1e-14
+    assert np.abs(terms.jacobian @ rates).max() < 1e-13
+    found = redundancy(mechanism(), q, closed)
+    assert (mechanism().nv, found.rank, found.mobility) == (5, 4, 1)
+    counted = 6 * RODS - 5 * (RODS + 1)
+    assert counted == 0
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_one_direction_is_free_and_five_are_held(angle):
+    """X is the corner's twist times its transpose, over the inertia of all rods."""
+    twist, inertia = twist_and_inertia(angle)
+    found = analyse(mechanism(), way(angle)[0])
+    expected = np.outer(twist, twist) / inertia
+    # Moments stand in the file with seven digits.
+    assert found.inverse_inertia == pytest.approx(expected, abs=1e-6 * expected.max())
+    assert found.rank == 1
+    wrenches = found.constraint_wrenches
+    assert wrenches.shape == (6, 5)
+    size = np.linalg.norm(twist) * np.linalg.norm(wrenches, axis=0)
+    assert np.abs(twist @ wrenches).max() < 1e-9 * size.max()
+
+
+def test_the_mass_felt_is_what_the_scene_promises():
+    masses = []
+    for angle in np.linspace(-0.52, 1.5, 41):
+        twist, inertia = twist_and_inertia(angle)
+        masses.append(inertia / (twist[:3] @ twist[:3]))
+    assert min(masses) == pytest.approx(0.49, abs=0.01)
+    assert max(masses) == pytest.approx(1.94, abs=0.02)
+    twist, inertia = twist_and_inertia(0.0)
+    assert inertia / (twist[:3] @ twist[:3]) == pytest.approx(0.664, abs=0.001)
+
+
+def test_it_keeps_to_its_way():
+    run = whole()
+    q = run.of(lambda s: s.mechanism.q)
+    assert np.ptp(q[:, 0]) > 1.2
+    expected = np.array([way(angle)[0] for angle in q[::50, 0]])
+    # Projection keeps closures to 1e-11 of the length; angles follow by σ of 0.1.
+    assert q[::50] == pytest.approx(expected, abs=1e-9)
+    assert set(run.count) == {5}
+
+
+def test_a_push_off_the_way_is_given_back():
+    """In the middle of a chord the hand pulls aside by several N, and the joints hold it."""
+    run = whole()
+    off = []
+    for sample in run.samples[::25]:
+        twist, _ = twist_and_inertia(sample.mechanism.q[0])
+        along = twist[:3] / np.linalg.norm(twist[:3])
+        aside = np.eye(3) - np.outer(along, along)
+        pull, felt = aside @ sample.hand_wrench[:3], aside @ sample.output.device[:3]
+        off.append((np.linalg.norm(pull), np.linalg.norm(pull + felt)))
+    pulls, left = np.array(off).T
+    assert pulls.max() > 4.0
+    # What is left turns the device's own 0.3 kg along the bend: v² / r of some 0.2 m/s², and
+    # what the spring of 2000 N/m lags behind it.
+    assert left.max() < 0.3
+    gaps = run.of(lambda s: np.linalg.norm(s.device.pose.translation - s.point.pose.translation))
+    assert gaps.max() < 5e-3
