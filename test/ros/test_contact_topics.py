@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from std_msgs.msg import Float64MultiArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 from hapticmech_ros.wire.contact_points import ContactLayout
 from oracles.touching import FLOOR, SHAPES, UPRIGHT, G, body, pair, scene, shape
@@ -69,3 +70,25 @@ def test_a_scene_without_contacts_has_no_such_topics(domain: int, peer: Peer) ->
         names = [name for name, _ in peer.node.get_topic_names_and_types()]
     assert "/mechanism/energy" in names
     assert not [name for name in names if name.startswith("/mechanism/contacts")]
+
+
+def test_the_viewer_draws_objects_and_the_forces_between_them(
+    domain: int, peer: Peer, scene_file: str
+) -> None:
+    pictures = peer.listen("view/markers", MarkerArray)
+
+    def places(namespace: str) -> list[Marker]:
+        found = pictures[-1].markers if pictures else []
+        return [m for m in found if m.ns == namespace and m.action == Marker.ADD]
+
+    with running("mechanism_simulator,scene_viewer", domain, scene=scene_file):
+        peer.until(lambda: len(places("touch_force")) == 4, "forces at four corners")
+    floor, one, two = places("solids")
+    assert floor.scale.x > floor.scale.z
+    assert (one.scale.x, one.scale.y, one.scale.z) == pytest.approx((0.1, 0.1, 0.1))
+    assert (one.pose.position.x, one.pose.position.y) == pytest.approx((0.2, 0.1), abs=1e-6)
+    assert two.pose.position.z > 1e5
+    for marker in places("touch_force"):
+        tail, tip = marker.points
+        assert (tail.x, tail.y) == pytest.approx((tip.x, tip.y), abs=1e-3)
+        assert tip.z > tail.z
