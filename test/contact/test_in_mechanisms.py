@@ -168,3 +168,24 @@ def test_links_of_one_mechanism_hit_each_other(planar):
     assert touched > 10
     assert most <= start + 1e-7
     assert state.account.contact_loss > 1e-3
+
+
+@pytest.mark.parametrize("substeps", [1, 3])
+@pytest.mark.parametrize("name", ["five_bar", "spatial_arm"])
+def test_the_readable_mechanism_moves_alike(name, substeps):
+    """With contacts as without: Pinocchio's terms and NumPy's step lead to the same states."""
+    document = document_of(against_a_wall(name, ROUGH))
+    document["simulation"] |= {"substeps": substeps}
+    runs = []
+    for compiled in (True, False):
+        sim = Simulator(scene_from_document(document), compiled)
+        state = sim.initial_state()
+        for _ in range(200):
+            state = sim.step(state, PUSH)
+        runs.append(state)
+    fast, readable = runs
+    assert fast.touching.pairs.size == 1
+    assert fast.q == pytest.approx(readable.q, abs=1e-10)
+    assert fast.v == pytest.approx(readable.v, abs=1e-8)
+    assert fast.touching.forces == pytest.approx(readable.touching.forces, abs=1e-6)
+    assert fast.account.contact_loss == pytest.approx(readable.account.contact_loss, abs=1e-10)
