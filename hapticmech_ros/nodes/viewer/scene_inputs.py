@@ -46,7 +46,7 @@ class Heard:
         device_command: (6,) by the device, on the hand.
         point_commands: operational point -> (6,) on the mechanism.
         count: joint constraints felt at the actor's operational point.
-        touching: points of contact.
+        touching: points of contact; None in a scene without contacts, or not told of.
     """
 
     state: WireState
@@ -55,7 +55,7 @@ class Heard:
     device_command: Array | None
     point_commands: dict[str, Array]
     count: int | None
-    touching: ContactPoints | None
+    touching: ContactPoints | None = None
 
 
 class Ear(Generic[T]):
