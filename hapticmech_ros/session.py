@@ -5,9 +5,7 @@ The reference for the graph of nodes: same core objects, same order, no clock. B
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +17,7 @@ from hapticmech_ros.control import (
     RenderingModel,
     control_for,
 )
-from hapticmech_ros.control.force_gain import corrected
+from hapticmech_ros.control.on_the_way import OnTheWay
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
@@ -60,18 +58,6 @@ class Sample:
     output: ControlOutput
 
 
-_NO_GAIN = np.zeros((6, 6))
-
-
-class _Command(NamedTuple):
-    """Wrenches (6,) of a tick on their way, G (6, 6), and the hand wrench that they answer."""
-
-    device: Array
-    mechanism: Array
-    gain: Array
-    answered: Array
-
-
 class Session:
     """A scene, running.
 
@@ -97,9 +83,7 @@ class Session:
         start = self.simulator.evaluate(self._mechanism_state).points[self._index].pose
         self._device_state = self._held = self._device.at_rest(start, held=True)
         self._engagement: Engagement = self._control.engage(0.0, start, start)
-        self._local = scene.controller.force_channel.local
-        nothing = _Command(np.zeros(6), np.zeros(6), _NO_GAIN, np.zeros(6))
-        self._pending: deque[_Command] = deque([nothing] * command_delay)
+        self._way = OnTheWay(self._control, self.period, command_delay)
         self._count: CountState | None = None
         self._carried: Array | None = None
         self._sent = np.zeros(6)
@@ -144,6 +128,7 @@ class Session:
             measured,
             PointMeasurement(point.pose, point.twist, external + contact),
             model,
+            self._way.in_flight,
         )
         sample = Sample(
             time,
@@ -158,11 +143,7 @@ class Session:
             output,
         )
         self._sent = output.device
-        gain = self._control.force_gain(time, self._engagement, model) if self._local else _NO_GAIN
-        self._pending.append(_Command(output.device, output.mechanism, gain, held))
-        to_device, to_mechanism, gain, answered = self._pending.popleft()
-        if self._local:
-            to_device = corrected(to_device, gain, answered, held)
+        to_device, to_mechanism = self._way.pass_on(time, self._engagement, model, output, held)
         wrenches = np.zeros((self._points, 6))
         wrenches[self._index] = to_mechanism + external
         self._mechanism_state = self.simulator.step(mechanism, wrenches)
@@ -195,7 +176,7 @@ class Session:
         point = grasped(self.simulator.scene, self._analyser.point.name, frame, origin)
         self.simulator.grasp(point)
         self._analyser = Analyser(self.simulator.mechanism, point.name)
-        self._pending = deque(one._replace(mechanism=np.zeros(6)) for one in self._pending)
+        self._way.let_go()
         self._carried = self._sent
         self._count = None
 

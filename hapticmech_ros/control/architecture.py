@@ -19,7 +19,7 @@ from hapticmech_ros.control.measurements import (
     PointMeasurement,
     RenderingModel,
 )
-from hapticmech_ros.control.prediction import carried_on
+from hapticmech_ros.control.prediction import InFlight, carried_on, foreseen
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.document import Scene
@@ -72,8 +72,22 @@ class ControlArchitecture:
         device: DeviceMeasurement,
         point: PointMeasurement,
         model: RenderingModel,
+        in_flight: InFlight | None = None,
     ) -> ControlOutput:
-        """Return the wrenches for the measurements at ``time`` (s)."""
+        """Return the wrenches for the measurements at ``time`` (s).
+
+        Args:
+            time: s.
+            engagement: the tie of the two poses.
+            device: its measurement.
+            point: that of the operational point.
+            model: what the analysis reports.
+            in_flight: what of earlier commands to the mechanism has not acted yet.
+        """
+        if in_flight is not None:
+            twist = foreseen(point.twist, model.inverse_inertia, in_flight)
+            pose = carried_on(point.pose, twist, in_flight.duration)
+            point = PointMeasurement(pose, twist, point.contact_wrench)
         gains = self.gains
         task = self._task
         error = task * pose_error(point.pose, engagement.mapped(device.pose))
@@ -138,7 +152,13 @@ class ControlArchitecture:
         return self.slipped(time, engagement, device_of(device), point_of(rendered).twist)
 
     def answer(
-        self, time: float, engagement: Engagement, device: Array, rendered: Array, ahead: float
+        self,
+        time: float,
+        engagement: Engagement,
+        device: Array,
+        rendered: Array,
+        ahead: float,
+        in_flight: InFlight | None = None,
     ) -> Array:
         """Return the wrenches for flat measurements, (6, 6): rows as in :class:`ControlOutput`.
 
@@ -149,9 +169,18 @@ class ControlArchitecture:
             rendered: (133,) analysis and measurement of the operational point.
             ahead: s, from the time of ``rendered`` to that of ``device``; the point's pose is
                 carried on by its twist for as long.
+            in_flight: as in :meth:`compute`.
         """
-        point, model = _point_at(rendered, ahead), model_of(rendered)
-        return self.compute(time, engagement, device_of(device), point, model).rows()
+        model = model_of(rendered)
+        if in_flight is None:
+            point = _point_at(rendered, ahead)
+        else:
+            point, in_flight = (
+                point_of(rendered),
+                in_flight._replace(duration=in_flight.duration + ahead),
+            )
+        output = self.compute(time, engagement, device_of(device), point, model, in_flight)
+        return output.rows()
 
 
 def _point_at(rendered: Array, ahead: float) -> PointMeasurement:

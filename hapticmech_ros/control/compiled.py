@@ -17,6 +17,7 @@ from hapticmech_ros.control.measurements import (
     PointMeasurement,
     RenderingModel,
 )
+from hapticmech_ros.control.prediction import InFlight, foreseen
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.quaternions import quaternion_of
@@ -58,8 +59,9 @@ class CompiledControl(ControlArchitecture):
         device: DeviceMeasurement,
         point: PointMeasurement,
         model: RenderingModel,
+        in_flight: InFlight | None = None,
     ) -> ControlOutput:
-        """Return the wrenches for the measurements at ``time`` (s)."""
+        """Return the wrenches for measurements; see :meth:`ControlArchitecture.compute`."""
         own, rendered, matrices = self._device, self._rendered, self._matrices
         own[:7] = pin.SE3ToXYZQUAT(device.pose)
         own[7:13], own[13:] = device.twist, device.hand_wrench
@@ -67,10 +69,16 @@ class CompiledControl(ControlArchitecture):
         matrices[2], rendered[108:114] = model.balanced_share, model.free_acceleration
         rendered[114:121] = pin.SE3ToXYZQUAT(point.pose)
         rendered[121:127], rendered[127:] = point.twist, point.contact_wrench
-        return ControlOutput(*self.answer(time, engagement, own, rendered, 0.0))
+        return ControlOutput(*self.answer(time, engagement, own, rendered, 0.0, in_flight))
 
     def answer(
-        self, time: float, engagement: Engagement, device: Array, rendered: Array, ahead: float
+        self,
+        time: float,
+        engagement: Engagement,
+        device: Array,
+        rendered: Array,
+        ahead: float,
+        in_flight: InFlight | None = None,
     ) -> Array:
         """Return the wrenches for flat measurements; see :meth:`ControlArchitecture.answer`.
 
@@ -79,6 +87,10 @@ class CompiledControl(ControlArchitecture):
         """
         if engagement is not self._tied:
             self._tie_to(engagement)
+        if in_flight is not None and rendered.size == RENDERED_SIZE:
+            rendered, inverse_inertia = rendered.copy(), rendered[:36].reshape(6, 6)
+            rendered[121:127] = foreseen(rendered[121:127], inverse_inertia, in_flight)
+            ahead += in_flight.duration
         out = np.empty((6, 6))
         if not control_wrenches(self._settings, device, rendered, time, ahead, out):
             sizes = device.size, rendered.size

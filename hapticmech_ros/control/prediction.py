@@ -1,11 +1,29 @@
-"""Carries a measured pose on to another time, so that poses of different clocks can be compared."""
+"""Carries a measured pose on to another time, so that poses of different times can be compared.
+
+What the hand did acts on the mechanism some periods later than on a device that corrects commands
+by itself. The difference is no drift: it is known, and foreseen.
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.mechanism.model import Array
+
+
+class InFlight(NamedTuple):
+    """Commands to the mechanism that have not acted yet.
+
+    Attributes:
+        duration: s, for which they will act, one after the other.
+        impulse: (6,) what they will have done then, N s and N m s, world axes.
+    """
+
+    duration: float
+    impulse: Array
 
 
 def carried_on(pose: pin.SE3, twist: Array, duration: float) -> pin.SE3:
@@ -18,3 +36,14 @@ def carried_on(pose: pin.SE3, twist: Array, duration: float) -> pin.SE3:
     """
     turn = np.asarray(pin.exp3(duration * twist[3:]))
     return pin.SE3(turn @ pose.rotation, pose.translation + duration * twist[:3])
+
+
+def foreseen(twist: Array, inverse_inertia: Array, in_flight: InFlight) -> Array:
+    """Return the twist (6,) of the operational point once what is in flight has acted.
+
+    Args:
+        twist: (6,) now, world axes.
+        inverse_inertia: (6, 6) X.
+        in_flight: what has not acted yet.
+    """
+    return np.asarray(twist + inverse_inertia @ in_flight.impulse)

@@ -10,6 +10,7 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.control import DeviceMeasurement, Engagement, control_for
 from hapticmech_ros.control.flat import flat_device, model_of
+from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.host import Host
@@ -66,7 +67,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._control = control_for(self.scene)
         self._engagement: Engagement | None = None
         self._grasp = b""
-        self._sent = _NO_WRENCH
+        self._sent = self._told = _NO_WRENCH
+        # Whether the device corrects commands; one that speaks CRTK only does not.
+        self._local = False
         self._answers = 0
         self.engagements = self.grasps = 0
         self._last_ns = NEVER
@@ -142,6 +145,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         stamp, device = read_device(values)
         check_age(stamp, now_ns, self.age_limit_ns)
         self._state_ns = now_ns
+        self._local = self.scene.controller.force_channel.local
         if self.lockstep:
             self._devices.put(device, stamp)
             self._answer_pair(stamp)
@@ -171,6 +175,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         if lost or twist is None or hand is None:
             self._disengage(lost)
             return
+        self._local = False
         self._answer(flat_device(DeviceMeasurement(pose, twist, hand)), stamp, now_ns)
 
     def _answer(self, device: Array, stamp: int, now_ns: int) -> None:
@@ -200,22 +205,35 @@ class TeleoperationController(Actor[ControllerParameters]):
         engagement = self._engagement
         if engagement is None:
             engagement = self._control.engage_flat(time_s, device, rendered, ahead)
+            self._told = _NO_WRENCH
             self.engagements += 1
             self.node.get_logger().info("engaged")
         elif rendering.grasp != self._grasp:
             # Held elsewhere from now on: what the hand feels is carried over.
             engagement = self._control.engage_flat(time_s, device, rendered, ahead, self._sent)
+            self._told = _NO_WRENCH
             self.grasps += 1
         self._grasp = rendering.grasp
         self._engagement = self._control.slipped_flat(time_s, engagement, device, rendered)
         self._send_gain(time_s, self._engagement, rendered, stamp)
-        self._send(self._control.answer(time_s, self._engagement, device, rendered, ahead), stamp)
+        self._send(
+            self._control.answer(
+                time_s, self._engagement, device, rendered, ahead, self._in_flight()
+            ),
+            stamp,
+        )
+
+    def _in_flight(self) -> InFlight | None:
+        """Return what the mechanism was told last, and the device has done already."""
+        if not self._local:
+            return None
+        return InFlight(self.period_s, self.period_s * self._told)
 
     def _send_gain(
         self, time_s: float, engagement: Engagement, rendered: Array, stamp_ns: int
     ) -> None:
         """Publish how the device corrects commands: at view rate, in lockstep with each of them."""
-        if not self.scene.controller.force_channel.local:
+        if not self._local:
             return
         if self.lockstep or stamp_ns - self._gain_ns >= self._gain_every_ns:
             self._gain_ns = stamp_ns
@@ -224,7 +242,7 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     def _send(self, wrenches: Array, stamp_ns: int) -> None:
         """Publish rows 0 and 1 of an answer (6, 6); at view rate also its parts, rows 2 to 4."""
-        self._sent = wrenches[0]
+        self._sent, self._told = wrenches[0], wrenches[1]
         self._publish_device.publish(encode_wrench(wrenches[0], stamp_ns))
         self._publish_point.publish(encode_wrench(wrenches[1], stamp_ns))
         if self._answers % self.view_every == 0:

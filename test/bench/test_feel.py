@@ -1,4 +1,4 @@
-"""Felt beside desired impedance: right where the device closes the force channel, and only there."""
+"""Felt beside desired impedance: right where the device closes the force channel."""
 
 import json
 
@@ -18,9 +18,9 @@ def at_period(scene, period):
     return scene.model_copy(update={"simulation": simulation})
 
 
-@pytest.mark.parametrize(("name", "error"), [("five_bar", 0.05), ("spatial_arm", 0.06)])
+@pytest.mark.parametrize(("name", "error"), [("five_bar", 0.015), ("spatial_arm", 0.09)])
 def test_free_directions_feel_as_the_mechanism_does(name, error):
-    """What is left is what couples both sides: B T / m_d = 0.033 in the five-bar's case."""
+    """What is left is how late a_0 is: 1.5 T d / I, most where light wrists turn in d = 0.01."""
     found = felt(load_scene(name))
     assert len(found) == {"five_bar": 2, "spatial_arm": 6}[name]
     for one in found:
@@ -33,19 +33,21 @@ def test_closed_by_the_controller_a_heavy_mechanism_is_felt_wrong():
     assert min(errors) > 0.5
 
 
-@pytest.mark.parametrize("delay", [0, 3])
-def test_whatever_the_delay_the_device_corrects_it(delay):
-    """The coupling's own error grows with the delay, (1 + 2) B T / m_d for 3 periods: 0.13."""
+@pytest.mark.parametrize(("delay", "error"), [(0, 0.005), (3, 0.05)])
+def test_whatever_the_delay_the_device_corrects_it(delay, error):
+    """What is left grows with the delay: 0.013 was found at one period, 0.044 at three."""
     for one in felt(load_scene("five_bar"), delay=delay):
-        assert one.error(10.0) < (1e-3 if delay == 0 else 0.15)
+        assert one.error(10.0) < error
 
 
 def test_what_is_left_falls_with_the_period():
     """First order, as the hold: transparent in the limit, 1 % at 30 Hz at 4 kHz."""
     scene = load_scene("five_bar")
-    errors = [felt(at_period(scene, period))[0].error(30.0) for period in (1e-3, 5e-4, 2.5e-4)]
-    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(1.0, abs=0.15)
-    assert errors[-1] < 0.0115
+    runs = [felt(at_period(scene, period)) for period in (1e-3, 5e-4, 2.5e-4)]
+    for direction in range(2):
+        errors = [run[direction].error(10.0) for run in runs]
+        assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(1.0, abs=0.15)
+        assert runs[-1][direction].error(30.0) < 0.01
 
 
 def test_bandwidth_and_errors_of_a_ratio():

@@ -20,6 +20,7 @@ from hapticmech_ros.control.flat import (
     model_of,
     point_of,
 )
+from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import document_of, load_scene, scene_from_document
 
@@ -68,16 +69,17 @@ class Case:
         self.model = RenderingModel(*rng.normal(size=(3, 6, 6)), rng.normal(size=6))
         self.ahead = ahead
         self.time = 1.0 + rng.uniform(0.2, 2.0)
+        self.in_flight = None
 
     def flat(self):
         return flat_device(self.device), flat_rendered(self.model, self.point), self.ahead
 
     def compute(self, control):
-        given = self.device, self.point, self.model
+        given = self.device, self.point, self.model, self.in_flight
         return control.compute(self.time, self.tie, *given).rows()
 
     def answer(self, control):
-        return control.answer(self.time, self.tie, *self.flat())
+        return control.answer(self.time, self.tie, *self.flat(), self.in_flight)
 
 
 def apart(found, expected):
@@ -110,6 +112,18 @@ def test_wrenches_are_the_same(kind, beta):
 
 
 @pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+@pytest.mark.parametrize("ahead", [0.0, 0.004])
+def test_what_is_in_flight_is_foreseen_alike(kind, ahead):
+    rng = np.random.default_rng(7)
+    readable, compiled = both(kind)
+    for _ in range(20):
+        case = Case(rng, ahead=ahead)
+        before = case.answer(readable)
+        case.in_flight = InFlight(0.02, 0.1 * rng.normal(size=6))
+        assert apart(same(readable, compiled, case), before) > 1e-3
+
+
 @pytest.mark.parametrize("turn", TURNS)
 @pytest.mark.parametrize("way", [0.0, 1e-9, 0.1])
 def test_wrenches_are_the_same_at_every_error(kind, turn, way):

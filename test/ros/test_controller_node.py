@@ -10,6 +10,7 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.messages import write_array, write_pose
 from hapticmech_ros.session import rendering_model
@@ -78,13 +79,21 @@ def test_answers_as_the_core_does(domain: int, peer: Peer, packed: bool) -> None
     model = rendering_model(start.analysis)
     pose = start.point.pose
     moved = pin.SE3(pose.rotation, pose.translation + np.array([0.0, 2e-4, 0.0]))
-    expected = control.compute(
-        10.0,
-        control.engage(0.0, pose, pose),
-        DeviceMeasurement(moved, np.zeros(6), np.array(HAND)),
-        PointMeasurement(pose, np.zeros(6), np.zeros(6)),
-        model,
-    )
+    tie = control.engage(0.0, pose, pose)
+    told = np.zeros(6)
+    # What the mechanism was told last is in flight when a device that corrects commands is answered
+    # again: the answer to measurements that stay comes to stay too.
+    for _ in range(100 if packed else 1):
+        period = SCENE.simulation.period
+        expected = control.compute(
+            10.0,
+            tie,
+            DeviceMeasurement(moved, np.zeros(6), np.array(HAND)),
+            PointMeasurement(pose, np.zeros(6), np.zeros(6)),
+            model,
+            InFlight(period, period * told) if packed else None,
+        )
+        told = expected.mechanism
     # On a busy machine this process may stand still for long: a timeout would engage anew, at the
     # moved pose.
     with running("teleoperation_controller", domain, input_timeout=1.0):

@@ -8,6 +8,7 @@ import numpy as np
 
 from hapticmech_ros.bench.ablation.loop import PARTS
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement, control_for
+from hapticmech_ros.control.on_the_way import OnTheWay
 from hapticmech_ros.device import DeviceState, device_for
 from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.mechanism.evaluation import Evaluation
@@ -68,7 +69,7 @@ class _Readable:
         self._device = device_for(scene, compiled=False)
         self._index = self._analyser.index
         self._held: DeviceState | None = None
-        self._commands = [(np.zeros(6), np.zeros(6))]
+        self._way = OnTheWay(self._control, session.period)
         self._points = len(session.simulator.mechanism.point_names)
 
     def engage(self, first: Sample) -> None:
@@ -81,7 +82,7 @@ class _Readable:
         """Return the relative difference of each part of one tick."""
         terms = self._simulator.evaluate(sample.mechanism)
         analysis = self._analyser.analyse(terms)
-        device, point = sample.device, sample.point
+        device, point, model = sample.device, sample.point, rendering_model(sample.analysis)
         output = self._control.compute(
             sample.time,
             self._engagement,
@@ -89,10 +90,12 @@ class _Readable:
             PointMeasurement(
                 point.pose, point.twist, sample.external_wrench + sample.contact_wrench
             ),
-            rendering_model(sample.analysis),
+            model,
+            self._way.in_flight,
         )
-        self._commands.append((sample.output.device, sample.output.mechanism))
-        to_device, to_mechanism = self._commands.pop(0)
+        to_device, to_mechanism = self._way.pass_on(
+            sample.time, self._engagement, model, sample.output, sample.hand_wrench
+        )
         wrenches = np.zeros((self._points, 6))
         wrenches[self._index] = to_mechanism
         moved = self._simulator.step(sample.mechanism, wrenches)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
 from time import perf_counter_ns
 
 import numpy as np
 
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement, control_for
+from hapticmech_ros.control.on_the_way import OnTheWay
 from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
@@ -39,7 +39,7 @@ class Loop:
         start = self.simulator.evaluate(self.state).points[self._index].pose
         self.device_state = self._held = self.device.at_rest(start, held=True)
         self.engagement = self.control.engage(0.0, start, start)
-        self._pending = deque([(np.zeros(6), np.zeros(6))])
+        self._way = OnTheWay(self.control, self.simulator.period)
         self._nothing = np.zeros(6)
         self._points = len(self.simulator.mechanism.point_names)
         self.ticks = 0
@@ -53,17 +53,20 @@ class Loop:
         analysis = self.analyser.analyse(terms)
         contact = touching_wrench(terms, analysis, state.touching, self._index)
         analysed = perf_counter_ns()
-        point = terms.points[self._index]
+        point, model = terms.points[self._index], rendering_model(analysis)
+        time = self.ticks * self.simulator.period
         output = self.control.compute(
-            self.ticks * self.simulator.period,
+            time,
             self.engagement,
             DeviceMeasurement(device.measured_pose, device.measured_twist, device.hand_wrench),
             PointMeasurement(point.pose, point.twist, self._nothing + contact),
-            rendering_model(analysis),
+            model,
+            self._way.in_flight,
+        )
+        to_device, to_mechanism = self._way.pass_on(
+            time, self.engagement, model, output, device.hand_wrench
         )
         controlled = perf_counter_ns()
-        self._pending.append((output.device, output.mechanism))
-        to_device, to_mechanism = self._pending.popleft()
         wrenches = np.zeros((self._points, 6))
         wrenches[self._index] = to_mechanism + self._nothing
         self.state = self.simulator.step(state, wrenches)

@@ -20,8 +20,9 @@ from hapticmech_ros.scene.rendering import ConstantWrenchHand
 from hapticmech_ros.session import Session
 
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30, 42, 60, 85)
-# Of the push: as large at each frequency as its velocity asks, N per Hz; and N per N m of torque.
-PUSH_N_PER_HZ = 0.002
+# Of the push: as large at each frequency as its velocity asks, N per Hz, and so small that what the
+# mechanism moves meanwhile is not seen; and N m of a torque per N of a force.
+PUSH_N_PER_HZ = 0.0005
 TORQUE_UNIT = 0.02
 SETTLING_S, WINDOW_S = 0.5, 1.0
 
