@@ -71,6 +71,7 @@ class _Reader:
     context: Context
     bodies: dict[str, Body] = field(default_factory=dict)
     hinges: list[Hinge] = field(default_factory=list)
+    joints: set[str] = field(default_factory=set)
     refs: dict[str, float] = field(default_factory=dict)
     free: dict[str, list[float]] = field(default_factory=dict)
     sites: dict[str, tuple[str, pin.SE3]] = field(default_factory=dict)
@@ -99,6 +100,7 @@ class _Reader:
             self._gravity(),
             notes=self._notes(),
             start={**{name: ref for name, ref in self.refs.items() if ref}, **self.free},
+            floating="a <freejoint/> makes a body float",
         )
 
     def _gravity(self) -> tuple[float, float, float]:
@@ -214,6 +216,9 @@ class _Reader:
         kind = context.word(node, "type", "hinge") if node.tag == "joint" else "free"
         if kind not in JOINT_TYPES:
             raise source.error(node, kind, f"type must be one of {sorted(JOINT_TYPES)}")
+        if name in self.joints:
+            raise source.error(node, name, "names of joints must be unique")
+        self.joints.add(name)
         self.notes["armature"] += source.value(node, "armature", 0.0) != 0.0
         self.notes["springdamper"] += any(source.values(node, "springdamper", (0.0, 0.0)))
         self.notes["align"] += kind == "free" and node.attributes.get("align") == "true"
@@ -235,8 +240,6 @@ class _Reader:
         axis /= size
         scale = context.angle if kind == "hinge" else float
         ref = scale(source.value(node, "ref", 0.0))
-        if name in self.refs:
-            raise source.error(node, name, "names of joints must be unique")
         self.refs[name] = ref
         back = pin.SE3.Identity()
         if kind == "hinge":

@@ -128,6 +128,7 @@ class Model:
         bases: where bodies that nothing carries are in the world; the origin if left out.
         notes: what the scene does not have.
         start: positions of joints, as in a scene's ``initial_state``, where these are not zero.
+        floating: how a body comes to float, for messages.
     """
 
     name: str
@@ -140,6 +141,7 @@ class Model:
     bases: Mapping[str, pin.SE3] = field(default_factory=dict)
     notes: Sequence[Note] = ()
     start: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+    floating: str = "with base: free it floats"
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from hapticmech_ros.formats.urdf import read_urdf
 from hapticmech_ros.formats.xml_nodes import Source
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.loader import scene_from_document, written_document
+from hapticmech_ros.scene.loader import rule_of, scene_from_document, written_document
 from hapticmech_ros.scene.mechanism import Origin
 
 # What reads a file, by its outermost element.
@@ -143,9 +143,7 @@ def _model_part(written: object, source: Path) -> ModelPart:
         return ModelPart.model_validate(given)
     except ValidationError as error:
         problems = [
-            SceneProblem(
-                ".".join(("model", *map(str, item["loc"]))), item["input"], item["msg"].lower()
-            )
+            SceneProblem(".".join(("model", *map(str, item["loc"]))), item["input"], rule_of(item))
             for item in error.errors()
         ]
         raise SceneError(str(source), problems) from None

@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats.model import WORLD, Body, Hinge, Model, Note, Point
-from hapticmech_ros.formats.xml_nodes import LARGEST, Node, Source
+from hapticmech_ros.formats.xml_nodes import Node, Source
+from hapticmech_ros.scene.part import LARGEST
 
 JOINT_TYPES = {
     "revolute": "revolute",

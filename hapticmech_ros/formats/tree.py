@@ -84,7 +84,7 @@ class _Builder:
             self._carry(base)
         self._grow()
         if not any(link["joint"]["type"] != "fixed" for link in self._links):
-            rule = "no joint moves: with base: free it floats"
+            rule = f"no joint moves: {self._model.floating}"
             raise _refused(self._source, "joints", len(self._model.hinges), rule)
         closures = [self._tie(_tie_of(hinge, self._source)) for hinge in self._closing]
         closures += [self._tie(tie) for tie in self._model.ties]

@@ -9,13 +9,12 @@ from pathlib import Path
 from xml.parsers import expat
 
 from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.scene.part import LARGEST
 
 FILE_SIZE_LIMIT = 8_000_000
 NODE_LIMIT = 200_000
 DEPTH_LIMIT = 200
 ATTRIBUTE_LIMIT = 100
-# What is measured in SI units is below this, so that products of several stay finite.
-LARGEST = 1e30
 
 
 @dataclass(slots=True)

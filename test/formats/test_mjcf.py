@@ -400,6 +400,15 @@ BROKEN = {
         '<worldbody><body><joint name="a"/><joint name="a"/></body></worldbody>',
         "must be unique",
     ),
+    "balls": (
+        '<worldbody><body><joint name="a" type="ball"/><joint name="a"/></body></worldbody>',
+        "must be unique",
+    ),
+    "free joints": (
+        '<worldbody><body><freejoint name="a"/></body><body><freejoint name="a"/></body>'
+        "</worldbody>",
+        "must be unique",
+    ),
     "world joint": ("<worldbody><joint/></worldbody>", "the world does not move"),
     "free": ("<worldbody><body><freejoint/><joint/></body></worldbody>", "a free joint"),
     "free within": (
@@ -423,6 +432,12 @@ BROKEN = {
     "total mass": ('<compiler settotalmass="3"/><worldbody/>', "settotalmass is not read"),
     "global": ('<compiler coordinate="global"/><worldbody/>', "coordinate is not read"),
 }
+
+
+def test_a_file_without_joints_is_told_how_bodies_move_in_it(tmp_path):
+    path = written(tmp_path, '<worldbody><body><geom size="1"/></body></worldbody>')
+    with pytest.raises(SceneError, match=r"no joint moves: a <freejoint/> makes a body float"):
+        read_model(path)
 
 
 @pytest.mark.parametrize(("text", "rule"), BROKEN.values(), ids=BROKEN)
