@@ -110,11 +110,7 @@ class Context:
         if len(given) > 1:
             raise self.source.error(node, given, "one way of giving a rotation is enough")
         if not given:
-            w, x, y, z = self.source.values(node, "quat", (1.0, 0.0, 0.0, 0.0))
-            self._unit_of(node, "quat", np.array((w, x, y, z)))
-            turn = pin.Quaternion(w, x, y, z)
-            turn.normalize()
-            return np.asarray(turn.matrix())
+            return self.quaternion(node, "quat")
         if given == ["euler"]:
             return self._euler(node)
         if given == ["axisangle"]:
@@ -130,6 +126,14 @@ class Context:
         x_axis = self._unit_of(node, "xyaxes", both[:3])
         y_axis = self._unit_of(node, "xyaxes", both[3:] - (both[3:] @ x_axis) * x_axis)
         return np.column_stack((x_axis, y_axis, np.cross(x_axis, y_axis)))
+
+    def quaternion(self, node: Node, key: str) -> np.ndarray:
+        """Return the rotation that a quaternion in an attribute is."""
+        w, x, y, z = self.source.values(node, key, (1.0, 0.0, 0.0, 0.0))
+        self._unit_of(node, key, np.array((w, x, y, z)))
+        turn = pin.Quaternion(w, x, y, z)
+        turn.normalize()
+        return np.asarray(turn.matrix())
 
     def _unit_of(self, node: Node, key: str, vector: np.ndarray) -> np.ndarray:
         size = float(np.linalg.norm(vector))

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats.model import WORLD, Body, Hinge, Model, Note, Point
+from hapticmech_ros.formats.model import WORLD, Body, Hinge, Model, Note, Point, Solid
+from hapticmech_ros.formats.sdf_shapes import solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 from hapticmech_ros.scene.part import LARGEST
 
@@ -20,10 +22,8 @@ JOINT_TYPES = {
     "ball": "spherical",
     "fixed": "fixed",
 }
-SHAPE = "say shapes and contacts in a scene file"
 WHY = {
     "visual": "pictures are drawn from the joints",
-    "collision": SHAPE,
     "plugin": "of another simulator",
     "sensor": "nothing is sensed but poses and wrenches",
     "limit effort": "nothing drives a joint but the hand and what the scene says",
@@ -36,7 +36,7 @@ DEEP = 100
 # Versions of the format in which axes are those of the model.
 OF_MODEL = ("1.0", "1.2", "1.3", "1.4")
 JOINT_KNOWN = {"parent", "child", "pose", "axis"}
-LINK_KNOWN = {"pose", "inertial"}
+LINK_KNOWN = {"pose", "inertial", "collision"}
 
 
 def read_sdf(source: Source) -> Model:
@@ -64,6 +64,7 @@ class _Reader:
     notes: Counter[str] = field(default_factory=Counter)
     placed: dict[str, tuple[str, pin.SE3]] = field(default_factory=dict)
     poses: dict[str, pin.SE3] = field(default_factory=dict)
+    solids: list[Solid] = field(default_factory=list)
     joints: dict[str, Node] = field(default_factory=dict)
     frames: dict[str, Node] = field(default_factory=dict)
 
@@ -94,7 +95,16 @@ class _Reader:
         notes = [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in self.notes.items()]
         name = model.attributes.get("name") or source.path.stem
         bases = {body: self._pose(body, model) for body in bodies}
-        return Model(name, bodies, hinges, points=points, gravity=gravity, bases=bases, notes=notes)
+        return Model(
+            name,
+            bodies,
+            hinges,
+            points=points,
+            solids=self.solids,
+            gravity=gravity,
+            bases=bases,
+            notes=notes,
+        )
 
     def _place(self, node: Node) -> None:
         """Note where a link, joint or frame is said to be: in what other, and how."""
@@ -147,6 +157,9 @@ class _Reader:
     def _body(self, link: Node) -> Body:
         name = self.source.text(link, "name")
         self.notes.update(part.tag for part in link.children if part.tag not in LINK_KNOWN)
+        for part in link.all("collision"):
+            place = partial(self._within, part, name)
+            self.solids.append(solid_of(self.source, part, name, place))
         inertial = link.first("inertial")
         if inertial is None:
             return Body(name, 1.0, np.zeros(3), np.eye(3))  # SDFormat's own default
@@ -169,6 +182,13 @@ class _Reader:
         if relative not in ("", name):
             raise self.source.error(inertial, relative, "an inertia is relative to its link")
         return Body(name, mass, place.translation.copy(), place.rotation @ own @ place.rotation.T)
+
+    def _within(self, node: Node, link: str) -> pin.SE3:
+        """Return where an element of a link is in it."""
+        relative, place = self._written(node)
+        if not relative:
+            return place
+        return self._pose(link, node).actInv(self._pose(relative, node) * place)
 
     def _number(
         self, node: Node | None, tag: str, default: float, largest: float = LARGEST

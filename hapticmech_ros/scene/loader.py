@@ -189,6 +189,7 @@ def rule_of(item: ErrorDetails) -> str:
         return "required key is missing"
     if kind == "finite_number":
         return "must be a finite number"
+    message = message.removeprefix("Value error, ")
     return message[0].lower() + message[1:]
 
 
