@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
@@ -22,7 +22,8 @@ def settings(root: Node, tag: str) -> Node:
     found = root.all(tag)
     attributes = {key: value for node in found for key, value in node.attributes.items()}
     children = [child for node in found for child in node.children]
-    return Node(tag, attributes, found[0].line if found else root.line, children)
+    first = found[0] if found else root
+    return Node(tag, attributes, first.line, children, file=first.file)
 
 
 @dataclass
@@ -76,7 +77,7 @@ class Context:
         """Return an element with what its class says of such ones."""
         called = node.attributes.get("class", childclass or self.main)
         given = self.classes[self.known(node, called)].get(node.tag, {})
-        return Node(node.tag, {**given, **node.attributes}, node.line, node.children)
+        return replace(node, attributes={**given, **node.attributes})
 
     def word(self, node: Node, key: str, default: str) -> str:
         """Return an attribute that is a word."""

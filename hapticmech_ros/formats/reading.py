@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.formats.mjcf import read_mjcf
+from hapticmech_ros.formats.mjcf_include import open_includes
 from hapticmech_ros.formats.model import Document, Imported, Model, Note, origin_of
 from hapticmech_ros.formats.model_part import ModelPart
 from hapticmech_ros.formats.sdf import read_sdf
@@ -50,6 +51,8 @@ def read_model(path: Path, free_base: bool = False) -> Imported:
     if reader is None:
         rule = f"must be one of {sorted(READERS)}: URDF, MJCF or SDF"
         raise source.error(source.root, source.root.tag, rule)
+    if reader is read_mjcf:
+        open_includes(source)
     _refuse_many(source)
     model: Model = reader(source)
     return to_scene(model, str(path), free_base)
