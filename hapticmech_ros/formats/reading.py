@@ -31,7 +31,7 @@ from hapticmech_ros.scene.mechanism import Origin
 # What reads a file, by its outermost element.
 READERS = {"robot": read_urdf, "mujoco": read_mjcf, "sdf": read_sdf}
 # A joint of MJCF has elements of that name wherever it is driven or sensed.
-LIMITS = {"link": LINK_LIMIT, "body": LINK_LIMIT, "joint": 10 * LINK_LIMIT}
+LIMITS = {"link": LINK_LIMIT, "body": LINK_LIMIT, "model": LINK_LIMIT, "joint": 10 * LINK_LIMIT}
 # Nobody holds it but who takes it.
 NO_HAND: Document = {"kind": "constant_wrench"}
 

@@ -8,9 +8,8 @@ from collections import Counter
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats import urdf_mimic
+from hapticmech_ros.formats import mimics
 from hapticmech_ros.formats.model import Body, Coupling, Hinge, Model, Note, Solid
-from hapticmech_ros.formats.urdf_mimic import read_mimic, settled
 from hapticmech_ros.formats.urdf_shapes import placement_in, solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
@@ -35,7 +34,7 @@ WHY = {
     "limit velocity": DRIVEN,
     "limit of no width": "lower = upper, as where they are left out: no stops",
     "sensor": "nothing is sensed but poses and wrenches",
-    **urdf_mimic.WHY,
+    **mimics.WHY,
 }
 LINK_KNOWN = {"inertial", "collision"}
 UNKNOWN = "not of a mechanism, or not known"
@@ -68,14 +67,14 @@ def read_urdf(source: Source) -> Model:
             if hinges[-1].name in joints:
                 raise source.error(node, hinges[-1].name, "names of joints must be unique")
             joints.add(hinges[-1].name)
-            couplings += read_mimic(source, node, hinges[-1].type)
+            couplings += _mimic(source, node, hinges[-1].type)
         else:
             notes[node.tag] += 1
     for hinge in hinges:
         for name in (hinge.parent, hinge.child):
             if name not in bodies:
                 raise source.error(None, name, f"joint {hinge.name!r} needs this link")
-    hinges, couplings = settled(hinges, couplings, notes)
+    hinges, couplings = mimics.settled(hinges, couplings, notes)
     found = [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in notes.items() if count]
     return Model(
         source.root.attributes.get("name") or source.path.stem,
@@ -167,3 +166,14 @@ def _limits(
         notes["limit of no width"] += 1
         return None
     return lower, upper
+
+
+def _mimic(source: Source, node: Node, kind: str) -> list[Coupling]:
+    mimic = node.first("mimic")
+    if mimic is None:
+        return []
+    name, leader = source.text(node, "name"), source.text(mimic, "joint")
+    if kind not in ("revolute", "prismatic", "fixed"):
+        raise source.error(mimic, name, "only a joint of one coordinate can mimic another")
+    ratio, offset = source.value(mimic, "multiplier", 1.0), source.value(mimic, "offset", 0.0)
+    return [Coupling(f"{name}_mimics_{leader}", name, leader, ratio, offset)]

@@ -1,4 +1,4 @@
-"""Joints of URDF that mimic others: couplings, but where one of the two does not move."""
+"""Joints that mimic others: couplings, but where one of the two does not move."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats.model import Coupling, Hinge
-from hapticmech_ros.formats.xml_nodes import Node, Source
 
 IN_FIXED = "mimic in a fixed joint"
 OF_FIXED = "mimic of a joint that does not move"
@@ -18,23 +17,6 @@ WHY = {
     IN_FIXED: "there is nothing to move",
     OF_FIXED: "the joint is fixed where its leader holds it",
 }
-MOVE_ALONG = ("revolute", "prismatic")
-
-
-def read_mimic(source: Source, node: Node, kind: str) -> list[Coupling]:
-    """Return what a joint mimics: nothing, or one joint.
-
-    Raises:
-        SceneError: it is not whole, or the joint has several coordinates.
-    """
-    mimic = node.first("mimic")
-    if mimic is None:
-        return []
-    name, leader = source.text(node, "name"), source.text(mimic, "joint")
-    if kind not in (*MOVE_ALONG, "fixed"):
-        raise source.error(mimic, name, "only a joint of one coordinate can mimic another")
-    ratio, offset = source.value(mimic, "multiplier", 1.0), source.value(mimic, "offset", 0.0)
-    return [Coupling(f"{name}_mimics_{leader}", name, leader, ratio, offset)]
 
 
 def settled(
