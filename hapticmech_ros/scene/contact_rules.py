@@ -9,7 +9,8 @@ from hapticmech_ros.errors import SceneProblem
 from hapticmech_ros.scene.contacts import ContactPair, Shape
 from hapticmech_ros.scene.document import Scene
 
-MESH_SUFFIXES = (".stl", ".obj", ".dae", ".ply", ".off")
+# What coal's reader bears, broken files included: one of PLY with an empty face ends the process.
+MESH_SUFFIXES = (".stl", ".obj", ".dae", ".off")
 MESH_SIZE_LIMIT = 32_000_000
 
 

@@ -119,9 +119,10 @@ def test_a_mesh_file_is_bounded_and_of_a_known_kind(tmp_path):
         file.truncate(MESH_SIZE_LIMIT + 1)
     with pytest.raises(SceneError, match=rf"at most {MESH_SIZE_LIMIT} bytes"):
         meshes_of(tmp_path, "large.stl")
-    placed(tmp_path / "part.blend")
-    with pytest.raises(SceneError, match=r"must end in one of"):
-        meshes_of(tmp_path, "part.blend")
+    for name in ("part.blend", "part.ply", "part"):
+        placed(tmp_path / name)
+        with pytest.raises(SceneError, match=r"must end in one of"):
+            meshes_of(tmp_path, name)
     os.mkfifo(tmp_path / "pipe.stl")
     with pytest.raises(SceneError, match=r"no such file"):
         meshes_of(tmp_path, "pipe.stl")
