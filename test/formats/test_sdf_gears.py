@@ -97,6 +97,27 @@ def test_a_gearbox_of_no_two_hinges_is_noted(tmp_path, text):
     assert {note.what: note.count for note in notes_in(imported)}["gearbox"] == 1
 
 
+MIMIC = """<joint name="k" type="prismatic"><parent>a</parent><child>b</child>
+<axis><xyz>0 0 1</xyz><mimic joint="{leader}" axis="{axis}">{values}</mimic></axis></joint>"""
+VALUES = "<multiplier>-2</multiplier><offset>0.3</offset><reference>0.1</reference>"
+ALONG = ' expressed_in="__model__"'
+# A gearbox and a mimic of what it drives.
+GEARS = [
+    *bodies(),
+    link("b"),
+    joint("j", "world", "base"),
+    joint("i", "base", "in", of_axis=ALONG),
+    joint("o", "base", "out", of_axis=ALONG),
+    geared(),
+    MIMIC.format(leader="o", axis="axis", values=VALUES).replace(">a<", ">out<"),
+]
+
+
+def test_gears_drive_each_other(tmp_path):
+    couplings = read_model(written(tmp_path, GEARS)).document["couplings"]
+    assert {(one["leader"], one["joint"]) for one in couplings} == {("i", "o"), ("o", "k")}
+
+
 BROKEN = {
     "child": ([joint("i", "base", "in")], geared(), "another joint must carry its child"),
     "reference": ([], geared(reference="gone"), "no such link"),
@@ -116,11 +137,6 @@ def test_a_gearbox_that_is_none_is_refused(tmp_path, joints, text, rule):
     with pytest.raises(SceneError, match=rule) as caught:
         read_model(path)
     assert caught.value.problems[0].key_path.startswith("line")
-
-
-MIMIC = """<joint name="k" type="prismatic"><parent>a</parent><child>b</child>
-<axis><xyz>0 0 1</xyz><mimic joint="{leader}" axis="{axis}">{values}</mimic></axis></joint>"""
-VALUES = "<multiplier>-2</multiplier><offset>0.3</offset><reference>0.1</reference>"
 
 
 def mimicking(folder, leader="i", axis="axis", values=VALUES, kind="revolute"):

@@ -33,17 +33,20 @@ def written(folder, joints):
     return path
 
 
+CHAIN = [
+    joint("second", "cd", mimic=MIMIC.format("first", 2.0, 0.1)),
+    joint("free", "ab"),
+    joint("first", "bc", mimic=MIMIC.format("still", -3.0, 0.4)),
+    joint("slid", "de", "prismatic", MIMIC.format("still", 1.0, -0.3), "1 0 0"),
+    joint("still", "df", "fixed"),
+]
+MIMICS = f'<robot name="r">{LINKS}<link name="f"/>{"".join(CHAIN)}</robot>'
+
+
 def test_joints_that_mimic_a_fixed_one_are_fixed_at_their_offset(tmp_path):
     """One turned, one slid, one that mimics the first of these; the rest of the tree moves."""
-    joints = [
-        joint("second", "cd", mimic=MIMIC.format("first", 2.0, 0.1)),
-        joint("free", "ab"),
-        joint("first", "bc", mimic=MIMIC.format("still", -3.0, 0.4)),
-        joint("slid", "de", "prismatic", MIMIC.format("still", 1.0, -0.3), "1 0 0"),
-        joint("still", "de", "fixed").replace('child link="e"', 'child link="f"'),
-    ]
-    path = written(tmp_path, joints)
-    path.write_text(path.read_text().replace("</robot>", '<link name="f"/></robot>'))
+    path = tmp_path / "model.urdf"
+    path.write_text(MIMICS)
     ours = Read(path)
     assert ours.model.nv == 1
     counts = {note.what: note.count for note in notes_in(ours.imported)}
