@@ -75,6 +75,8 @@ setup(
         ]
     },
     install_requires=[
+        # Comes with pin as well, which uses it by itself; contacts call it.
+        "coal>=3,<4",
         "matplotlib",
         "numba>=0.61",
         "numpy",

@@ -5,6 +5,7 @@ Nothing here is skipped where a tool is missing: without it the package is not k
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
@@ -33,6 +34,15 @@ ROOT = Path(__file__).resolve().parents[1]
 SOURCES = [PACKAGE, "config", "launch", "resource"]
 SOURCE_FILES = ["LICENSE", "README.md", "package.xml", "pyproject.toml", "setup.cfg", "setup.py"]
 TIMEOUT_S = 120.0
+# What brings a module whose name is not its own.
+DISTRIBUTIONS = {
+    "annotated_types": "pydantic",
+    "pinocchio": "pin",
+    "pydantic_core": "pydantic",
+    "ruamel": "ruamel.yaml",
+}
+# Looked for, and done without where they are not.
+NEWER_PYTHON = {"backports", "compression"}
 
 
 def own_world(**extra: str) -> dict[str, str]:
@@ -216,6 +226,31 @@ def test_entry_points_and_wrappers_name_the_same_nodes(
 def test_every_entry_point_can_be_loaded(installed: Distribution) -> None:
     for entry in installed.entry_points.select(group="console_scripts"):
         assert callable(entry.load()), entry
+
+
+def imported() -> set[str]:
+    """Names of all modules that the package imports from outside itself and Python."""
+    names: set[str] = set()
+    for path in (ROOT / PACKAGE).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+                names.add(node.module.split(".")[0])
+    return names - sys.stdlib_module_names - {PACKAGE}
+
+
+def test_everything_that_is_imported_is_declared(installed: Distribution) -> None:
+    """For pip, or as a package of ROS; coal, which contacts call, is not left to pin to bring."""
+    matched = [re.match(r"[\w.-]+", entry) for entry in installed.requires or ()]
+    required = {found.group(0).lower() for found in matched if found is not None}
+    manifest = ElementTree.parse(ROOT / "package.xml").getroot()
+    depends = {str(entry.text) for entry in manifest.findall("exec_depend")}
+    found = {DISTRIBUTIONS.get(name, name) for name in imported() - NEWER_PYTHON}
+    assert {"coal", "numba", "rclpy"} <= found
+    assert found <= required | depends
+    assert {"coal", "pin"} <= required
+    assert {"coal", "pinocchio"} <= depends
 
 
 def test_one_version_everywhere(installed: Distribution) -> None:

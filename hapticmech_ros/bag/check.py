@@ -187,9 +187,10 @@ def _notes(topic: BagTopic) -> tuple[str, ...]:
 def absent(names: list[str]) -> tuple[str, ...]:
     """Return what a graph of this package publishes and is not among ``names``.
 
-    Empty if nothing of such a graph is there. ``{point}`` stands for an operational point.
+    Empty if nothing of such a graph is there; only scenes with contacts publish what touches.
+    ``{point}`` stands for an operational point.
     """
-    declared = [topic.name for topic in TOPICS if topic.publisher != "any"]
+    declared = [t.name for t in TOPICS if t.publisher != "any" and t.rate != "contact"]
     missing = [name for name in declared if not any(_is(name, other) for other in names)]
     ours = {name for name in declared if not name.startswith("/")}
     return () if ours <= set(missing) else tuple(missing)

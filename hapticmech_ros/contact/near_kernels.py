@@ -21,8 +21,6 @@ from hapticmech_ros.mechanism.model import Array
 
 # Half-lengths of the bounding box, its middle, and how far the shape can come: m.
 BOX_VALUES = 7
-# Points count that are apart by this share of the shape's size, moving or not.
-SLACK = 1e-3
 
 
 @inner
@@ -33,6 +31,7 @@ def _bound(
     moves: Array,
     rates: Array,
     span: float,
+    slack: float,
     box: Array,
 ) -> None:
     """Fill a shape's bounding box and how far it can come."""
@@ -56,7 +55,7 @@ def _bound(
     )
     speed = np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2)
     turning = np.sqrt(twist[3] ** 2 + twist[4] ** 2 + twist[5] ** 2)
-    box[6] = span * (speed + turning * size) + SLACK * size
+    box[6] = span * (speed + turning * size) + slack * size
 
 
 @inner
@@ -69,8 +68,8 @@ def _height(plane: Array, box: Array) -> float:
 
 
 @kernel(
-    "void(i8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[::1], f8, i8[:, ::1],"
-    " f8[:, ::1], f8[::1])"
+    "i8(i8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[::1], f8, f8,"
+    " i8[:, ::1], f8[:, ::1], f8[::1])"
 )
 def near_pairs(
     numbers: Array,
@@ -80,11 +79,12 @@ def near_pairs(
     moves: Array,
     rates: Array,
     span: float,
+    slack: float,
     pairs: Array,
     poses: Array,
     margins: Array,
-) -> None:
-    """Fill ``poses`` and ``margins``.
+) -> int:
+    """Fill ``poses`` and ``margins``, and return how many pairs are near.
 
     Args:
         numbers: (shapes, 6) of the shapes; see ``ShapeTables``.
@@ -94,7 +94,8 @@ def near_pairs(
         moves: (joints, nv) 1 where a rate moves a joint, 0 elsewhere.
         rates: (nv,) expected.
         span: s ahead.
-        pairs: (pairs, 2) indices of shapes.
+        slack: share of a shape's size by which it may be apart, moving or not.
+        pairs: (pairs, 4) indices of shapes a and b, and what is not looked at here.
         poses: (shapes, 12) to fill, in the world.
         margins: (pairs,) to fill, m: gap up to which points of a pair count; -1 if it is far.
     """
@@ -102,7 +103,8 @@ def near_pairs(
     for shape in range(numbers.shape[0]):
         joint = numbers[shape, JOINT]
         compose(joint_poses[joint], values[shape, :12], poses[shape])
-        _bound(values[shape], poses[shape], axes, moves[joint], rates, span, boxes[shape])
+        _bound(values[shape], poses[shape], axes, moves[joint], rates, span, slack, boxes[shape])
+    count = 0
     for pair in range(pairs.shape[0]):
         a, b = pairs[pair, 0], pairs[pair, 1]
         margin = boxes[a, 6] + boxes[b, 6]
@@ -116,3 +118,5 @@ def near_pairs(
                 gap = abs(boxes[a, 3 + i] - boxes[b, 3 + i]) - boxes[a, i] - boxes[b, i]
                 near = near and gap <= margin
         margins[pair] = margin if near else -1.0
+        count += 1 if near else 0
+    return count

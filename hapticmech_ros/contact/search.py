@@ -24,9 +24,10 @@ from hapticmech_ros.scene.contacts import Shape
 if TYPE_CHECKING:
     from hapticmech_ros.contact.nearest import Nearest
 
-_UNSOUGHT = np.zeros(FOUND_VALUES)
 # Points are looked for this many steps ahead: forces begin half a step before surfaces meet.
 STEPS_AHEAD = 1.5
+# Points count that are apart by this share of the shapes' size, moving or not.
+SLACK = 1e-3
 
 
 class Search:
@@ -38,8 +39,9 @@ class Search:
     Attributes:
         axes: (nv, 6) joint axes at the last configuration, as twists about the world's origin.
         joint_poses: (joints, 12) there.
+        poses: (shapes, 12) there.
         moves: (joints, nv) 1 where a rate moves a joint, 0 elsewhere.
-        joints: (pairs, 2) joints that carry a and b.
+        pairs: (pairs, 4) shapes a and b, and the joints that carry them.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -47,58 +49,69 @@ class Search:
         self._data, self._later = self._model.createData(), self._model.createData()
         self._tables = shape_tables(scene.shapes, mechanism.tree)
         place = {shape.name: index for index, shape in enumerate(scene.shapes)}
-        pairs = [(place[contact.a], place[contact.b]) for contact in scene.contacts]
-        self._pairs = np.array(pairs, dtype=np.int64)
-        self.joints = np.ascontiguousarray(self._tables.numbers[:, JOINT][self._pairs])
+        shapes = np.array([(place[pair.a], place[pair.b]) for pair in scene.contacts])
+        self.pairs = np.hstack((shapes, self._tables.numbers[:, JOINT][shapes]))
         self.moves = _moves(self._model)
         self.joint_poses = placement_view(self._data.oMi)
         self.axes = np.zeros((self._model.nv, 6))
-        self._poses = np.zeros((len(scene.shapes), 12))
-        self._margins = np.zeros(len(pairs))
-        self._points = np.zeros((MOST_POINTS, POINT_VALUES))
-        self._nearest = [self._searched(scene.shapes, pair) for pair in pairs]
+        self.poses = np.zeros((len(scene.shapes), 12))
+        count = len(shapes)
+        self._margins, self._found = np.zeros(count), np.zeros((count, FOUND_VALUES))
+        self._points = np.zeros((MOST_POINTS * count, POINT_VALUES))
+        self._owners = np.zeros(MOST_POINTS * count, dtype=np.int64)
+        searches = [self._searched(scene.shapes, a, b) for a, b in shapes.tolist()]
+        self._nearest = [(i, search) for i, search in enumerate(searches) if search is not None]
 
-    def points(self, q: Array, rates: Array, step: float) -> tuple[Array, Array]:
-        """Return points that touch, or may within a step.
+    def place(self, q: Array) -> None:
+        """Take a configuration (nq,), of which everything that follows is."""
+        pin.computeJointJacobians(self._model, self._data, q)
+        self.axes = np.ascontiguousarray(self._data.J.T)
+
+    def near(self, rates: Array, step: float, slack: float = SLACK) -> bool:
+        """Return whether any pair may touch within a step, by bounding boxes.
 
         Args:
-            q: (nq,) configuration.
             rates: (nv,) expected.
             step: s.
+            slack: share of the shapes' size by which they may be apart, moving or not.
+        """
+        count = near_pairs(
+            self._tables.numbers,
+            self._tables.values,
+            self.joint_poses,
+            self.axes,
+            self.moves,
+            np.array(rates),
+            STEPS_AHEAD * step,
+            slack,
+            self.pairs,
+            self.poses,
+            self._margins,
+        )
+        return count > 0
+
+    def points(self) -> tuple[Array, Array]:
+        """Return points that touch, or may within a step, of the pairs that were near.
 
         Returns:
             (n,) indices of pairs, in order; and (n, 7) position, m, unit normal from b to a, and
             depth, m, below 0 for a gap.
         """
-        pin.computeJointJacobians(self._model, self._data, q)
-        self.axes = np.ascontiguousarray(self._data.J.T)
-        tables, poses, margins = self._tables, self._poses, self._margins
-        near_pairs(
-            tables.numbers,
-            tables.values,
-            self.joint_poses,
-            self.axes,
-            self.moves,
-            rates,
-            STEPS_AHEAD * step,
-            self._pairs,
+        poses = self.poses
+        for pair, nearest in self._nearest:
+            if self._margins[pair] >= 0.0:
+                a, b = self.pairs[pair, :2]
+                self._found[pair] = nearest.search(poses[a], poses[b])
+        count = touching_points(
+            *self._tables.of_touching,
             poses,
-            margins,
+            self.pairs,
+            self._margins,
+            self._found,
+            self._points,
+            self._owners,
         )
-        owners: list[int] = []
-        found = []
-        for pair in np.flatnonzero(margins >= 0.0).tolist():
-            a, b = self._pairs[pair]
-            nearest = self._nearest[pair]
-            seen = _UNSOUGHT if nearest is None else nearest.search(poses[a], poses[b])
-            count = touching_points(
-                *tables.of_touching, poses, a, b, margins[pair], seen, self._points
-            )
-            owners += [pair] * count
-            found.append(self._points[:count].copy())
-        if not owners:
-            return np.zeros(0, dtype=np.int64), np.zeros((0, POINT_VALUES))
-        return np.array(owners), np.concatenate(found)
+        return self._owners[:count].copy(), self._points[:count].copy()
 
     def later_axes(self, q: Array, change: Array) -> Array:
         """Return (nv, 6) joint axes at q ⊕ change, as twists about the world's origin."""
@@ -106,12 +119,7 @@ class Search:
         pin.computeJointJacobians(self._model, self._later, moved)
         return np.ascontiguousarray(self._later.J.T)
 
-    def centres(self, owners: Array) -> Array:
-        """Return (n, 2, 3) the origins of both shapes of pairs, m, at the last configuration."""
-        return np.ascontiguousarray(self._poses[self._pairs[owners], 9:])
-
-    def _searched(self, shapes: tuple[Shape, ...], pair: tuple[int, int]) -> Nearest | None:
-        a, b = pair
+    def _searched(self, shapes: tuple[Shape, ...], a: int, b: int) -> Nearest | None:
         if HALF_SPACE in self._tables.numbers[[a, b], KIND]:
             return None
         # Here, so that a scene with nothing but half-spaces needs no search.

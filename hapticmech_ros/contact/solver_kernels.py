@@ -1,15 +1,15 @@
 """Forces at the points of contact, implicit in the rates that they lead to.
 
-With λ at every point held over a step h, relative rates of the points become v⁺ = v_free + h G λ,
+With λ at every point held over a step h, relative rates of points become v⁺ = v_free + h G λ,
 G = J D⁻¹ P Jᵀ with the closures taken out, and the law there is
 
-    λ_n = max(0, k y⁺ - (c - k h) v_n⁺),   y⁺ = y - h v_n⁺,   c = max(d, k h)
-    |λ_t| ≤ μ λ_n,  and  v_t⁺ = -(R + s) λ_t  with s = 0 where it is less: it sticks, and s ≥ 0
+    λ_n = max(0, k y⁺ - (c - k h) v_n⁺),   y⁺ = y - h v_n⁺,   c = max(d + χ k y, k h)
+    |λ_t| ≤ μ λ_n,  and λ_t is against v_t⁺ where that is not 0
 
-v_n is positive where surfaces part. Sweeps over the points solve for one after the other exactly;
-after every other one a linear solve takes all points as they are then, pushing or not, sticking or
-sliding with their s, and solves for all at once: sweeps alone take hundreds where many points hold
-one body. T14 to T18 of docs/derivations.md.
+v_n is positive where surfaces part. Newton's rule solves for all points at once. Where that does
+not end, sweeps over the points, there and back, solve for one after the other before the next try:
+sweeps alone take hundreds where many points hold a body, and Newton's rule may start too far off.
+T14 to T19 of docs/derivations.md.
 """
 
 from __future__ import annotations
@@ -17,28 +17,34 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
-from hapticmech_ros.contact.rate_kernels import add_later, contact_frame, contact_row
-from hapticmech_ros.mechanism.compiled.small_matrices import (
-    cholesky,
-    dot,
-    dot_rows,
-    remove,
-    solve_lower,
-    solve_lower_transposed,
+from hapticmech_ros.contact.newton_kernels import (
+    ACROSS,
+    FRICTION,
+    GIVE,
+    OWN,
+    PUSH,
+    SCALE_VALUES,
+    mismatch,
+    newton,
+    put_velocity,
 )
+from hapticmech_ros.contact.rate_kernels import add_later, contact_frame, contact_row
+from hapticmech_ros.mechanism.compiled.small_matrices import dot, dot_rows, remove, solve_lower
 from hapticmech_ros.mechanism.model import Array
 
-# A point that sticks slips by this share of the speed that its own force gives it in a step: it
-# makes forces unique, and moves a block on a slope by less than an atom's size in a minute.
-STICKING_SLIP = 1e-9
-MOST_SWEEPS = 60
-# Linear solves that made things worse, after which no more are tried in a step.
-MOST_REFUSED = 8
-# Sweeps end once they change no rate by this share of the largest one, or m/s.
+# Columns of a pair's law: k, N/m; d, N s/m; μ; χ, s/m.
+STIFFNESS, DAMPING, COULOMB, DISSIPATION = 0, 1, 2, 3
+# Columns of a pair: shapes and joints of a and b.
+JOINT_A = 2
+# Of the friction that a point's own rates ask for, so much is left out: where it does nothing to
+# them it is nothing.
+LEAST_GIVE = 1e-9
+MOST_SWEEPS = 40
+# Sweeps end once rates are as the law says to this share of the largest one, or m/s.
 SHARE, FLOOR = 1e-8, 1e-13
-# Of a report: sweeps done, what the last one changed, m/s, energy held, work on the mechanism as
-# it moves and as the integrator counts it, J.
-SWEEPS, CHANGE, HELD, WORK, COUNTED, REPORT_VALUES = 0, 1, 2, 3, 4, 5
+# Of a report: sweeps done, how far rates are from the law, m/s, energy held, work on the mechanism
+# as it moves and as the integrator counts it, J.
+SWEEPS, OFF, HELD, WORK, COUNTED, REPORT_VALUES = 0, 1, 2, 3, 4, 5
 
 
 @inner
@@ -50,10 +56,8 @@ def _change(coupling: Array, i: int, change: float, velocity: Array) -> None:
 
 
 @inner
-def _friction(
-    p: float, q: float, r: float, x: float, y: float, most: float
-) -> tuple[float, float, float]:
-    """Return the impulse of friction u, and s: (H + R + s) u = -(x, y), |u| ≤ most, s least.
+def _friction(p: float, q: float, r: float, x: float, y: float, most: float) -> tuple[float, float]:
+    """Return the impulse of friction u: (H + s) u = -(x, y), |u| ≤ most, s ≥ 0 least.
 
     H = ((p, q), (q, r)); s is found where |u| = most, by Newton on 1 / |u|, from below.
     """
@@ -61,14 +65,13 @@ def _friction(
     swing = np.sqrt(half * half + q * q)
     high, low = mean + swing, max(mean - swing, 0.0)
     if most <= 0.0 or high <= 0.0:
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0
     # H's first axis.
     cosine, sine = (half + swing, q) if half >= 0.0 else (q, swing - half)
     size = np.sqrt(cosine * cosine + sine * sine)
     cosine, sine = (cosine / size, sine / size) if size > 0.0 else (1.0, 0.0)
     one, two = -(cosine * x + sine * y), -(cosine * y - sine * x)
-    slip = STICKING_SLIP * high
-    high, low = high + slip, low + slip
+    high, low = high * (1.0 + LEAST_GIVE), low + LEAST_GIVE * high
     s = 0.0
     for _ in range(30):
         a, b = one / (high + s), two / (low + s)
@@ -78,94 +81,96 @@ def _friction(
         slope = (a * a / (high + s) + b * b / (low + s)) / length
         s += (length - most) * length / (most * slope)
     a, b = one / (high + s), two / (low + s)
-    return cosine * a - sine * b, sine * a + cosine * b, s + slip
+    return cosine * a - sine * b, sine * a + cosine * b
 
 
 @inner
-def _solve_point(
-    c: int,
-    depth: float,
-    law: Array,
-    step: float,
-    coupling: Array,
-    impulse: Array,
-    velocity: Array,
-    slips: Array,
-) -> float:
-    """Solve for the force at a point with the others as they are; return what it changes, m/s."""
-    k = 3 * c
-    own = coupling[k, k]
+def _solve_point(c: int, scales: Array, coupling: Array, impulse: Array, velocity: Array) -> None:
+    """Solve for the force at a point with the others as they are."""
+    k, own = 3 * c, scales[c, OWN]
     others = velocity[k] - own * impulse[k]
-    stiffness, resistance = law[0], max(law[1], law[0] * step)
-    wanted = step * (stiffness * depth - resistance * others) / (1.0 + resistance * step * own)
+    wanted = (scales[c, PUSH] - others) / (own + scales[c, GIVE])
     change = max(wanted, 0.0) - impulse[k]
     impulse[k] += change
     _change(coupling, k, change, velocity)
-    worst = abs(change) * own
     p, q, r = coupling[k + 1, k + 1], coupling[k + 1, k + 2], coupling[k + 2, k + 2]
     x = velocity[k + 1] - p * impulse[k + 1] - q * impulse[k + 2]
     y = velocity[k + 2] - q * impulse[k + 1] - r * impulse[k + 2]
-    first, second, slips[c] = _friction(p, q, r, x, y, law[2] * impulse[k])
+    first, second = _friction(p, q, r, x, y, scales[c, FRICTION] * impulse[k])
     for i in range(2):
         change = (first if i == 0 else second) - impulse[k + 1 + i]
         impulse[k + 1 + i] += change
         _change(coupling, k + 1 + i, change, velocity)
-        worst = max(worst, abs(change) * max(p, r))
-    return float(worst)
 
 
 @inner
-def _solve_all(
-    depths: Array,
-    laws: Array,
-    step: float,
-    coupling: Array,
+def _solve(
+    scales: Array,
     apart: Array,
-    slips: Array,
+    coupling: Array,
     impulse: Array,
     velocity: Array,
+    tolerance: float,
+    report: Array,
 ) -> None:
-    """Solve for all points at once, each as it is now: pushing or not, sticking or sliding.
+    """Solve for all impulses, in place, and report how that ended."""
+    n, size = scales.shape[0], impulse.size
+    off, held = np.empty(size), np.zeros(size)
+    kept, kept_velocity = impulse.copy(), velocity.copy()
+    # Of all that would do, the least friction: what it was before leaves no trace.
+    if not newton(scales, apart, coupling, held, impulse, velocity, 0.3 * tolerance):
+        _restore(kept, kept_velocity, impulse, velocity)
+    worst, _ = mismatch(scales, impulse, 0.0, impulse, velocity, off)
+    sweeps = 0
+    while sweeps < MOST_SWEEPS and worst > tolerance:
+        for i in range(size):
+            held[i], kept[i], kept_velocity[i] = impulse[i], impulse[i], velocity[i]
+        newton(scales, apart, coupling, held, impulse, velocity, 0.3 * tolerance)
+        found, _ = mismatch(scales, impulse, 0.0, impulse, velocity, off)
+        if found <= tolerance:
+            worst = found
+            break
+        if not found < worst:
+            _restore(kept, kept_velocity, impulse, velocity)
+        for turn in range(2 * n):
+            # There and back, so that a stack learns of its weight both ways.
+            c = turn if turn < n else 2 * n - 1 - turn
+            _solve_point(c, scales, coupling, impulse, velocity)
+        sweeps += 2
+        worst, _ = mismatch(scales, impulse, 0.0, impulse, velocity, off)
+    report[SWEEPS], report[OFF] = sweeps, worst
 
-    (G + C) u = b is positive definite: C is 1 / (h c) along normals and R + s across.
-    """
-    active, size = np.empty(impulse.size, dtype=np.int64), 0
-    for c in range(depths.size):
-        if impulse[3 * c] > 0.0:
-            for d in range(3 if slips[c] > 0.0 else 1):
-                active[size] = 3 * c + d
-                size += 1
-    matrix, factor, wanted = np.empty((size, size)), np.empty((size, size)), np.empty(size)
-    for i in range(size):
-        for j in range(i + 1):
-            matrix[i, j] = coupling[active[i], active[j]]
-        c = active[i] // 3
-        wanted[i] = -apart[active[i]]
-        if active[i] == 3 * c:
-            resistance = max(laws[c, 1], laws[c, 0] * step)
-            matrix[i, i] += 1.0 / (step * resistance)
-            wanted[i] += laws[c, 0] * depths[c] / resistance
-        else:
-            matrix[i, i] += slips[c]
-    if size == 0 or cholesky(matrix, factor) >= 0:
-        return
-    solve_lower(factor, wanted)
-    solve_lower_transposed(factor, wanted)
+
+@inner
+def _restore(kept: Array, kept_velocity: Array, impulse: Array, velocity: Array) -> None:
     for i in range(impulse.size):
-        impulse[i], velocity[i] = 0.0, apart[i]
-    for i in range(size):
-        impulse[active[i]] = wanted[i]
-        _change(coupling, active[i], wanted[i], velocity)
+        impulse[i], velocity[i] = kept[i], kept_velocity[i]
+
+
+@inner
+def _fill_scales(
+    c: int, law: Array, depth: float, step: float, coupling: Array, scales: Array
+) -> None:
+    """Fill a point's row of ``scales``; see :mod:`~hapticmech_ros.contact.newton_kernels`."""
+    k, stiffness = 3 * c, law[STIFFNESS]
+    damping = law[DAMPING] + law[DISSIPATION] * stiffness * max(depth, 0.0)
+    resistance = max(damping, stiffness * step)
+    p, q, r = coupling[k + 1, k + 1], coupling[k + 1, k + 2], coupling[k + 2, k + 2]
+    scales[c, OWN], scales[c, GIVE] = coupling[k, k], 1.0 / (step * resistance)
+    scales[c, PUSH], scales[c, FRICTION] = stiffness * depth / resistance, law[COULOMB]
+    scales[c, ACROSS] = 0.5 * (p + r) + np.sqrt(0.25 * (p - r) * (p - r) + q * q)
 
 
 @kernel(
-    "void(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[::1], f8[::1],"
-    " f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, :, ::1], f8, f8, f8[:, ::1], f8[::1])"
+    "void(f8[:, ::1], i8[::1], i8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1],"
+    " f8[::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8, f8, f8[:, ::1], f8[::1])"
 )
 def contact_forces(
     points: Array,
-    joints: Array,
+    owners: Array,
+    pairs: Array,
     laws: Array,
+    poses: Array,
     axes: Array,
     moves: Array,
     rates: Array,
@@ -173,7 +178,6 @@ def contact_forces(
     factor: Array,
     basis: Array,
     later: Array,
-    centres: Array,
     step: float,
     ahead: float,
     forces: Array,
@@ -183,8 +187,10 @@ def contact_forces(
 
     Args:
         points: (n, 7) position, normal from b to a, depth.
-        joints: (n, 2) joints of a and b.
-        laws: (n, 3) k, d and μ.
+        owners: (n,) pair of each.
+        pairs: (pairs, 4) shapes a and b, and the joints that carry them.
+        laws: (pairs, 4) k, d, μ and χ.
+        poses: (shapes, 12) at the step's start.
         axes: (nv, 6) joint axes, as twists about the world's origin.
         moves: (joints, nv) 1 where a rate moves a joint, 0 elsewhere.
         rates: (nv,) at the step's start.
@@ -192,7 +198,6 @@ def contact_forces(
         factor: (nv, nv) L.
         basis: (r, nv) rows of Uᵀ.
         later: (nv, 6) joint axes at the step's end.
-        centres: (n, 2, 3) origins of both shapes, m.
         step: h, s.
         ahead: 1/2, or 0 where positions move by h v⁺.
         forces: (n, 3) on a, world axes, N: first guesses, replaced by the solution.
@@ -201,24 +206,24 @@ def contact_forces(
     n, nv = points.shape[0], rates.size
     rows, frames = np.empty((3 * n, nv)), np.empty((n, 3, 3))
     now, velocity, impulse = np.empty(3 * n), np.empty(3 * n), np.empty(3 * n)
-    parting = np.empty(3)
+    apart, parting = np.empty(3 * n), np.empty(3)
     along = np.empty(basis.shape[0])
     for c in range(n):
         contact_frame(points[c], frames[c])
+        pair = pairs[owners[c]]
+        one, two = moves[pair[JOINT_A]], moves[pair[JOINT_A + 1]]
         for i in range(3):
             parting[i] = 0.0
         for side in range(2):
             add_later(
-                points[c], centres[c, side], moves[joints[c, side]], axes, rates, later, free,
-                step, 1.0 - 2.0 * side, parting,
+                points[c], poses[pair[side], 9:], moves[pair[JOINT_A + side]], axes, rates, later,
+                free, step, 1.0 - 2.0 * side, parting,
             )  # fmt: skip
         for d in range(3):
             row = rows[3 * c + d]
-            contact_row(
-                points[c], frames[c, d], moves[joints[c, 0]], moves[joints[c, 1]], axes, row
-            )
+            contact_row(points[c], frames[c, d], one, two, axes, row)
             now[3 * c + d] = dot(row, rates)
-            velocity[3 * c + d] = dot(frames[c, d], parting)
+            apart[3 * c + d] = dot(frames[c, d], parting)
             impulse[3 * c + d] = step * dot(frames[c, d], forces[c])
             solve_lower(factor, row)
             remove(basis, basis.shape[0], row, along)
@@ -227,42 +232,19 @@ def contact_forces(
         for j in range(i + 1):
             coupling[i, j] = dot_rows(rows, i, j)
             coupling[j, i] = coupling[i, j]
-    depths = np.empty(n)
+    scales, depths, largest = np.empty((n, SCALE_VALUES)), np.empty(n), 0.0
     for c in range(n):
         depths[c] = points[c, 6] - ahead * step * now[3 * c]
-    apart, slips = velocity.copy(), np.zeros(n)
-    largest = 0.0
+        _fill_scales(c, laws[owners[c]], depths[c], step, coupling, scales)
     for i in range(3 * n):
-        largest = max(largest, abs(velocity[i]))
-    for i in range(3 * n):
-        _change(coupling, i, impulse[i], velocity)
-    kept, kept_velocity = impulse.copy(), velocity.copy()
-    sweep, worst, before, refused = 0, np.inf, np.inf, 0
-    while sweep < MOST_SWEEPS and worst > SHARE * largest + FLOOR:
-        tried = sweep % 2 == 1 and refused < MOST_REFUSED
-        if tried:
-            before = worst
-            for i in range(3 * n):
-                kept[i], kept_velocity[i] = impulse[i], velocity[i]
-            _solve_all(depths, laws, step, coupling, apart, slips, impulse, velocity)
-        worst = 0.0
-        for turn in range(n):
-            # There and back, so that a stack learns of its weight both ways.
-            c = turn if sweep % 2 == 0 else n - 1 - turn
-            changed = _solve_point(c, depths[c], laws[c], step, coupling, impulse, velocity, slips)
-            worst = max(worst, changed)
-        if tried and worst > before:
-            # It took points for sticking or sliding that do not: sweeps are safe.
-            refused, worst = refused + 1, before
-            for i in range(3 * n):
-                impulse[i], velocity[i] = kept[i], kept_velocity[i]
-        sweep += 1
+        largest = max(largest, abs(apart[i]))
     for i in range(REPORT_VALUES):
         report[i] = 0.0
-    report[SWEEPS], report[CHANGE] = sweep, worst
+    put_velocity(apart, coupling, impulse, velocity)
+    _solve(scales, apart, coupling, impulse, velocity, SHARE * largest + FLOOR, report)
     for c in range(n):
         left = max(depths[c] - step * velocity[3 * c], 0.0)
-        report[HELD] += 0.5 * laws[c, 0] * left * left
+        report[HELD] += 0.5 * laws[owners[c], STIFFNESS] * left * left
         for i in range(3):
             forces[c, i] = 0.0
         for d in range(3):

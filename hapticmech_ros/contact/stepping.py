@@ -11,22 +11,30 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.contact.effect_kernels import contact_effects
 from hapticmech_ros.contact.search import Search
 from hapticmech_ros.contact.solver_kernels import (
-    CHANGE,
     COUNTED,
     HELD,
+    OFF,
     REPORT_VALUES,
     SWEEPS,
     WORK,
     contact_forces,
 )
+from hapticmech_ros.contact.touch_kernels import POINT_VALUES
 from hapticmech_ros.contact.touching import Touching, nothing_touching
 from hapticmech_ros.mechanism.build import build_stepper, plan_of
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion import HeldMotion, Pushes, Start
 from hapticmech_ros.mechanism.stepping import Stepped, end_of
+from hapticmech_ros.scene.contacts import ContactPair
+
+# Shapes further apart than this share of their size, and than they come in a step, are stepped as
+# if there were no contacts.
+FAR = 0.05
+_NOBODY, _NOWHERE = np.zeros(0, dtype=np.int64), np.zeros((0, POINT_VALUES))
 
 
 class Touched(NamedTuple):
@@ -57,10 +65,11 @@ class ContactStepper:
         self._pull = plan.baumgarte_rate
         # Positions move by the mean of both rates, or by the new one.
         self._ahead = 0.0 if plan.integrator == "semi_implicit_euler" else 0.5
+        self._whole = build_stepper(mechanism)
         self._stepper = build_stepper(mechanism, plan._replace(period=self._step, substeps=1))
         self._search = Search(mechanism)
-        laws = [(c.stiffness, c.damping, c.friction) for c in scene.contacts]
-        self._laws = np.array(laws, dtype=float)
+        self._laws = np.array([_law(contact) for contact in scene.contacts])
+        self._nothing = nothing_touching(mechanism.nv)
         links = {shape.name: shape.link for shape in scene.shapes}
         self._links = sorted({*links.values()} - {"world"})
         places = [mechanism.link_place(link) for link in self._links]
@@ -81,7 +90,10 @@ class ContactStepper:
             pushes: from outside.
             touching: of the step before, whose forces the solver begins with.
         """
-        known = nothing_touching(self._mechanism.nv) if touching is None else touching
+        alone = self._untouched(start, pushes)
+        if alone is not None:
+            return alone
+        known = self._nothing if touching is None else touching
         work_in = lost = work = 0.0
         for _ in range(self._substeps):
             stepped, known, energy, done = self._substep(start, pushes, known)
@@ -89,93 +101,123 @@ class ContactStepper:
             start = end_of(stepped, start)
         return Touched(stepped._replace(work_in=work_in, energy_lost=lost), known, energy, work)
 
+    def _untouched(self, start: Start, pushes: Pushes) -> Touched | None:
+        """Do a period as if there were no contacts; None if anything may come near in it."""
+        search, period = self._search, self._step * self._substeps
+        search.place(start.q)
+        if search.near(start.v, period, FAR):
+            return None
+        stepped = self._whole.advance(start, pushes)
+        # What pushes may have made it fast enough to come near after all.
+        if search.near(stepped.v, period, FAR):
+            return None
+        return Touched(stepped, self._nothing, 0.0, 0.0)
+
     def _substep(self, start: Start, pushes: Pushes, before: Touching) -> Touched:
-        mechanism, search = self._mechanism, self._search
-        motion = HeldMotion(mechanism, start, pushes, self._pull)
-        free = start.v + self._step * motion(start.q, start.v).acceleration
-        owners, points = search.points(start.q, free, self._step)
+        """Do a step of the integrator, with what touches in it."""
+        search, step = self._search, self._step
+        search.place(start.q)
+        motion = HeldMotion(self._mechanism, start, pushes, self._pull)
+        free = start.v + step * motion(start.q, start.v).acceleration
+        owners, points = search.points() if search.near(free, step) else (_NOBODY, _NOWHERE)
         if not owners.size:
             stepped = self._stepper.advance(start, pushes)
-            return Touched(stepped, nothing_touching(mechanism.nv), 0.0, 0.0)
+            return Touched(stepped, self._nothing, 0.0, 0.0)
+        touching, report = self._forces(start, motion, free, owners, points, before)
+        on_links = self._on_links(points, touching, pushes.on_links)
+        stepped = self._stepper.advance(
+            start._replace(terms=motion.first), pushes._replace(on_links=on_links)
+        )
+        stepped = stepped._replace(work_in=stepped.work_in - report[COUNTED])
+        return Touched(stepped, touching, report[HELD], report[WORK])
+
+    def _forces(
+        self,
+        start: Start,
+        motion: HeldMotion,
+        free: Array,
+        owners: Array,
+        points: Array,
+        before: Touching,
+    ) -> tuple[Touching, list[float]]:
+        """Return what touches, with its forces, and the solver's report."""
+        search, space = self._search, motion.first.space
         forces, report = _guesses(owners, points, before), np.zeros(REPORT_VALUES)
-        space = motion.first.space
-        joints = search.joints[owners]
         contact_forces(
             points,
-            joints,
-            self._laws[owners],
+            owners,
+            search.pairs,
+            self._laws,
+            search.poses,
             search.axes,
             search.moves,
-            start.v.copy(),
+            np.array(start.v),
             free,
             np.ascontiguousarray(space.factor),
             np.ascontiguousarray(space.basis.T),
             search.later_axes(start.q, 0.5 * self._step * (start.v + free)),
-            search.centres(owners),
             self._step,
             self._ahead,
             forces,
             report,
         )
-        about_world = np.concatenate((forces, _cross(points[:, :3], forces)), axis=1)
-        on_links = self._on_links(owners, about_world, pushes.on_links)
-        stepped = self._stepper.advance(
-            start._replace(terms=motion.first), pushes._replace(on_links=on_links)
-        )
-        counted, work = float(report[COUNTED]), float(report[WORK])
+        found = report.tolist()
         touching = Touching(
             owners,
             points[:, :3],
             points[:, 3:6],
             points[:, 6],
             forces,
-            _joint_force(about_world, joints, search.axes, search.moves),
-            int(report[SWEEPS]),
-            float(report[CHANGE]),
+            search.poses[search.pairs[owners, 0], 9:],
+            np.empty(free.size),
+            int(found[SWEEPS]),
+            found[OFF],
         )
-        stepped = stepped._replace(work_in=stepped.work_in - counted)
-        return Touched(stepped, touching, float(report[HELD]), work)
+        return touching, found
 
     def _on_links(
-        self, owners: Array, about_world: Array, pushed: Mapping[str, Array]
+        self, points: Array, touching: Touching, pushed: Mapping[str, Array]
     ) -> dict[str, Array]:
-        """Return what pushes on links and what contacts do to them, at their frames' origins."""
-        acts = self._acts[:, owners]
-        wrenches = acts @ about_world
-        poses = self._search.joint_poses[self._carriers]
-        axes = poses[:, :9].reshape(-1, 3, 3)
-        origins = poses[:, 9:] + (self._origins[:, :, None] * axes).sum(axis=1)
-        wrenches[:, 3:] -= _cross(origins, wrenches[:, :3])
+        """Return what pushes on links and what contacts do to them, at their frames' origins.
+
+        Fills ``touching.joint_force``.
+        """
+        search = self._search
+        wrenches = np.empty((len(self._links), 6))
+        contact_effects(
+            points,
+            touching.forces,
+            touching.pairs,
+            search.pairs,
+            search.axes,
+            search.moves,
+            self._acts,
+            self._carriers,
+            self._origins,
+            search.joint_poses,
+            touching.joint_force,
+            wrenches,
+        )
         on_links = dict(pushed)
-        for index in np.flatnonzero(acts.any(axis=1)).tolist():
-            link, wrench = self._links[index], wrenches[index]
-            on_links[link] = on_links[link] + wrench if link in on_links else wrench
+        for link, wrench in zip(self._links, wrenches, strict=True):
+            if wrench.any():
+                on_links[link] = on_links[link] + wrench if link in on_links else wrench
         return on_links
+
+
+def _law(contact: ContactPair) -> tuple[float, float, float, float]:
+    """Return k, d, μ and χ of a pair, in the order that the solver has them."""
+    return contact.stiffness, contact.damping, contact.friction, contact.dissipation
 
 
 def _guesses(owners: Array, points: Array, before: Touching) -> Array:
     """Return (n, 3) the forces of the step before at the nearest points of the same pairs."""
+    if owners.size == before.pairs.size and (owners == before.pairs).all():
+        return before.forces.copy()
     forces = np.zeros((len(owners), 3))
-    if np.array_equal(owners, before.pairs):
-        forces[:] = before.forces
-        return forces
     for index, pair in enumerate(owners):
         known = np.flatnonzero(before.pairs == pair)
         if known.size:
             away = before.points[known] - points[index, :3]
             forces[index] = before.forces[known[np.argmin((away * away).sum(axis=1))]]
     return forces
-
-
-def _joint_force(about_world: Array, joints: Array, axes: Array, moves: Array) -> Array:
-    """Return (nv,) Σ J_cᵀ λ of forces (n, 6) with their moments about the world's origin."""
-    along = about_world @ axes.T
-    return np.asarray((along * (moves[joints[:, 0]] - moves[joints[:, 1]])).sum(axis=0))
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Return a × b of rows (n, 3); NumPy's own takes its time over what they are."""
-    out = np.empty(a.shape)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        out[:, i] = a[:, j] * b[:, k] - a[:, k] * b[:, j]
-    return out

@@ -90,20 +90,32 @@ def _spread(above: Array, depths: Array, count: int, normal: Array, chosen: Arra
 def _chosen(
     above: Array, depths: Array, count: int, normal: Array, lies_on_b: bool, points: Array
 ) -> int:
-    """Fill rows of ``points``: all if there are no more than four, else those furthest apart."""
+    """Fill rows of ``points``: all if there are no more than four, else those furthest apart.
+
+    They are put on one plane across the normal, in the middle of what they are: then a body that
+    rocks on them does not slip at some against others, which nothing but huge forces between them
+    could prevent. Along the normal nothing changes.
+    """
     chosen = np.empty(MOST_POINTS, dtype=np.int64)
     kept = min(count, MOST_POINTS)
     for k in range(kept):
         chosen[k] = k
     if count > MOST_POINTS:
         kept = _spread(above, depths, count, normal, chosen)
-    sign = 1.0 if lies_on_b else -1.0
+    sign, level = 1.0 if lies_on_b else -1.0, 0.0
     for k in range(kept):
         depth = depths[chosen[k]]
         for i in range(3):
             points[k, i] = above[chosen[k], i] + 0.5 * depth * normal[i]
             points[k, 3 + i] = sign * normal[i]
+            level += normal[i] * points[k, i] / kept
         points[k, 6] = depth
+    for k in range(kept):
+        lift = level
+        for i in range(3):
+            lift -= normal[i] * points[k, i]
+        for i in range(3):
+            points[k, i] += lift * normal[i]
     return int(kept)
 
 
@@ -151,11 +163,8 @@ def _size(values: Array) -> float:
     return float(values[HALF_SIZE] + values[HALF_SIZE + 1] + values[HALF_SIZE + 2])
 
 
-@kernel(
-    "i8(i8[:, ::1], f8[:, ::1], f8[:, ::1], i8[:, ::1], i8[::1], f8[:, ::1], f8[:, ::1],"
-    " i8, i8, f8, f8[::1], f8[:, ::1])"
-)
-def touching_points(
+@inner
+def _touching(
     numbers: Array,
     values: Array,
     vertices: Array,
@@ -169,22 +178,7 @@ def touching_points(
     found: Array,
     points: Array,
 ) -> int:
-    """Fill ``points`` (4, 7) with where shapes a and b touch, and return how many there are.
-
-    Args:
-        numbers: (shapes, 6) of the shapes; this and the next five are of ``ShapeTables``.
-        values: (shapes, 20).
-        vertices: (v, 3), m.
-        faces: (f, 2).
-        corners: (c,).
-        normals: (f, 3).
-        poses: (shapes, 12) in the world.
-        a: index of a shape.
-        b: index of the other one.
-        margin: m, gap up to which points count, with negative depth.
-        found: (10,) nearest points of two bounded shapes; not looked at if one is a half-space.
-        points: to fill: position, m, midway between both surfaces; unit normal from b to a; depth.
-    """
+    """Fill ``points`` (4, 7) with where shapes a and b touch, and return how many there are."""
     above = np.empty((MOST_BELOW, 3))
     depths = np.empty(MOST_BELOW)
     normal = np.empty(3)
@@ -220,3 +214,52 @@ def touching_points(
         depths[0] = -found[3]
         count = 1
     return _chosen(above, depths, count, normal, True, points)
+
+
+@kernel(
+    "i8(i8[:, ::1], f8[:, ::1], f8[:, ::1], i8[:, ::1], i8[::1], f8[:, ::1], f8[:, ::1],"
+    " i8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], i8[::1])"
+)
+def touching_points(
+    numbers: Array,
+    values: Array,
+    vertices: Array,
+    faces: Array,
+    corners: Array,
+    normals: Array,
+    poses: Array,
+    pairs: Array,
+    margins: Array,
+    found: Array,
+    points: Array,
+    owners: Array,
+) -> int:
+    """Fill ``points`` with where pairs of shapes touch, and return how many there are.
+
+    Args:
+        numbers: (shapes, 6) of the shapes; this and the next five are of ``ShapeTables``.
+        values: (shapes, 20).
+        vertices: (v, 3), m.
+        faces: (f, 2).
+        corners: (c,).
+        normals: (f, 3).
+        poses: (shapes, 12) in the world.
+        pairs: (pairs, 4) indices of shapes a and b, and what is not looked at here.
+        margins: (pairs,) m, gap up to which points count, with negative depth; -1 for none.
+        found: (pairs, 10) nearest points; not looked at if one shape is a half-space.
+        points: (4 pairs, 7) to fill: position, m, midway between both surfaces; unit normal from b
+            to a; depth.
+        owners: (4 pairs,) to fill: pair of each point.
+    """
+    count = 0
+    for pair in range(pairs.shape[0]):
+        if margins[pair] < 0.0:
+            continue
+        more = _touching(
+            numbers, values, vertices, faces, corners, normals, poses, pairs[pair, 0],
+            pairs[pair, 1], margins[pair], found[pair], points[count:],
+        )  # fmt: skip
+        for k in range(count, count + more):
+            owners[k] = pair
+        count += more
+    return count

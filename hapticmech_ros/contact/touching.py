@@ -19,9 +19,10 @@ class Touching:
         normals: (n, 3) unit normals from b to a, world axes.
         depths: (n,) m, how far the shapes overlap there; below 0 for a gap.
         forces: (n, 3) on a by b, held over the step, N, world axes.
+        origins: (n, 3) of the frames of shapes a, m, world, at the step's start.
         joint_force: (nv,) Σ J_cᵀ λ at the step's start, N m or N.
-        sweeps: that the solver did.
-        residual: m/s, what its last sweep changed.
+        sweeps: that the solver did; none where Newton's rule was enough.
+        residual: m/s, by which the points' rates are off what the law says.
     """
 
     pairs: Array
@@ -29,19 +30,26 @@ class Touching:
     normals: Array
     depths: Array
     forces: Array
+    origins: Array
     joint_force: Array
     sweeps: int = 0
     residual: float = 0.0
 
-    def wrench(self, pair: int, origin: Array) -> Array:
-        """Return (6,) the wrench of a pair on its shape a, about a point, N and N m, world axes."""
+    def wrench(self, pair: int, origin: Array | None = None) -> Array:
+        """Return (6,) the wrench of a pair: by b, on a, at a point, N and N m, world axes.
+
+        Args:
+            pair: index among the scene's contacts.
+            origin: (3,) the point, m; the origin of shape a's frame if left out.
+        """
         mine = self.pairs == pair
         force = self.forces[mine]
-        torque = np.cross(self.points[mine] - origin, force).sum(axis=0)
+        about = self.origins[mine] if origin is None else origin
+        torque = np.cross(self.points[mine] - about, force).sum(axis=0)
         return np.concatenate((force.sum(axis=0), torque))
 
 
 def nothing_touching(nv: int) -> Touching:
     """Return what there is of a mechanism with so many rates where nothing touches."""
     none = np.zeros((0, 3))
-    return Touching(np.zeros(0, dtype=np.int64), none, none, np.zeros(0), none, np.zeros(nv))
+    return Touching(np.zeros(0, dtype=np.int64), none, none, np.zeros(0), none, none, np.zeros(nv))

@@ -15,6 +15,7 @@ from hapticmech_ros.mechanism.grasp import grasp_written
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.closure_services import offer_closures
+from hapticmech_ros.nodes.contact_port import ContactPort
 from hapticmech_ros.nodes.grasps import Grasps
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import WORLD, set_stamp
@@ -78,6 +79,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._publish_energy = self.output(ENERGY, Float64MultiArray)
         self._publish_closures = self.output(CLOSURES, UInt8MultiArray, LATCHED)
         self._ports = [PointPort(self, name, self.act) for name in names]
+        self._contact_port = ContactPort(self, [contact.name for contact in self.scene.contacts])
         if not parameters.awaits_external:
             self._pushes = self._listen_to_pushes(names)
         self._grasps = Grasps(self, self._mechanism, lambda: self._state.q, self._told_to_grasp)
@@ -230,6 +232,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._publish_joints.publish(self._joints)
         for port, point, force in zip(self._ports, terms.points, external, strict=True):
             port.publish(point, force, self._joints, time_ns)
+        self._contact_port.publish(self._state.touching, time_ns)
         energies = energy_of(self._mechanism, self._state, time_ns)
         self._publish_energy.publish(self._energy.encode(pack_energy(energies)))
 

@@ -21,6 +21,7 @@ def broken_contact_rules(scene: Scene) -> Iterator[SceneProblem]:
     shapes = {shape.name: shape for shape in scene.shapes}
     for index, contact in enumerate(scene.contacts):
         yield from _pair(scene, f"contacts[{index}]", contact, shapes)
+        yield from _law(f"contacts[{index}]", contact)
     if scene.contacts and scene.simulation.integrator == "linearly_implicit":
         rule = "contacts are solved for by themselves: rk4, rk2 or semi_implicit_euler"
         yield SceneProblem("simulation.integrator", scene.simulation.integrator, rule)
@@ -97,6 +98,14 @@ def _pair(
     elif a.geometry.kind == b.geometry.kind == "half_space":
         rule = "two half-spaces do not touch in points: one of the two must be bounded"
         yield SceneProblem(f"{key}.b", contact.b, rule)
+
+
+def _law(key: str, contact: ContactPair) -> Iterator[SceneProblem]:
+    """Yield a coefficient that the contact's law has not."""
+    law, other = contact.law, "dissipation" if contact.law == "kelvin_voigt" else "damping"
+    value = getattr(contact, other)
+    if value:
+        yield SceneProblem(f"{key}.{other}", value, f"must be 0 with the law {law}")
 
 
 def _carrier(scene: Scene, link: str) -> str:

@@ -94,14 +94,19 @@ class ContactPair(Part):
     """Two shapes that may touch, and what then acts at each point of contact.
 
     Attributes:
+        law: what the push along the normal is made of.
         stiffness: N/m, of each point.
         damping: N s/m, of each point, while it pushes; never less than stiffness times the step.
+            Of Kelvin and Voigt's law.
+        dissipation: s/m: damping is this times the push of the spring. Of Hunt and Crossley's law.
         friction: Coulomb's coefficient.
     """
 
     name: Name
     a: Name
     b: Name
+    law: Literal["kelvin_voigt", "hunt_crossley"] = "kelvin_voigt"
     stiffness: Positive
     damping: NonNegative = 0.0
+    dissipation: NonNegative = 0.0
     friction: NonNegative = 0.0

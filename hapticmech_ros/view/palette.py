@@ -15,6 +15,7 @@ CONTACT: Colour = (0.75, 0.20, 0.65, 1.0)
 DEVICE_COMMAND: Colour = (0.85, 0.15, 0.15, 1.0)
 POINT_COMMAND: Colour = (0.15, 0.45, 0.85, 1.0)
 RIGID: Colour = (0.60, 0.35, 1.00, 0.9)
+TOUCH: Colour = (1.00, 0.40, 0.55, 1.0)
 FREE: Colour = (0.10, 0.65, 0.70, 0.45)
 DEVICE: Colour = (0.95, 0.75, 0.20, 0.6)
 LETTERS: Colour = (0.90, 0.90, 0.90, 1.0)
@@ -39,6 +40,8 @@ MEANING: dict[str, Colour] = {
     "springs": SPRING,
     "hand_force": HAND,
     "contact_force": CONTACT,
+    "hulls": SOLID,
+    "touch_force": TOUCH,
     "device_command": DEVICE_COMMAND,
     "point_command": POINT_COMMAND,
     "rigid_directions": RIGID,

@@ -20,7 +20,7 @@ from hapticmech_ros.view.shapes import Shape, axes, numbered, sphere, text
 from hapticmech_ros.view.solid_shapes import solid_shapes, spring_shapes
 from hapticmech_ros.view.wrench_shapes import Scales, direction_shapes, wrench_shapes
 
-# Sizes as shares of the mechanism's characteristic length.
+# Sizes as shares of the mechanism's characteristic length, or of its longest rod.
 AXIS_LENGTH = 0.25
 AXIS_SHAFT = 0.025
 DEVICE_DIAMETER = 0.14
@@ -67,7 +67,8 @@ class Picture:
     def __init__(self, mechanism: Mechanism, force_scale: float, torque_scale: float) -> None:
         self._scene = mechanism.scene
         self._closures = [closure.name for closure in mechanism.closures]
-        self._scales = Scales(mechanism.length, force_scale, torque_scale)
+        rods = [closure.length for closure in mechanism.scene.closures if closure.length]
+        self._scales = Scales(max(mechanism.length, *rods, 0.0), force_scale, torque_scale)
 
     def draw(self, snapshot: Snapshot, placement: Placement) -> list[Shape]:
         """Return the shapes; the same part has the same key in every picture.

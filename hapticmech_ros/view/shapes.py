@@ -16,7 +16,7 @@ import pinocchio as pin
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.view.palette import Colour
 
-Kind = Literal["cylinder", "sphere", "box", "arrow", "strip", "text"]
+Kind = Literal["cylinder", "sphere", "box", "arrow", "strip", "text", "triangles"]
 Key = tuple[str, int]
 # An arrow's head is no longer than this share of the arrow.
 LONGEST_HEAD = 0.4
@@ -34,13 +34,13 @@ class Shape:
     Attributes:
         namespace, number: together its name.
         kind: ``cylinder`` along its z, ``sphere``, ``box``; ``arrow`` or line (``strip``) through
-            ``points``; ``text`` that faces the viewer.
+            ``points``; ``text`` that faces the viewer; ``triangles``, three ``points`` each.
         pose: frame of the shape in the world; identity where ``points`` say all.
         size: m. Diameters and length of a cylinder, diameters of a sphere, edges of a box;
             diameters of shaft and head and length of the head of an arrow; width of a strip;
-            height of letters last for a text.
+            height of letters last for a text; ones for triangles.
         colour: red, green, blue and opacity, 0 to 1.
-        points: (n, 3) in the world: tail and tip of an arrow, corners of a strip.
+        points: (n, 3) in the world: tail and tip of an arrow, corners of a strip or of triangles.
         text: what a text says.
     """
 

@@ -22,7 +22,7 @@ from hapticmech_ros.view.shapes import (
 )
 
 # As shares of the mechanism's length: a half-space is drawn as a plate below its plane.
-PLATE_SIDE, PLATE_THICKNESS = 2.0, 0.06
+PLATE_SIDE, PLATE_THICKNESS = 1.2, 0.06
 SPRING_WIDTH, COIL_RADIUS = 0.02, 0.05
 COILS = 6
 

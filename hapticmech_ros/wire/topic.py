@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Rate = Literal["control", "view", "marker", "change", "1 Hz", "caller's"]
+Rate = Literal["control", "view", "contact", "marker", "change", "1 Hz", "caller's"]
 Qos = Literal["stream", "latched", "command"]
 
 
@@ -22,8 +22,8 @@ class Topic:
         type: ROS message type.
         publisher: node that publishes it, or ``any``.
         subscribers: nodes that subscribe.
-        rate: ``control`` is the scene's control rate, ``view`` is for people and slower, ``marker``
-            the scene viewer's.
+        rate: ``control`` is the scene's control rate, ``view`` is for people and slower,
+            ``contact`` the same in scenes with contacts, ``marker`` the scene viewer's.
         qos: name of the profile in nodes/qos.py.
         meaning: what it carries; for wrenches by whom, on whom, at which point, in which axes.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hapticmech_ros.wire.contact_topics import CONTACTS
 from hapticmech_ros.wire.topic import (
     ANALYSER,
     ARRAY,
@@ -258,6 +259,7 @@ TOPICS: tuple[Topic, ...] = (
     GRASPED,
     CLOSURES,
     ENERGY,
+    CONTACTS,
     RENDERING,
     INVERSE_INERTIA,
     PROJECTOR,

@@ -63,9 +63,30 @@ def apart(found: Array, expected: Array, size: float = 0.0) -> float:
     return float(np.abs(found - expected).max()) / largest if largest > 0.0 else 0.0
 
 
+def of_inertia(space: ConstraintSpace) -> float:
+    """Return by how much D magnifies rounding beyond what tolerances have room for, 1e3."""
+    return max(1.0, float(np.linalg.cond(space.factor)) ** 2 / 1e3)
+
+
 def condition(space: ConstraintSpace) -> float:
-    """Return by how much the closures that carry force magnify rounding: σ₁/σ_r."""
-    return float(space.sigma[0] / space.sigma[-1]) if space.rank else 1.0
+    """Return by how much rounding is magnified: by closures that carry force, σ₁/σ_r, and by D."""
+    closures = float(space.sigma[0] / space.sigma[-1]) if space.rank else 1.0
+    return closures * of_inertia(space)
+
+
+def falling(terms: Evaluation, index: int) -> float:
+    """Return how large a point's acceleration is where nothing cancels: each force's by itself.
+
+    With closures and without.
+    """
+    forces = np.abs(terms.bias_force) + np.abs(terms.passive_force) + np.abs(terms.effort)
+    point, space = terms.points[index], terms.space
+    free = space.to_mass_metric(np.eye(forces.size))
+    sizes = [
+        np.abs(point.jacobian @ np.column_stack([space.from_mass_metric(c) for c in part.T]))
+        for part in (free, space.without_closure_part(free))
+    ]
+    return float(max((size @ forces).max() for size in sizes) + np.abs(point.drift).max())
 
 
 def projector(space: ConstraintSpace) -> Array:

@@ -86,3 +86,44 @@ def run(document, duration, every=1):
 def held(sim, state):
     """Return kinetic, potential and contacts' energy, J."""
     return sum(sim.mechanism.energy(state.q, state.v)) + state.account.contact_energy
+
+
+def rate_of(sim, state, link, place):
+    """Return the velocity (3,), m/s, of the point of a link that is at a place (3,), world axes."""
+    if link == "world":
+        return np.zeros(3)
+    mechanism = sim.mechanism
+    twist = mechanism.link_jacobian(state.q, link) @ state.v
+    arm = place - mechanism.frame_pose(state.q, link).translation
+    return np.asarray(twist[:3] + np.cross(twist[3:], arm))
+
+
+def broken_law(sim, before, after):
+    """Return by how much forces and rates of a step of rk2 or rk4 break the law, N.
+
+    Rates at the end are those of the links there, so that a body that turns by ω h in the step is
+    off by as much of its rates.
+    """
+    shapes = {shape.name: shape.link for shape in sim.scene.shapes}
+    found, worst = after.touching, 0.0
+    for point, pair in enumerate(found.pairs.tolist()):
+        law = sim.scene.contacts[pair]
+        links, normal = (shapes[law.a], shapes[law.b]), found.normals[point]
+        start, end = (
+            np.subtract(*(rate_of(sim, state, link, found.points[point]) for link in links))
+            for state in (before, after)
+        )
+        pushes = found.forces[point] @ normal
+        friction = found.forces[point] - pushes * normal
+        ahead = found.depths[point] - 0.5 * sim.period * (start @ normal)
+        damping = law.damping + law.dissipation * law.stiffness * max(0.0, ahead)
+        resistance = max(damping, law.stiffness * sim.period)
+        wanted = max(0.0, law.stiffness * ahead - resistance * (end @ normal))
+        slip = end - (end @ normal) * normal
+        most = law.friction * pushes
+        worst = max(worst, abs(pushes - wanted), np.linalg.norm(friction) - most)
+        # Slip of so many m/s has its direction from rounding.
+        if np.linalg.norm(slip) > 1e-6:
+            against = -most * slip / np.linalg.norm(slip)
+            worst = max(worst, np.linalg.norm(friction - against))
+    return worst

@@ -9,6 +9,7 @@ from hapticmech_ros import Mechanism, analyse, load_scene
 from oracles.sessions import SessionRun
 
 RADIUS, ROD = 0.04, 0.13
+INMOST = ROD - RADIUS  # where the piston counts from
 FLYWHEEL = 9.8e-4
 ROD_MASS, ROD_CENTRE, ROD_MOMENT = 0.08, 0.05, 1.4e-4
 PISTON_MASS = 0.8
@@ -48,7 +49,7 @@ class Turn:
             + DAMPING["rod"] * (self.tilt_rate - 1.0) ** 2
             + DAMPING["piston"] * self.piston_rate**2
         )
-        self.q = np.array([angle, self.tilt - angle, self.piston])
+        self.q = np.array([angle, self.tilt - angle, self.piston - INMOST])
 
 
 @cache

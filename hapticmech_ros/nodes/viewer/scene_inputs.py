@@ -20,6 +20,8 @@ from hapticmech_ros.nodes.inputs import Latest
 from hapticmech_ros.nodes.messages import read_pose, read_wrench
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.contact_points import ContactLayout, ContactPoints
+from hapticmech_ros.wire.contact_topics import CONTACTS
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import (
     COUNT,
@@ -44,6 +46,7 @@ class Heard:
         device_command: (6,) by the device, on the hand.
         point_commands: operational point -> (6,) on the mechanism.
         count: joint constraints felt at the actor's operational point.
+        touching: points of contact; None in a scene without contacts, or not told of.
     """
 
     state: WireState
@@ -52,6 +55,7 @@ class Heard:
     device_command: Array | None
     point_commands: dict[str, Array]
     count: int | None
+    touching: ContactPoints | None = None
 
 
 class Ear(Generic[T]):
@@ -140,6 +144,12 @@ class SceneInputs:
             UInt8,
             lambda data: _count(data, directions),
         )
+        names = [contact.name for contact in mechanism.scene.contacts]
+        touched = ContactLayout(names)
+        self._touching = [
+            Ear(actor, CONTACTS.name, Float64MultiArray, lambda data: touched.unpack(decode(data)))
+            for _ in names[:1]
+        ]
 
     def listen(self, wanted: bool) -> None:
         """Subscribe to everything, or to nothing."""
@@ -156,13 +166,14 @@ class SceneInputs:
 
     def _ears(self) -> list[Ear[Any]]:
         alone: list[Ear[Any]] = [self._state, self._device, self._hand, self._command, self._count]
-        return [*alone, *self._points.values()]
+        return [*alone, *self._points.values(), *self._touching]
 
     def now(self, now_ns: int, timeout_ns: int) -> Heard | None:
         """Return what is known; None without a state of the mechanism."""
         state = self._state.value(now_ns, timeout_ns)
         if state is None:
             return None
+        touching = [ear.value(now_ns, timeout_ns) for ear in self._touching]
         commands = {name: ear.value(now_ns, timeout_ns) for name, ear in self._points.items()}
         return Heard(
             state,
@@ -171,6 +182,7 @@ class SceneInputs:
             self._command.value(now_ns, timeout_ns),
             {name: wrench for name, wrench in commands.items() if wrench is not None},
             self._count.value(now_ns, timeout_ns),
+            touching[0] if touching else None,
         )
 
 

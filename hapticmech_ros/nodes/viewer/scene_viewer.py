@@ -19,6 +19,8 @@ from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import first_count
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.view import Picture, Placement, Placer, Shape, Snapshot, moving_frames
+from hapticmech_ros.view.contact_shapes import Hulls, touch_shapes
+from hapticmech_ros.view.wrench_shapes import Scales
 from hapticmech_ros.wire.topics import STATE
 
 # A marker vanishes when this, or three periods, went by without a new one, s.
@@ -38,6 +40,7 @@ class SceneViewer(ClockedActor[ViewerParameters]):
         self._mechanism = mechanism
         self._analyser = Analyser(mechanism, self.point)
         self._placer = Placer(mechanism)
+        self._hulls = Hulls(self.scene)
         self._grasps = flat_grasps(mechanism.scene)
         self._inputs = SceneInputs(self, mechanism)
         tf_type = installed_tf_type() if parameters.tf else None
@@ -146,4 +149,9 @@ class SceneViewer(ClockedActor[ViewerParameters]):
             analysis=found,
             count=count,
         )
-        return picture.draw(snapshot, placement)
+        shapes = [*picture.draw(snapshot, placement), *self._hulls.draw(placement)]
+        if heard.touching is not None:
+            length = self._mechanism.length
+            scales = Scales(length, parameters.force_scale, parameters.torque_scale)
+            shapes += touch_shapes(heard.touching, scales)
+        return shapes

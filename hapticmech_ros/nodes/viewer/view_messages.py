@@ -24,6 +24,7 @@ _TYPES = {
     "arrow": Marker.ARROW,
     "strip": Marker.LINE_STRIP,
     "text": Marker.TEXT_VIEW_FACING,
+    "triangles": Marker.TRIANGLE_LIST,
 }
 
 

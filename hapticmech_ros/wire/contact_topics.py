@@ -1,0 +1,24 @@
+"""Topics of what touches what, in scenes with contacts."""
+
+from __future__ import annotations
+
+from hapticmech_ros.wire.topic import ARRAY, MECHANISM, VIEWER, WRENCH, Topic
+
+CONTACTS = Topic(
+    "mechanism/contacts",
+    ARRAY,
+    MECHANISM,
+    "stamp, then eleven numbers for each point of contact: its pair, position, normal, depth and "
+    "force. Also `mechanism/contacts/<contact>/measured_cf`, a pair's own wrench: by shape b, on "
+    "shape a, at the origin of a's frame, axes of `world`",
+    (VIEWER,),
+    rate="contact",
+)
+# One for each declared pair, whose name takes the place of the point's.
+CONTACT_FORCE = Topic(
+    "mechanism/contacts/{point}/measured_cf",
+    WRENCH,
+    MECHANISM,
+    "by shape b, on shape a, at the origin of a's frame, axes of `world`",
+    rate="contact",
+)

@@ -1,0 +1,183 @@
+"""A crane: the rope that is a constraint where it hangs, the swing, and the wall that is hit."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
+from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.scene import document_of, scene_from_document
+from oracles.sessions import SessionRun
+
+TROLLEY, LOAD, MOMENT = 1.5, 0.6, 3.6e-4
+ROPE, HOOK, SIDE = 0.25, 0.03, 0.06
+GRAVITY, WALL = 9.81, 0.07
+STIFFNESS, POINTS, HAND = 2.5e3, 4, 300.0
+RAIL = 0.15  # of the trolley above the load
+PLANE = np.ix_([0, 1, 5], [0, 1, 5])
+
+
+@cache
+def whole():
+    return SessionRun(load_scene("crane"))
+
+
+def configuration(rope, turn, trolley=RAIL):
+    """Return q where the rope leans by an angle and the load is turned by another."""
+    hook = np.array([trolley - RAIL + ROPE * np.sin(rope), -ROPE * np.cos(rope)])
+    middle = hook - HOOK * np.array([-np.sin(turn), np.cos(turn)])
+    return np.array([trolley, *middle, np.cos(turn), np.sin(turn)])
+
+
+def changed(trolley=None, q=None, **simulation):
+    """Return the scene with other values of the trolley's joint, another start, another rule."""
+    document = document_of(load_scene("crane"))
+    document["links"][0]["joint"] |= trolley or {}
+    document["simulation"] |= simulation
+    if q is not None:
+        rail, *swing = (float(value) for value in q)
+        document["initial_state"]["q"] = {"rail": rail, "swing": swing}
+    return scene_from_document(document)
+
+
+@pytest.mark.parametrize(("rope", "turn"), [(0.0, 0.0), (0.1, 0.0), (-0.3, 0.2), (0.5, 0.5)])
+def test_the_rope_is_a_constraint_where_it_hangs_and_a_mass_elsewhere(rope, turn):
+    """X of a body on a rod to a mass on a rail, by one row and one multiplier."""
+    q = configuration(rope, turn)
+    found = analyse(Mechanism(load_scene("crane")), q, point="load_middle")
+    along = np.array([np.sin(rope), -np.cos(rope)])
+    hook = HOOK * np.array([-np.sin(turn), np.cos(turn)])
+    row = np.array([*along, hook[0] * along[1] - hook[1] * along[0]])
+    free = np.diag([1.0 / LOAD, 1.0 / LOAD, 1.0 / MOMENT])
+    shared = row @ free @ row + along[0] ** 2 / TROLLEY
+    expected = free - free @ np.outer(row, row) @ free / shared
+    # Two links and one row: rounding, of the largest entry.
+    assert found.inverse_inertia[PLANE] == pytest.approx(expected, abs=1e-11 / MOMENT)
+    assert found.rank == (2 if rope == 0.0 else 3)
+
+
+@pytest.mark.parametrize(("angle", "count"), [(0.0, 1), (0.03, 1), (0.15, 0), (-0.15, 0)])
+def test_the_rope_is_felt_as_rigid_within_some_degrees(angle, count):
+    """Along it the trolley is as heavy as M / sin², against 750 kg and 120 kg: at 2.6° and 6.4°."""
+    scene = load_scene("crane")
+    found = analyse(Mechanism(scene), configuration(angle, 0.0), point="load_middle")
+    assert first_count(found.spectrum.s, scene.perception).count == count
+    assert (scene.perception.s_on, scene.perception.s_off) == (0.02, 0.05)
+
+
+def matrices(trolley_moves):
+    """Return inertia and stiffness of small swings: trolley, rope's lean, load's turn."""
+    m, rope, hook = LOAD, ROPE, HOOK
+    inertia = np.array(
+        [
+            [TROLLEY + m, m * rope, m * hook],
+            [m * rope, m * rope**2, m * rope * hook],
+            [m * hook, m * rope * hook, m * hook**2 + MOMENT],
+        ]
+    )
+    stiffness = np.diag([0.0, m * GRAVITY * rope, m * GRAVITY * hook])
+    first = 0 if trolley_moves else 1
+    return inertia[first:, first:], stiffness[first:, first:]
+
+
+@pytest.mark.parametrize(("mode", "trolley_moves"), [(1, True), (2, True), (0, False), (1, False)])
+def test_it_swings_as_a_double_pendulum_does(mode, trolley_moves):
+    """After a period each mode is back where it began."""
+    inertia, stiffness = matrices(trolley_moves)
+    squares, shapes = scipy.linalg.eigh(stiffness, inertia)
+    period = 2.0 * np.pi / np.sqrt(squares[mode])
+    shape = shapes[:, mode] / np.abs(shapes[-2:, mode]).max() * 1e-3
+    trolley, rope, turn = shape if trolley_moves else (0.0, *shape)
+    steps = 1000
+    scene = changed(
+        {"damping": 0.0, "locked": not trolley_moves},
+        configuration(rope, turn, RAIL + trolley),
+        period=float(period / steps),
+        integrator="rk4",
+    )
+    simulator = Simulator(scene)
+    start = simulator.initial_state()
+    half, end = (simulator.run(start, count).end for count in (steps // 2, steps))
+    # Swings of 1 mrad: frequencies are off by some 1e-6 / 16, and so is all else.
+    assert end.q == pytest.approx(start.q, abs=2e-9)
+    assert half.q[-1] == pytest.approx(-start.q[-1], abs=1e-9)
+    assert np.abs(half.q - start.q).max() > 1e-4
+
+
+def test_it_loses_at_the_wall_and_never_gains():
+    """Let go of, the load swings into the wall: what it has falls by what is counted as lost."""
+    simulator = Simulator(changed(q=configuration(-0.5, -0.5), integrator="rk4"))
+    state, calm = simulator.initial_state(), np.zeros((2, 6))
+    rows = []
+    for _ in range(2500):
+        state = simulator.step(state, calm)
+        account = state.account
+        held = sum(simulator.mechanism.energy(state.q, state.v)) + account.contact_energy
+        lost = account.contact_loss + account.damping_loss
+        rows.append((held, lost, account.contact_loss, state.touching.pairs.size))
+    held, lost, by_wall, touching = np.array(rows).T
+    assert (touching > 0).sum() > 10
+    assert by_wall[-1] > 0.01
+    # With rk2 its error in flight adds up to 2e-7 J a step, with rk4 less than swings lose.
+    assert np.diff(held).max() < 0.0
+    assert np.diff(lost).min() > -1e-12
+    # What contacts hold is counted to the step's end by rates of its start: a share of the 10 mJ.
+    assert np.ptp(held + lost) < 0.01 * by_wall[-1]
+
+
+def wall_and_lean(sample):
+    """Return the wall's force on the load, N, and how far the rope leans."""
+    touching, q = sample.mechanism.touching, sample.mechanism.q
+    force = touching.forces[:, 0].sum() if touching is not None else 0.0
+    return force, lean_of(q)
+
+
+def lean_of(q):
+    hook = q[1] - HOOK * q[4]
+    return np.arcsin((hook - (q[0] - RAIL)) / ROPE)
+
+
+def test_the_wall_is_felt_at_the_load():
+    """Pressed against it for a second, hand, device and wall do the same."""
+    run = whole()
+    touching = run.of(lambda s: s.contact_wrench[0])
+    assert np.abs(touching[run.time < 1.5]).max() == 0.0
+    pressed = (run.time > 3.0) & (run.time < 3.7)
+    pushes = run.of(lambda s: s.hand_wrench[0])[pressed]
+    felt = run.of(lambda s: s.output.device[0])[pressed]
+    assert pushes.min() > 5.0
+    assert felt == pytest.approx(-pushes, rel=0.02)
+    # The trolley still swings. Where the rope leans it pulls the load off the wall or onto it, by
+    # its weight, which friction of 0.2 at the wall carries up to 1.2 N of: of that, tan(lean).
+    walls, leans = run.of(wall_and_lean)[pressed].T
+    assert np.abs(leans).max() < 0.2
+    rope = LOAD * GRAVITY * np.tan(leans)
+    assert walls == pytest.approx(-pushes + rope, abs=1.2 * 0.2 + 0.02 * pushes.max())
+    assert np.abs(walls + pushes).max() < 1.5
+    # Corners of the box in the wall, and the hand's own spring behind: 60 mm less the gap.
+    depth = pushes.mean() / (POINTS * STIFFNESS)
+    goal = 0.06 - (WALL - 0.5 * SIDE)
+    assert pushes.mean() == pytest.approx(HAND * (goal - depth), rel=0.02)
+    place = run.of(lambda s: s.point.pose.translation[0])[pressed]
+    assert place.mean() == pytest.approx(WALL - 0.5 * SIDE + depth, abs=1e-4)
+
+
+def test_hitting_the_wall_is_felt_at_once():
+    """In the tick after the first contact its wrench is in what the device does."""
+    run = whole()
+    touching = run.of(lambda s: s.contact_wrench[0])
+    hit = int(np.argmax(touching < 0.0))
+    before, at = run.samples[hit - 1], run.samples[hit]
+    assert at.point.twist[0] < before.point.twist[0]
+    change = at.output.four_channel[0] - before.output.four_channel[0]
+    assert change < 0.8 * touching[hit]
+
+
+def test_the_rope_comes_and_goes():
+    """The count falls where the rope leans and rises where it hangs, and ends as it began."""
+    run = whole()
+    assert {(before, after) for _, before, after in run.changes} == {(0, 1), (1, 0)}
+    assert np.abs(run.of(lambda s: lean_of(s.mechanism.q))).max() > 0.15
+    assert run.count[0] == run.count[-1] == 1
