@@ -14,7 +14,7 @@ from hapticmech_ros.formats.xml_nodes import Node, Source
 # What a scene has.
 KINDS = ("sphere", "box", "cylinder", "capsule", "half_space", "mesh")
 NAMES_SHOWN = 20
-NAMEABLE = "contacts of a scene file can name it"
+NAMEABLE = "a contact of a scene file can name it"
 OTHER = f"a scene's shapes are {', '.join(KINDS)}"
 
 

@@ -19,6 +19,7 @@ from formats.test_urdf import in_order_of, inertial_of
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import left_out, read_model
+from hapticmech_ros.mechanism import Simulator
 
 # Rounding of a few transforms, and of roll, pitch, yaw.
 SAME = 1e-12
@@ -122,15 +123,15 @@ def test_shapes_of_urdf_are_where_pinocchio_has_them(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name",
+    ("name", "base"),
     [
-        "panda_description/urdf/panda.urdf",
-        "ur_description/urdf/ur5_robot.urdf",
-        "solo_description/robots/solo12.urdf",
-        "double_pendulum_description/urdf/double_pendulum.urdf",
+        ("panda_description/urdf/panda.urdf", "fixed"),
+        ("ur_description/urdf/ur5_robot.urdf", "fixed"),
+        ("solo_description/robots/solo12.urdf", "free"),
+        ("double_pendulum_description/urdf/double_pendulum.urdf", "fixed"),
     ],
 )
-def test_robots_have_their_shapes_where_pinocchio_has_them(name, tmp_path):
+def test_robots_have_their_shapes_where_pinocchio_has_them(name, base, tmp_path):
     original = robot(".urdf", name)
     # Beside the file there is nothing to write to; its packages are found by their names.
     share = next(p for p in original.parents if p.name == "example-robot-data").parent
@@ -138,7 +139,7 @@ def test_robots_have_their_shapes_where_pinocchio_has_them(name, tmp_path):
     path.write_bytes(original.read_bytes())
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv("ROS_PACKAGE_PATH", str(share))
-        assert_as_in_pinocchio(path, package_dirs=[str(share)])
+        assert_as_in_pinocchio(path, base, [str(share)])
 
 
 def test_only_what_contacts_name_is_in_the_scene(tmp_path):
@@ -304,6 +305,22 @@ def test_geoms_that_no_scene_has_are_noted_and_refused(tmp_path):
     for name, rule in (("f", "a scene's shapes"), ("e", "a scene's shapes"), ("i", "needs a file")):
         with pytest.raises(SceneError, match=rule):
             load_scene(scene(path, [("floor", name)]))
+
+
+FALLING = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+<body name="ball" pos="0 0 .15"><freejoint name="f"/><geom name="shell" size=".1" mass="2"/></body>
+</worldbody></mujoco>"""
+
+
+def test_a_ball_of_the_file_comes_to_rest_on_its_floor(tmp_path):
+    path = tmp_path / "model.xml"
+    path.write_text(FALLING)
+    file = scene(path, [("shell", "floor")])
+    contact = {"stiffness": 1e4, "damping": 200.0}
+    file.write_text(file.read_text().replace('"stiffness": 1.0', json.dumps(contact)[1:-1]))
+    sim = Simulator(load_scene(file))
+    height = sim.run(sim.initial_state(), 3000, None, 100).q[-1, 2]
+    assert height == pytest.approx(0.1 - 2.0 * 9.81 / 1e4, abs=1e-6)
 
 
 SDF_PLACE = "<pose>0.1 0.2 0.3 0.4 0.5 0.6</pose>"
