@@ -79,6 +79,8 @@ def _packages(place: Path, package: str) -> Iterator[Path]:
 
 def _said_name(place: Path) -> str:
     """Return the name in a folder's ``package.xml``; empty without."""
+    if not _is_file(place / "package.xml"):
+        return ""
     try:
         with (place / "package.xml").open(encoding="utf-8", errors="replace") as file:
             found = re.search(r"<name>\s*([^<>\s]+)\s*</name>", file.read(MANIFEST_SIZE))

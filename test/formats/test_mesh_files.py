@@ -88,6 +88,13 @@ def test_the_nearest_package_counts(tmp_path, monkeypatch):
     assert near.samefile(meshes_of(tmp_path / "ws" / "arm", "package://arm/part.stl"))
 
 
+def test_a_manifest_that_is_no_file_names_no_package(tmp_path):
+    (tmp_path / "ws").mkdir()
+    os.mkfifo(tmp_path / "ws" / "package.xml")
+    with pytest.raises(SceneError, match=r"no such file in a folder or package"):
+        meshes_of(tmp_path / "ws" / "urdf", "package://hand/part.stl")
+
+
 def test_a_mesh_that_is_nowhere_is_named_with_where_it_was_searched_for(tmp_path, monkeypatch):
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "install"))
     with pytest.raises(SceneError) as caught:
