@@ -60,19 +60,20 @@ def check(
 ) -> None:
     """Load SCENE, say what it is, what of its model's file it leaves out, and what to look at."""
     from hapticmech_ros.cli.scene_tables import show_check
-    from hapticmech_ros.formats import notes_of
+    from hapticmech_ros.formats import left_out
     from hapticmech_ros.plan import check_scene
     from hapticmech_ros.scene import load_scene
     from hapticmech_ros.scene.loader import find_scene
 
-    found, notes = check_scene(load_scene(scene)), notes_of(find_scene(scene))
+    found, left = check_scene(load_scene(scene)), left_out(find_scene(scene))
     if json_only:
         import json
         from dataclasses import asdict
 
-        print(json.dumps({**asdict(found), "notes": [str(note) for note in notes]}))
+        notes = [str(note) for note in left.notes]
+        print(json.dumps({**asdict(found), "notes": notes, "model_shapes": left.shapes}))
     else:
-        show_check(found, notes)
+        show_check(found, left)
 
 
 @app.command()

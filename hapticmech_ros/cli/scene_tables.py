@@ -10,9 +10,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from hapticmech_ros.cli.console import console
-from hapticmech_ros.formats import Note
+from hapticmech_ros.formats import LeftOut
 from hapticmech_ros.plan import ClosurePlan, SceneCheck, ScenePlan
 
+SHAPES_SHOWN = 60
 NUMBERS = {"rows", "times", "bytes"}
 
 
@@ -32,7 +33,7 @@ def show_scenes(scenes: Sequence[tuple[str, str]]) -> None:
         console.print(f"{name:<20} {purpose}", highlight=False, markup=False, soft_wrap=True)
 
 
-def show_check(check: SceneCheck, notes: Sequence[Note]) -> None:
+def show_check(check: SceneCheck, left: LeftOut) -> None:
     """Print what a scene is, what its model's file has besides, and what to look at."""
     lines = {
         "scene": check.scene,
@@ -51,8 +52,13 @@ def show_check(check: SceneCheck, notes: Sequence[Note]) -> None:
         felt = "-" if point.mass_kg is None else f"{point.mass_kg[0]:.3g} to {point.mass_kg[1]:.3g}"
         table.add_row(point.name, point.link, str(point.rank), str(point.count), felt)
     console.print(table)
-    for note in notes:
+    for note in left.notes:
         console.print(f"not in the scene: {note}", highlight=False, markup=False, soft_wrap=True)
+    if left.shapes:
+        more = len(left.shapes) - SHAPES_SHOWN
+        rest = f" and {more} more, which --json lists" if more > 0 else ""
+        text = f"its model's shapes: {', '.join(left.shapes[:SHAPES_SHOWN])}{rest}"
+        console.print(text, highlight=False, markup=False, soft_wrap=True)
     for warning in check.warnings:
         console.print(f"[yellow]warning:[/] {escape(warning)}", highlight=False, soft_wrap=True)
 

@@ -49,7 +49,7 @@ def hull(points: Array) -> Polytope:
     place = {int(old): new for new, old in enumerate(kept)}
     vertices = np.ascontiguousarray(points[kept], dtype=float)
     triangles = [[place[int(corner)] for corner in simplex] for simplex in found.simplices]
-    merged = _merged(triangles, found.equations[:, :3])
+    merged = _merged(found, place)
     normals = np.array([_unit(normal) for normal, _ in merged])
     faces = tuple(_around(vertices, members, normal) for normal, members in merged)
     outwards = [
@@ -78,29 +78,38 @@ def read_mesh(file: str, scale: tuple[float, float, float], key: str) -> Polytop
     except (RuntimeError, ValueError) as error:
         raise _refused(key, file, f"cannot be read as a mesh: {error}") from None
     try:
-        found = hull(np.unique(points, axis=0))
+        corners = ConvexHull(np.unique(points, axis=0)).vertices
+        if len(corners) > MOST_VERTICES:
+            rule = f"the hull must have at most {MOST_VERTICES} corners, not {len(corners)}"
+            raise _refused(key, file, rule)
+        return hull(np.unique(points, axis=0)[corners])
     except (QhullError, ValueError, IndexError):
         raise _refused(key, file, "the mesh must not be flat") from None
-    if len(found.vertices) > MOST_VERTICES:
-        rule = f"the hull must have at most {MOST_VERTICES} corners, not {len(found.vertices)}"
-        raise _refused(key, file, rule)
-    return found
 
 
 def _refused(key: str, file: str, rule: str) -> SceneError:
     return SceneError("shapes", [SceneProblem(key, file, rule)])
 
 
-def _merged(triangles: list[list[int]], normals: Array) -> list[tuple[Array, set[int]]]:
-    """Return normals and corners of faces; on a convex body triangles with one normal are one."""
+def _merged(found: ConvexHull, place: dict[int, int]) -> list[tuple[Array, set[int]]]:
+    """Return normals and corners of faces: triangles beside each other with one normal are one."""
+    normals = found.equations[:, :3]
+    seen = np.zeros(len(normals), dtype=bool)
     faces: list[tuple[Array, set[int]]] = []
-    for normal, corners in zip(normals, triangles, strict=True):
-        for known, members in faces:
-            if np.linalg.norm(known - normal) < FLAT:
-                members |= set(corners)
-                break
-        else:
-            faces.append((normal, set(corners)))
+    for first in range(len(normals)):
+        if seen[first]:
+            continue
+        seen[first] = True
+        members: set[int] = set()
+        waiting = [first]
+        while waiting:
+            one = waiting.pop()
+            members |= {place[int(corner)] for corner in found.simplices[one]}
+            for other in found.neighbors[one].tolist():
+                if not seen[other] and np.linalg.norm(normals[other] - normals[first]) < FLAT:
+                    seen[other] = True
+                    waiting.append(other)
+        faces.append((normals[first], members))
     return faces
 
 

@@ -13,19 +13,19 @@ import pinocchio as pin
 from hapticmech_ros.formats.mjcf_classes import Context, settings
 from hapticmech_ros.formats.mjcf_equalities import Equalities
 from hapticmech_ros.formats.mjcf_inertias import body_of, shape_of
-from hapticmech_ros.formats.model import WORLD, Body, Hinge, Model, Note, Point
+from hapticmech_ros.formats.mjcf_shapes import collides, solid_of
+from hapticmech_ros.formats.model import WORLD, Body, Hinge, Model, Note, Point, Solid
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 JOINT_TYPES = {"hinge": "revolute", "slide": "prismatic", "ball": "spherical", "free": "free"}
-SHAPE = "say shapes and contacts in a scene file"
 DRAWN = "pictures are drawn from the joints"
 RIGID = "bodies are rigid"
 WHY = {
-    "geom": f"its inertia is taken where the file says so; {SHAPE}",
+    "geom": "drawn only; its inertia is taken where the file says so",
     "actuator": "nothing drives a joint but the hand and what the scene says",
     "sensor": "nothing is sensed but poses and wrenches",
     "tendon": "say springs between two frames in a scene file",
-    "contact": SHAPE,
+    "contact": "say which shapes touch in a scene file",
     "keyframe": "say initial_state in a scene file",
     "deformable": RIGID,
     "camera": DRAWN,
@@ -58,10 +58,6 @@ def read_mjcf(source: Source) -> Model:
     Raises:
         SceneError: it breaks a rule; names line, element, value and rule.
     """
-    for node in source.root.walk():
-        if node.tag == "include":
-            rule = "includes are not followed: give the file that has the bodies"
-            raise source.error(node, node.attributes.get("file"), rule)
     return _Reader(source, Context(source)).read()
 
 
@@ -71,9 +67,11 @@ class _Reader:
     context: Context
     bodies: dict[str, Body] = field(default_factory=dict)
     hinges: list[Hinge] = field(default_factory=list)
+    joints: set[str] = field(default_factory=set)
     refs: dict[str, float] = field(default_factory=dict)
     free: dict[str, list[float]] = field(default_factory=dict)
     sites: dict[str, tuple[str, pin.SE3]] = field(default_factory=dict)
+    solids: list[Solid] = field(default_factory=list)
     notes: Counter[str] = field(default_factory=Counter)
 
     def read(self) -> Model:
@@ -96,9 +94,11 @@ class _Reader:
             equalities.ties,
             equalities.couplings,
             [Point(name, *place) for name, place in self.sites.items()],
+            self.solids,
             self._gravity(),
             notes=self._notes(),
             start={**{name: ref for name, ref in self.refs.items() if ref}, **self.free},
+            floating="a <freejoint/> makes a body float",
         )
 
     def _gravity(self) -> tuple[float, float, float]:
@@ -144,10 +144,15 @@ class _Reader:
             if part.tag == "body":
                 self._body(part, name, place, called, moving)
                 continue
-            if part.tag in ("geom", "camera", "light"):
+            if part.tag in ("camera", "light"):
                 self.notes[part.tag] += 1
-            if part.tag == "geom":
-                geoms.append((self.context.full(part, called), place))
+            elif part.tag == "geom":
+                geom = self.context.full(part, called)
+                geoms.append((geom, place))
+                if collides(self.context, geom):
+                    self.solids.append(solid_of(self.context, geom, place, name))
+                else:
+                    self.notes["geom"] += 1
             elif part.tag == "inertial":
                 if inertial is not None:
                     raise self.source.error(part, name, "one <inertial> is enough")
@@ -214,6 +219,9 @@ class _Reader:
         kind = context.word(node, "type", "hinge") if node.tag == "joint" else "free"
         if kind not in JOINT_TYPES:
             raise source.error(node, kind, f"type must be one of {sorted(JOINT_TYPES)}")
+        if name in self.joints:
+            raise source.error(node, name, "names of joints must be unique")
+        self.joints.add(name)
         self.notes["armature"] += source.value(node, "armature", 0.0) != 0.0
         self.notes["springdamper"] += any(source.values(node, "springdamper", (0.0, 0.0)))
         self.notes["align"] += kind == "free" and node.attributes.get("align") == "true"
@@ -235,8 +243,6 @@ class _Reader:
         axis /= size
         scale = context.angle if kind == "hinge" else float
         ref = scale(source.value(node, "ref", 0.0))
-        if name in self.refs:
-            raise source.error(node, name, "names of joints must be unique")
         self.refs[name] = ref
         back = pin.SE3.Identity()
         if kind == "hinge":

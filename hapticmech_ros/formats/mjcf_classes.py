@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
@@ -22,7 +22,8 @@ def settings(root: Node, tag: str) -> Node:
     found = root.all(tag)
     attributes = {key: value for node in found for key, value in node.attributes.items()}
     children = [child for node in found for child in node.children]
-    return Node(tag, attributes, found[0].line if found else root.line, children)
+    first = found[0] if found else root
+    return Node(tag, attributes, first.line, children, file=first.file)
 
 
 @dataclass
@@ -76,7 +77,7 @@ class Context:
         """Return an element with what its class says of such ones."""
         called = node.attributes.get("class", childclass or self.main)
         given = self.classes[self.known(node, called)].get(node.tag, {})
-        return Node(node.tag, {**given, **node.attributes}, node.line, node.children)
+        return replace(node, attributes={**given, **node.attributes})
 
     def word(self, node: Node, key: str, default: str) -> str:
         """Return an attribute that is a word."""
@@ -110,11 +111,7 @@ class Context:
         if len(given) > 1:
             raise self.source.error(node, given, "one way of giving a rotation is enough")
         if not given:
-            w, x, y, z = self.source.values(node, "quat", (1.0, 0.0, 0.0, 0.0))
-            self._unit_of(node, "quat", np.array((w, x, y, z)))
-            turn = pin.Quaternion(w, x, y, z)
-            turn.normalize()
-            return np.asarray(turn.matrix())
+            return self.quaternion(node, "quat")
         if given == ["euler"]:
             return self._euler(node)
         if given == ["axisangle"]:
@@ -130,6 +127,14 @@ class Context:
         x_axis = self._unit_of(node, "xyaxes", both[:3])
         y_axis = self._unit_of(node, "xyaxes", both[3:] - (both[3:] @ x_axis) * x_axis)
         return np.column_stack((x_axis, y_axis, np.cross(x_axis, y_axis)))
+
+    def quaternion(self, node: Node, key: str) -> np.ndarray:
+        """Return the rotation that a quaternion in an attribute is."""
+        w, x, y, z = self.source.values(node, key, (1.0, 0.0, 0.0, 0.0))
+        self._unit_of(node, key, np.array((w, x, y, z)))
+        turn = pin.Quaternion(w, x, y, z)
+        turn.normalize()
+        return np.asarray(turn.matrix())
 
     def _unit_of(self, node: Node, key: str, vector: np.ndarray) -> np.ndarray:
         size = float(np.linalg.norm(vector))

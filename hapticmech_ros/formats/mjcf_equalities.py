@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
@@ -53,8 +53,8 @@ class Equalities:
 
     def _full(self, node: Node) -> Node:
         """Return an equality with the defaults of all equalities, which are under that name."""
-        general = self.context.full(Node("equality", node.attributes, node.line))
-        return Node(node.tag, general.attributes, node.line)
+        general = self.context.full(replace(node, tag="equality"))
+        return replace(general, tag=node.tag)
 
     def _by_sites(self, node: Node) -> bool:
         given = ("site1" in node.attributes, "site2" in node.attributes)

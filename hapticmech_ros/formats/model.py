@@ -5,7 +5,7 @@ A hinge carries a body from another; a body that two hinges carry closes a loop.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -116,6 +116,25 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
+class Solid:
+    """A shape of the file for collisions; what is wrong with it is said once it is needed.
+
+    Attributes:
+        name: as in the file; empty if it says none.
+        body: that it is fixed in, or ``world``.
+        kind: of a scene's geometries; else the file's word for what no scene has.
+        what: element, for notes.
+        read: returns its frame in the body, and its geometry as in a scene.
+    """
+
+    name: str
+    body: str
+    kind: str
+    what: str
+    read: Callable[[], tuple[pin.SE3, Document]]
+
+
+@dataclass(frozen=True, slots=True)
 class Model:
     """A file's mechanism, loops included.
 
@@ -123,11 +142,12 @@ class Model:
         name: of the model.
         bodies: by name; ``world`` is not among them.
         hinges: joints; those that close loops are among them.
-        ties, couplings, points: see there.
+        ties, couplings, points, solids: see there.
         gravity: (3,) m/s² if the file says so.
         bases: where bodies that nothing carries are in the world; the origin if left out.
         notes: what the scene does not have.
         start: positions of joints, as in a scene's ``initial_state``, where these are not zero.
+        floating: how a body comes to float, for messages.
     """
 
     name: str
@@ -136,10 +156,12 @@ class Model:
     ties: Sequence[Tie] = ()
     couplings: Sequence[Coupling] = ()
     points: Sequence[Point] = ()
+    solids: Sequence[Solid] = ()
     gravity: tuple[float, float, float] | None = None
     bases: Mapping[str, pin.SE3] = field(default_factory=dict)
     notes: Sequence[Note] = ()
     start: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+    floating: str = "with base: free it floats"
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,12 +172,20 @@ class Imported:
         document: ``name``, ``links``, ``closures`` and what else the file says.
         places: name in the file -> link of the scene, or ``world``, and the frame in it.
         joints: name in the file -> name in the scene.
+        shapes: by name in the scene, those for collisions; a scene has those that contacts name.
         tips: links at the ends of the tree, the one furthest from the world first.
-        notes: what the scene does not have.
+        notes: what the scene does not have, but shapes.
     """
 
     document: Document
     places: Mapping[str, tuple[str, pin.SE3]]
     joints: Mapping[str, str]
+    shapes: Mapping[str, Solid]
     tips: Sequence[str]
     notes: Sequence[Note]
+
+
+def origin_of(place: pin.SE3) -> Document:
+    """Return a transform as a scene's origin."""
+    rpy = pin.rpy.matrixToRpy(place.rotation)
+    return {"xyz": [float(x) for x in place.translation], "rpy": [float(x) for x in rpy]}

@@ -7,29 +7,31 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pinocchio as pin
 from pydantic import ValidationError
 
 from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.formats.mjcf import read_mjcf
-from hapticmech_ros.formats.model import Document, Imported, Model, Note
+from hapticmech_ros.formats.mjcf_include import open_includes
+from hapticmech_ros.formats.model import Document, Imported, Model, Note, origin_of
 from hapticmech_ros.formats.model_part import ModelPart
 from hapticmech_ros.formats.sdf import read_sdf
+from hapticmech_ros.formats.shapes import KINDS, notes_of_shapes, used, with_shapes
 from hapticmech_ros.formats.stops import with_metrics, with_start, with_stops
-from hapticmech_ros.formats.tree import LINK_LIMIT, origin_of, to_scene
+from hapticmech_ros.formats.tree import LINK_LIMIT, to_scene
 from hapticmech_ros.formats.urdf import read_urdf
 from hapticmech_ros.formats.xml_nodes import Source
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.loader import scene_from_document, written_document
+from hapticmech_ros.scene.loader import rule_of, scene_from_document, written_document
 from hapticmech_ros.scene.mechanism import Origin
 
 # What reads a file, by its outermost element.
 READERS = {"robot": read_urdf, "mujoco": read_mjcf, "sdf": read_sdf}
 # A joint of MJCF has elements of that name wherever it is driven or sensed.
-LIMITS = {"link": LINK_LIMIT, "body": LINK_LIMIT, "joint": 10 * LINK_LIMIT}
+LIMITS = {"link": LINK_LIMIT, "body": LINK_LIMIT, "model": LINK_LIMIT, "joint": 10 * LINK_LIMIT}
 # Nobody holds it but who takes it.
 NO_HAND: Document = {"kind": "constant_wrench"}
 
@@ -49,6 +51,8 @@ def read_model(path: Path, free_base: bool = False) -> Imported:
     if reader is None:
         rule = f"must be one of {sorted(READERS)}: URDF, MJCF or SDF"
         raise source.error(source.root, source.root.tag, rule)
+    if reader is read_mjcf:
+        open_includes(source)
     _refuse_many(source)
     model: Model = reader(source)
     return to_scene(model, str(path), free_base)
@@ -71,7 +75,19 @@ def scene_of(document: Mapping[str, Any], source: Path) -> Scene:
     return scene_from_document(expand(document, source), str(source))
 
 
-def notes_of(path: Path) -> tuple[Note, ...]:
+class LeftOut(NamedTuple):
+    """What the model's file of a scene has and the scene has not.
+
+    Attributes:
+        notes: kinds of elements.
+        shapes: names of those that contacts of the scene could name.
+    """
+
+    notes: tuple[Note, ...] = ()
+    shapes: tuple[str, ...] = ()
+
+
+def left_out(path: Path) -> LeftOut:
     """Return what the model's file of a scene has and the scene has not; nothing without one.
 
     Raises:
@@ -79,9 +95,13 @@ def notes_of(path: Path) -> tuple[Note, ...]:
     """
     document = written_document(path)
     if not isinstance(document, Mapping) or "model" not in document:
-        return ()
+        return LeftOut()
     part = _model_part(document["model"], path)
-    return tuple(read_model(path.parent / part.file, part.base == "free").notes)
+    imported = read_model(path.parent / part.file, part.base == "free")
+    there = used(document, imported)
+    notes = (*imported.notes, *notes_of_shapes(imported, there))
+    nameable = (name for name, solid in imported.shapes.items() if solid.kind in KINDS)
+    return LeftOut(notes, tuple(name for name in nameable if name not in there))
 
 
 def _named(error: SceneError, links: list[Document]) -> SceneError:
@@ -121,6 +141,7 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
     if "links" in own:
         rule = "links come from the model: say one or the other"
         raise SceneError(str(source), [SceneProblem("links", own["links"], rule)])
+    own = with_shapes(own, imported, str(source))
     for key in ("closures", "couplings"):
         if key in own and key in found:
             own[key] = [*found[key], *_list(own[key])]
@@ -143,9 +164,7 @@ def _model_part(written: object, source: Path) -> ModelPart:
         return ModelPart.model_validate(given)
     except ValidationError as error:
         problems = [
-            SceneProblem(
-                ".".join(("model", *map(str, item["loc"]))), item["input"], item["msg"].lower()
-            )
+            SceneProblem(".".join(("model", *map(str, item["loc"]))), item["input"], rule_of(item))
             for item in error.errors()
         ]
         raise SceneError(str(source), problems) from None

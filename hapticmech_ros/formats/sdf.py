@@ -1,16 +1,23 @@
-"""SDFormat: one model, loops included: a link that two joints carry closes one."""
+"""SDFormat: one model with those in it; a link that two joints carry closes a loop."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats.model import WORLD, Body, Hinge, Model, Note, Point
-from hapticmech_ros.formats.xml_nodes import LARGEST, Node, Source
+from hapticmech_ros.formats import mimics
+from hapticmech_ros.formats.model import WORLD, Body, Coupling, Hinge, Model, Note, Point, Solid
+from hapticmech_ros.formats.sdf_frames import Frames
+from hapticmech_ros.formats.sdf_gears import INEXACT, WHY_INEXACT, gearbox, mimic
+from hapticmech_ros.formats.sdf_nested import HERE, opened
+from hapticmech_ros.formats.sdf_shapes import solid_of
+from hapticmech_ros.formats.xml_nodes import Node, Source
+from hapticmech_ros.scene.part import LARGEST
 
 JOINT_TYPES = {
     "revolute": "revolute",
@@ -19,23 +26,21 @@ JOINT_TYPES = {
     "ball": "spherical",
     "fixed": "fixed",
 }
-SHAPE = "say shapes and contacts in a scene file"
 WHY = {
     "visual": "pictures are drawn from the joints",
-    "collision": SHAPE,
     "plugin": "of another simulator",
     "sensor": "nothing is sensed but poses and wrenches",
+    "mimic of a second axis": "joints have one axis",
+    INEXACT: WHY_INEXACT,
+    **mimics.WHY,
     "limit effort": "nothing drives a joint but the hand and what the scene says",
     "limit velocity": "nothing drives a joint but the hand and what the scene says",
 }
 UNKNOWN = "not of a mechanism, or not known"
-HERE = "__model__"
-# How many frames may be attached to each other.
-DEEP = 100
 # Versions of the format in which axes are those of the model.
 OF_MODEL = ("1.0", "1.2", "1.3", "1.4")
 JOINT_KNOWN = {"parent", "child", "pose", "axis"}
-LINK_KNOWN = {"pose", "inertial"}
+LINK_KNOWN = {"pose", "inertial", "collision"}
 
 
 def read_sdf(source: Source) -> Model:
@@ -56,96 +61,72 @@ def read_sdf(source: Source) -> Model:
     return _Reader(source, models[0]).read(vector)
 
 
+def _is_gearbox(joint: Node) -> bool:
+    return joint.attributes.get("type", "").strip() == "gearbox"
+
+
 @dataclass
 class _Reader:
     source: Source
     model: Node
     notes: Counter[str] = field(default_factory=Counter)
-    placed: dict[str, tuple[str, pin.SE3]] = field(default_factory=dict)
-    poses: dict[str, pin.SE3] = field(default_factory=dict)
-    joints: dict[str, Node] = field(default_factory=dict)
-    frames: dict[str, Node] = field(default_factory=dict)
+    solids: list[Solid] = field(default_factory=list)
+    couplings: list[Coupling] = field(default_factory=list)
 
     def read(self, gravity: tuple[float, float, float] | None) -> Model:
         source, model = self.source, self.model
-        for node in model.children:
-            if node.tag in ("model", "include"):
-                name = node.attributes.get("name")
-                raise source.error(node, name, "models in models are not read")
-            if node.tag in ("link", "joint", "frame"):
-                self._place(node)
-            elif node.tag == "static":
-                if node.text.strip() in ("true", "1"):
-                    raise source.error(node, node.text, "a static model does not move")
-            elif node.tag not in ("pose", "self_collide"):
-                self.notes[node.tag] += 1
-        relative, own = self._written(model)
+        self.frames = Frames(source)
+        relative, own = self.frames.written(model)
         if relative not in ("", WORLD) or "placement_frame" in model.attributes:
             rule = "a model is placed by its own frame in the world"
             raise source.error(model, relative or model.attributes["placement_frame"], rule)
-        self.poses = {HERE: own, WORLD: pin.SE3.Identity()}
+        self.frames.poses = {HERE: own, WORLD: pin.SE3.Identity()}
+        links, joints = self._parts()
         bodies = {}
-        for link in model.all("link"):
+        for link in links:
             body = self._body(link)
             bodies[body.name] = body
-        hinges = [self._hinge(joint, bodies) for joint in model.all("joint")]
-        points = [self._point(name, frame, bodies) for name, frame in self.frames.items()]
-        notes = [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in self.notes.items()]
-        name = model.attributes.get("name") or source.path.stem
-        bases = {body: self._pose(body, model) for body in bodies}
-        return Model(name, bodies, hinges, points=points, gravity=gravity, bases=bases, notes=notes)
+        hinges = [self._hinge(joint, bodies) for joint in joints if not _is_gearbox(joint)]
+        for joint in filter(_is_gearbox, joints):
+            self._gear(joint, hinges, bodies)
+        hinges, couplings = mimics.settled(hinges, self.couplings, self.notes)
+        points = [self._point(name, frame, bodies) for name, frame in self.frames.frames.items()]
+        found = self.notes.items()
+        return Model(
+            model.attributes.get("name") or source.path.stem,
+            bodies,
+            hinges,
+            couplings=couplings,
+            points=points,
+            solids=self.solids,
+            gravity=gravity,
+            bases={body: self.frames.pose(body, model) for body in bodies},
+            notes=[Note(what, count, WHY.get(what, UNKNOWN)) for what, count in found if count],
+        )
 
-    def _place(self, node: Node) -> None:
-        """Note where a link, joint or frame is said to be: in what other, and how."""
-        name = self.source.text(node, "name")
-        if name in self.placed or name in (WORLD, HERE):
-            raise self.source.error(node, name, "names of links, joints, frames must be unique")
-        relative, pose = self._written(node)
-        if not relative:
-            attached = node.attributes.get("attached_to", "") or HERE
-            relative = self._end_name(node, "child") if node.tag == "joint" else attached
-        self.placed[name] = (relative, pose)
-        if node.tag != "link":
-            named = self.joints if node.tag == "joint" else self.frames
-            named[name] = node
-
-    def _written(self, node: Node) -> tuple[str, pin.SE3]:
-        """Return what an element's pose is relative to, empty if it does not say, and the pose."""
-        written = node.first("pose")
-        if written is None:
-            return "", pin.SE3.Identity()
-        if written.attributes.get("frame", ""):
-            rule = "frames of SDFormat 1.6 and before are not read: say relative_to"
-            raise self.source.error(written, written.attributes["frame"], rule)
-        if written.attributes.get("rotation_format", "euler_rpy") != "euler_rpy":
-            rule = "rotations must be euler_rpy"
-            raise self.source.error(written, written.attributes["rotation_format"], rule)
-        values = self.source.numbers(written, written.text or "0 0 0 0 0 0", 6, "a pose")
-        turn = np.array(values[3:])
-        if written.attributes.get("degrees", "false") in ("true", "1"):
-            turn = np.deg2rad(turn)
-        pose = pin.SE3(pin.rpy.rpyToMatrix(*turn), np.array(values[:3]))
-        return written.attributes.get("relative_to", ""), pose
-
-    def _pose(self, name: str, node: Node) -> pin.SE3:
-        """Return where something is in the world."""
-        chain: dict[str, None] = {}  # in order
-        while name not in self.poses:
-            if name not in self.placed:
-                raise self.source.error(node, name, "no such link, joint or frame")
-            if name in chain:
-                rule = "poses are relative to each other in a circle"
-                raise self.source.error(node, list(chain)[:5], rule)
-            chain[name] = None
-            name = self.placed[name][0]
-        for one in reversed(chain):
-            relative, pose = self.placed[one]
-            self.poses[one] = self.poses[relative] * pose
-        return self.poses[next(iter(chain), name)]
+    def _parts(self) -> tuple[list[Node], list[Node]]:
+        """Return the links and joints of the model and of those in it, all placed."""
+        found: dict[str, list[Node]] = {"link": [], "joint": []}
+        for node, scope in opened(self.source, self.model):
+            if node.tag == "include":
+                rule = "includes are not read: give the file with its models written out"
+                raise self.source.error(node, node.attributes.get("name"), rule)
+            if node.tag in ("link", "joint", "frame", "model"):
+                self.frames.place(node, scope)
+                found.get(node.tag, []).append(node)
+            elif node.tag == "static":
+                if node.text.strip() in ("true", "1"):
+                    raise self.source.error(node, node.text, "a static model does not move")
+            elif node.tag not in ("pose", "self_collide"):
+                self.notes[node.tag] += 1
+        return found["link"], found["joint"]
 
     def _body(self, link: Node) -> Body:
         name = self.source.text(link, "name")
         self.notes.update(part.tag for part in link.children if part.tag not in LINK_KNOWN)
+        for part in link.all("collision"):
+            place = partial(self.frames.within, part, name)
+            self.solids.append(solid_of(self.source, part, name, place))
         inertial = link.first("inertial")
         if inertial is None:
             return Body(name, 1.0, np.zeros(3), np.eye(3))  # SDFormat's own default
@@ -164,7 +145,7 @@ class _Reader:
                 [given["ixz"], given["iyz"], given["izz"]],
             ]
         )
-        relative, place = self._written(inertial)
+        relative, place = self.frames.written(inertial)
         if relative not in ("", name):
             raise self.source.error(inertial, relative, "an inertia is relative to its link")
         return Body(name, mass, place.translation.copy(), place.rotation @ own @ place.rotation.T)
@@ -178,30 +159,25 @@ class _Reader:
             return default
         return self.source.numbers(found, found.text, 1, tag, largest)[0]
 
-    def _end_name(self, joint: Node, end: str) -> str:
-        found = joint.first(end)
-        name = found.text.strip() if found is not None else ""
-        if not name:
-            raise self.source.error(joint, joint.attributes.get("name"), f"needs a <{end}>")
-        return name
-
     def _hinge(self, joint: Node, bodies: Mapping[str, Body]) -> Hinge:
         name, kind = self.source.text(joint, "name"), self.source.text(joint, "type")
         if kind not in JOINT_TYPES:
             rule = f"type must be one of {sorted(JOINT_TYPES)}"
             raise self.source.error(joint, kind, rule)
         self.notes.update(part.tag for part in joint.children if part.tag not in JOINT_KNOWN)
-        parent, child = (self._end_name(joint, end) for end in ("parent", "child"))
-        for body in (parent, child):
-            if body not in bodies and body != WORLD:
-                raise self.source.error(joint, body, "no such link")
-        place = self._pose(name, joint)
-        before, behind = self._pose(parent, joint), self._pose(child, joint)
+        parent, child = (
+            self.frames.body_of(self.frames.end_name(joint, end), joint, bodies)
+            for end in ("parent", "child")
+        )
+        place = self.frames.pose(name, joint)
+        before, behind = (self.frames.pose(body, joint) for body in (parent, child))
         moves = kind in ("revolute", "continuous", "prismatic")
         axis = joint.first("axis")
         if moves and axis is None:
             raise self.source.error(joint, name, "needs an <axis>")
         dynamics = axis.first("dynamics") if axis is not None else None
+        if moves and axis is not None:
+            self._mimic(joint, axis)
         return Hinge(
             name,
             JOINT_TYPES[kind],
@@ -209,7 +185,9 @@ class _Reader:
             child,
             before.actInv(place),
             place.actInv(behind),
-            self._axis(axis, place) if moves and axis is not None else np.array((0.0, 0.0, 1.0)),
+            self._axis(axis, place, joint)
+            if moves and axis is not None
+            else np.array((0.0, 0.0, 1.0)),
             damping=self._number(dynamics, "damping", 0.0),
             friction=self._number(dynamics, "friction", 0.0) if moves else 0.0,
             stiffness=self._number(dynamics, "spring_stiffness", 0.0) if moves else 0.0,
@@ -217,7 +195,14 @@ class _Reader:
             limits=self._limits(axis) if kind in ("revolute", "prismatic") else None,
         )
 
-    def _axis(self, axis: Node, place: pin.SE3) -> np.ndarray:
+    def _mimic(self, joint: Node, axis: Node) -> None:
+        found = mimic(self.source, joint, axis)
+        if found is not None:
+            self.couplings.append(found)
+        elif axis.first("mimic") is not None:
+            self.notes["mimic of a second axis"] += 1
+
+    def _axis(self, axis: Node, place: pin.SE3, joint: Node) -> np.ndarray:
         written = axis.first("xyz")
         if written is None:
             return np.array((0.0, 0.0, 1.0))
@@ -225,17 +210,17 @@ class _Reader:
         size = float(np.linalg.norm(vector))
         if not size > 0.0:
             raise self.source.error(written, vector.tolist(), "an axis must not be zero")
-        frame = written.attributes.get("expressed_in", "") or self._axes_of(axis)
+        frame = written.attributes.get("expressed_in", "") or self._axes_of(axis, joint)
         if frame:
-            vector = place.rotation.T @ self._pose(frame, written).rotation @ vector
+            vector = place.rotation.T @ self.frames.pose(frame, written).rotation @ vector
         return np.asarray(vector / size)
 
-    def _axes_of(self, axis: Node) -> str:
+    def _axes_of(self, axis: Node, joint: Node) -> str:
         """Return the frame of an axis that names none; empty if it is its joint's."""
         own = axis.first("use_parent_model_frame")
         before = self.source.root.attributes.get("version", "").strip() in OF_MODEL
         of_model = before if own is None else own.text.strip() in ("true", "1")
-        return HERE if of_model else ""
+        return self.frames.scopes[self.source.text(joint, "name")].here if of_model else ""
 
     def _limits(self, axis: Node | None) -> tuple[float, float] | None:
         limit = axis.first("limit") if axis is not None else None
@@ -248,21 +233,35 @@ class _Reader:
             raise self.source.error(limit, (lower, upper), "lower must not be above upper")
         return lower, upper
 
+    def _gear(self, joint: Node, hinges: list[Hinge], bodies: Mapping[str, Body]) -> None:
+        """Read a gearbox."""
+        reference, parent, child = (
+            self.frames.body_of(self.frames.end_name(joint, end), joint, bodies)
+            for end in ("gearbox_reference_body", "parent", "child")
+        )
+        if not any(hinge.child == child for hinge in hinges):
+            rule = "a gearbox carries nothing: another joint must carry its child"
+            raise self.source.error(joint, child, rule)
+        axes = {}
+        for tag in ("axis", "axis2"):
+            axis = joint.first(tag)
+            if axis is not None:
+                place = self.frames.pose(self.source.text(joint, "name"), joint)
+                axes[tag] = place.rotation @ self._axis(axis, place, joint)
+        found = gearbox(
+            self.source, joint, (reference, parent, child), hinges, axes, self._axis_in_world
+        )
+        if found is None:
+            self.notes[INEXACT] += 1
+        else:
+            self.couplings.append(found)
+
+    def _axis_in_world(self, hinge: Hinge) -> np.ndarray:
+        place = self.frames.pose(hinge.name, self.model)
+        return np.asarray(place.rotation @ hinge.axis)
+
     def _point(self, name: str, frame: Node, bodies: Mapping[str, Body]) -> Point:
         """Return a frame of the file, fixed in the link that it is attached to."""
-        body, seen = frame.attributes.get("attached_to", ""), {name}
-        while body and body not in bodies and body not in seen and len(seen) < DEEP:
-            seen.add(body)
-            if body in self.joints:
-                body = self._end_name(self.joints[body], "child")
-            elif body in self.frames:
-                body = self.frames[body].attributes.get("attached_to", "")
-            elif body in (HERE, WORLD):
-                body = ""
-            else:
-                raise self.source.error(frame, body, "no such link, joint or frame")
-        if body and body not in bodies:
-            rule = f"frames are attached to each other in a circle, or more than {DEEP} deep"
-            raise self.source.error(frame, body, rule)
-        place = self._pose(body or WORLD, frame).actInv(self._pose(name, frame))
-        return Point(name, body or WORLD, place)
+        body = self.frames.body_of(name, frame, bodies)
+        place = self.frames.pose(body, frame).actInv(self.frames.pose(name, frame))
+        return Point(name, body, place)

@@ -20,8 +20,10 @@ from hapticmech_ros.formats.model import (
     Model,
     Note,
     Tie,
+    origin_of,
 )
 from hapticmech_ros.formats.names import Names, clean
+from hapticmech_ros.formats.shapes import named
 from hapticmech_ros.scene.rules import VELOCITY_SIZE
 
 LINK_LIMIT = 1000
@@ -84,7 +86,7 @@ class _Builder:
             self._carry(base)
         self._grow()
         if not any(link["joint"]["type"] != "fixed" for link in self._links):
-            rule = "no joint moves: with base: free it floats"
+            rule = f"no joint moves: {self._model.floating}"
             raise _refused(self._source, "joints", len(self._model.hinges), rule)
         closures = [self._tie(_tie_of(hinge, self._source)) for hinge in self._closing]
         closures += [self._tie(tie) for tie in self._model.ties]
@@ -107,6 +109,7 @@ class _Builder:
             {"name": clean(self._model.name), **document},
             self._places,
             self._joints,
+            named(self._model.solids),
             self._tips(),
             self._notes(),
         )
@@ -231,12 +234,6 @@ class _Builder:
         if self._raised:
             notes.append(Note("inertia of no body", self._raised, RAISED))
         return notes
-
-
-def origin_of(place: pin.SE3) -> Document:
-    """Return a transform as a scene's origin."""
-    rpy = pin.rpy.matrixToRpy(place.rotation)
-    return {"xyz": _floats(place.translation), "rpy": _floats(rpy)}
 
 
 def _joint(hinge: Hinge, name: str, origin: pin.SE3) -> Document:

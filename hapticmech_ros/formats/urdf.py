@@ -8,7 +8,9 @@ from collections import Counter
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats.model import Body, Coupling, Hinge, Model, Note
+from hapticmech_ros.formats import mimics
+from hapticmech_ros.formats.model import Body, Coupling, Hinge, Model, Note, Solid
+from hapticmech_ros.formats.urdf_shapes import placement_in, solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 JOINT_TYPES = {
@@ -19,11 +21,9 @@ JOINT_TYPES = {
     "floating": "free",
     "planar": "planar",
 }
-SHAPE = "say shapes and contacts in a scene file"
 DRIVEN = "nothing drives a joint but the hand and what the scene says"
 WHY = {
     "visual": "pictures are drawn from the joints",
-    "collision": SHAPE,
     "safety_controller": "a virtual mechanism has no controller of its own",
     "calibration": "a virtual mechanism needs none",
     "transmission": "joints are moved by forces, not through motors",
@@ -34,7 +34,9 @@ WHY = {
     "limit velocity": DRIVEN,
     "limit of no width": "lower = upper, as where they are left out: no stops",
     "sensor": "nothing is sensed but poses and wrenches",
+    **mimics.WHY,
 }
+LINK_KNOWN = {"inertial", "collision"}
 UNKNOWN = "not of a mechanism, or not known"
 FIRST_NUMBERS = (1.0, 0.0, 0.0)
 # Limits are often written as the largest number there is.
@@ -52,44 +54,41 @@ def read_urdf(source: Source) -> Model:
     hinges: list[Hinge] = []
     couplings: list[Coupling] = []
     joints: set[str] = set()
+    solids: list[Solid] = []
     for node in source.root.children:
         if node.tag == "link":
             body = _body(source, node, notes)
             if body.name in bodies:
                 raise source.error(node, body.name, "names of links must be unique")
             bodies[body.name] = body
+            solids += [solid_of(source, one, body.name) for one in node.all("collision")]
         elif node.tag == "joint":
             hinges.append(_hinge(source, node, notes))
             if hinges[-1].name in joints:
                 raise source.error(node, hinges[-1].name, "names of joints must be unique")
             joints.add(hinges[-1].name)
-            couplings += _mimic(source, node)
+            couplings += _mimic(source, node, hinges[-1].type)
         else:
             notes[node.tag] += 1
     for hinge in hinges:
         for name in (hinge.parent, hinge.child):
             if name not in bodies:
                 raise source.error(None, name, f"joint {hinge.name!r} needs this link")
-    found = [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in notes.items()]
+    hinges, couplings = mimics.settled(hinges, couplings, notes)
+    found = [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in notes.items() if count]
     return Model(
         source.root.attributes.get("name") or source.path.stem,
         bodies,
         hinges,
         couplings=couplings,
+        solids=solids,
         notes=found,
     )
 
 
-def placement_in(source: Source, node: Node | None) -> pin.SE3:
-    """Return the transform of an element's xyz and rpy; the identity without."""
-    xyz = source.values(node, "xyz", (0.0, 0.0, 0.0))
-    rpy = source.values(node, "rpy", (0.0, 0.0, 0.0))
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
-
-
 def _body(source: Source, node: Node, notes: Counter[str]) -> Body:
     name = source.text(node, "name")
-    notes.update(part.tag for part in node.children if part.tag != "inertial")
+    notes.update(part.tag for part in node.children if part.tag not in LINK_KNOWN)
     inertial = node.first("inertial")
     if inertial is None:
         return Body(name)
@@ -169,10 +168,12 @@ def _limits(
     return lower, upper
 
 
-def _mimic(source: Source, node: Node) -> list[Coupling]:
+def _mimic(source: Source, node: Node, kind: str) -> list[Coupling]:
     mimic = node.first("mimic")
     if mimic is None:
         return []
     name, leader = source.text(node, "name"), source.text(mimic, "joint")
+    if kind not in ("revolute", "prismatic", "fixed"):
+        raise source.error(mimic, name, "only a joint of one coordinate can mimic another")
     ratio, offset = source.value(mimic, "multiplier", 1.0), source.value(mimic, "offset", 0.0)
     return [Coupling(f"{name}_mimics_{leader}", name, leader, ratio, offset)]

@@ -9,13 +9,12 @@ from pathlib import Path
 from xml.parsers import expat
 
 from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.scene.part import LARGEST
 
 FILE_SIZE_LIMIT = 8_000_000
 NODE_LIMIT = 200_000
 DEPTH_LIMIT = 200
 ATTRIBUTE_LIMIT = 100
-# What is measured in SI units is below this, so that products of several stay finite.
-LARGEST = 1e30
 
 
 @dataclass(slots=True)
@@ -28,6 +27,7 @@ class Node:
         line: where it begins.
         children: elements in it.
         text: what is written in it.
+        file: that it is in, if not the main one.
     """
 
     tag: str
@@ -35,6 +35,7 @@ class Node:
     line: int
     children: list[Node] = field(default_factory=list)
     text: str = ""
+    file: Path | None = None
 
     def all(self, tag: str) -> list[Node]:
         """Return the children of a kind."""
@@ -53,11 +54,21 @@ class Node:
             pending += reversed(node.children)
 
 
+@dataclass(slots=True)
+class _Sizes:
+    """Of a file and those that it includes."""
+
+    bytes: int = 0
+    nodes: int = 0
+
+
 class Source:
     """An XML file, and the errors that name it.
 
     Args:
         path: of the file.
+        within: file that includes it, whose limits it shares.
+        depth: how many elements of that it is in.
 
     Attributes:
         path: of the file.
@@ -67,14 +78,17 @@ class Source:
         SceneError: cannot be read, too large, too deep, or not XML; entities are refused.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, within: Source | None = None, depth: int = 0) -> None:
         self.path = path
+        self._depth, self._file = depth, None if within is None else path
+        self._sizes: _Sizes = _Sizes() if within is None else within._sizes
         self.root = self._parse(self._read())
 
     def error(self, node: Node | None, value: object, rule: str) -> SceneError:
         """Return the error of something in the file."""
         where = "file" if node is None else f"line {node.line}, <{node.tag}>"
-        return SceneError(str(self.path), [SceneProblem(where, value, rule)])
+        file = self.path if node is None else node.file or self.path
+        return SceneError(str(file), [SceneProblem(where, value, rule)])
 
     def text(self, node: Node, attribute: str, default: str | None = None) -> str:
         """Return an attribute; required where there is no default."""
@@ -132,11 +146,12 @@ class Source:
 
     def _read(self) -> bytes:
         try:
-            size = self.path.stat().st_size
+            self._sizes.bytes += self.path.stat().st_size
             if not self.path.is_file():
                 raise self.error(None, str(self.path), "must be a file")
-            if size > FILE_SIZE_LIMIT:
-                raise self.error(None, size, f"at most {FILE_SIZE_LIMIT} bytes")
+            if self._sizes.bytes > FILE_SIZE_LIMIT:
+                rule = f"at most {FILE_SIZE_LIMIT} bytes, included files counted"
+                raise self.error(None, self._sizes.bytes, rule)
             return self.path.read_bytes()
         except (OSError, ValueError) as error:  # such as a name with a zero byte
             raise self.error(None, str(error), "cannot be read") from None
@@ -144,17 +159,16 @@ class Source:
     def _parse(self, data: bytes) -> Node:
         above: list[Node] = [Node("", {}, 0)]
         texts: list[list[str]] = [[]]
-        count = 0
         parser = expat.ParserCreate()
 
         def start(tag: str, attributes: dict[str, str]) -> None:
-            nonlocal count
-            count += 1
-            node = Node(tag, attributes, parser.CurrentLineNumber)
-            if count > NODE_LIMIT:
-                raise self.error(node, count, f"at most {NODE_LIMIT} elements")
-            if len(above) > DEPTH_LIMIT:
-                raise self.error(node, len(above), f"at most {DEPTH_LIMIT} elements in each other")
+            self._sizes.nodes += 1
+            node = Node(tag, attributes, parser.CurrentLineNumber, file=self._file)
+            depth = len(above) + self._depth
+            if self._sizes.nodes > NODE_LIMIT:
+                raise self.error(node, self._sizes.nodes, f"at most {NODE_LIMIT} elements")
+            if depth > DEPTH_LIMIT:
+                raise self.error(node, depth, f"at most {DEPTH_LIMIT} elements in each other")
             if len(attributes) > ATTRIBUTE_LIMIT:
                 raise self.error(node, len(attributes), f"at most {ATTRIBUTE_LIMIT} attributes")
             above[-1].children.append(node)

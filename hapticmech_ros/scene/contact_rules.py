@@ -9,6 +9,10 @@ from hapticmech_ros.errors import SceneProblem
 from hapticmech_ros.scene.contacts import ContactPair, Shape
 from hapticmech_ros.scene.document import Scene
 
+# What coal's reader bears, broken files included: one of PLY with an empty face ends the process.
+MESH_SUFFIXES = (".stl", ".obj", ".dae", ".off")
+MESH_SIZE_LIMIT = 32_000_000
+
 
 def broken_contact_rules(scene: Scene) -> Iterator[SceneProblem]:
     """Yield every rule of shapes and contacts that ``scene`` breaks."""
@@ -57,9 +61,24 @@ def _shapes(scene: Scene) -> Iterator[SceneProblem]:
         if shape.link != "world" and shape.link not in links:
             rule = f"unknown frame: must be 'world' or one of {sorted(links)}"
             yield SceneProblem(f"shapes[{index}].link", shape.link, rule)
-        if shape.geometry.kind == "mesh" and not Path(shape.geometry.file).is_file():
-            key = f"shapes[{index}].geometry.file"
-            yield SceneProblem(key, shape.geometry.file, "no such file")
+        if shape.geometry.kind == "mesh":
+            yield from _mesh_file(f"shapes[{index}].geometry.file", shape.geometry.file)
+
+
+def _mesh_file(key: str, file: str) -> Iterator[SceneProblem]:
+    """Yield what is wrong with a mesh's file before it is read."""
+    path = Path(file)
+    try:
+        found, size = path.is_file(), path.stat().st_size
+    except (OSError, ValueError):  # not there, too long a name, or one with a zero byte
+        found, size = False, 0
+    if not found:
+        yield SceneProblem(key, file, "no such file")
+    elif path.suffix.lower() not in MESH_SUFFIXES:
+        yield SceneProblem(key, file, f"a mesh's file must end in one of {MESH_SUFFIXES}")
+    elif size > MESH_SIZE_LIMIT:
+        rule = f"a mesh's file has at most {MESH_SIZE_LIMIT} bytes, not {size}"
+        yield SceneProblem(key, file, rule)
 
 
 def _pair(

@@ -4,12 +4,26 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, StringConstraints
+from pydantic import AfterValidator, Field, StringConstraints
 
 from hapticmech_ros.scene.mechanism import Origin
-from hapticmech_ros.scene.part import Name, NonNegative, Part, Positive
+from hapticmech_ros.scene.part import Name, NonNegative, Part, Positive, Real
+
+
+def not_zero(value: float) -> float:
+    """Return a number that is not zero.
+
+    Raises:
+        ValueError: it is.
+    """
+    if value == 0.0:
+        raise ValueError("must not be zero")
+    return value
+
 
 Size3 = tuple[Positive, Positive, Positive]
+NotZero = Annotated[Real, AfterValidator(not_zero)]
+Scale3 = tuple[NotZero, NotZero, NotZero]
 FilePath = Annotated[str, StringConstraints(strict=True, min_length=1)]
 
 
@@ -54,12 +68,12 @@ class Mesh(Part):
 
     Attributes:
         file: path, absolute or from the scene's file.
-        scale: of the file's coordinates along x, y and z.
+        scale: of the file's coordinates along x, y and z; below zero it mirrors.
     """
 
     kind: Literal["mesh"]
     file: FilePath
-    scale: Size3 = (1.0, 1.0, 1.0)
+    scale: Scale3 = (1.0, 1.0, 1.0)
 
 
 Geometry = Annotated[

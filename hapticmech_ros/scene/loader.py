@@ -16,6 +16,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.scene.contact_rules import with_mesh_paths
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.part import LARGEST
 from hapticmech_ros.scene.rules import broken_rules
 from hapticmech_ros.share import shared
 
@@ -104,7 +105,7 @@ def scene_from_document(document: object, source: str = "<document>") -> Scene:
         scene = Scene.model_validate(document)
     except ValidationError as error:
         problems = [
-            SceneProblem(_key_path(item["loc"]), _value(item), _rule(item["type"], item["msg"]))
+            SceneProblem(_key_path(item["loc"]), _value(item), rule_of(item))
             for item in error.errors()
         ]
         raise SceneError(source, problems) from None
@@ -176,13 +177,19 @@ def _values_within(document: object, limit: int) -> bool:
     return True
 
 
-def _rule(kind: str, message: str) -> str:
+def rule_of(item: ErrorDetails) -> str:
+    """Return the rule that a value breaks, in our words where pydantic's are not a user's."""
+    kind, message = item["type"], item["msg"]
+    bounds = item.get("ctx", {})
+    if bounds.get("le") == LARGEST or bounds.get("ge") == -LARGEST:
+        return f"must not be above {LARGEST:g} in size"
     if kind == "extra_forbidden":
         return "unknown key"
     if kind == "missing":
         return "required key is missing"
     if kind == "finite_number":
         return "must be a finite number"
+    message = message.removeprefix("Value error, ")
     return message[0].lower() + message[1:]
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from hapticmech_ros import load_scene
+from hapticmech_ros.contact.hull import read_mesh
 from hapticmech_ros.errors import HapticMechError, SceneError
 from hapticmech_ros.mechanism import Mechanism
 
@@ -25,6 +26,11 @@ def outcome(path, evaluated=False):
     try:
         scene = load_scene(path)
         if evaluated:
+            for shape in scene.shapes:
+                if shape.geometry.kind == "mesh":
+                    hull = read_mesh(shape.geometry.file, shape.geometry.scale, shape.name)
+                    if not np.isfinite(hull.vertices).all():
+                        return "bug: not finite"
             mechanism = Mechanism(scene)
             q, v = np.asarray(mechanism._neutral), np.full(mechanism.nv, 0.1)
             terms = mechanism.evaluate(q, v, mechanism.initially_active)

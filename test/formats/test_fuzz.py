@@ -10,7 +10,10 @@ import pytest
 from formats.children import outcomes
 from formats.five_bars import PIN, REST, mjcf, sdf, urdf
 from formats.test_mjcf import EQUALITIES, INERTIAL, LOOPS, TREES
+from formats.test_sdf_gears import GEARS
+from formats.test_sdf_nested import NESTED
 from formats.test_urdf import random_urdf
+from formats.test_urdf_mimic import MIMICS
 
 MUTANTS = 200
 SIDECAR = f"""{REST}{PIN}
@@ -26,17 +29,20 @@ model:
 """
 LOOP = LOOPS.format(inertial=INERTIAL, equality="".join(EQUALITIES.values()))
 SEEDS = {
-    "urdf": [urdf(), *(random_urdf(seed)[0] for seed in range(3))],
+    "urdf": [urdf(), *(random_urdf(seed)[0] for seed in range(3)), MIMICS],
     "xml": [
         mjcf(),
         *(f"<mujoco>{text}</mujoco>" for text in (LOOP, TREES["ref"], TREES["classes"])),
         *(f"<mujoco>{TREES[name]}</mujoco>" for name in ("frames", "several joints", "shapes")),
     ],
-    "sdf": [sdf(), sdf().replace('type="revolute"', 'type="ball"', 1)],
+    "sdf": [
+        sdf(),
+        sdf().replace('type="revolute"', 'type="ball"', 1),
+        *(f"<sdf><model name='m'>{''.join(parts)}</model></sdf>" for parts in (NESTED, GEARS)),
+    ],
     "yaml": [SIDECAR],
 }
 NUMBERS = ("0", "-1", "1e30", "-1e30", "1e-30", "nan", "inf", "1e999", "", "x", "0 0 0", "9" * 400)
-# A scene's own numbers have no upper bound.
 IN_YAML = (
     "0.0",
     "-1.0",
@@ -44,8 +50,9 @@ IN_YAML = (
     "0.01",
     "2.5",
     "-0.3",
-    "1e30",
-    "-1e-30",
+    "1.0e+30",
+    "1.0e+308",
+    "-1.0e-30",
     ".nan",
     ".inf",
     "",

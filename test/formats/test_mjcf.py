@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formats.imports import Read
+from formats.imports import Read, notes_in
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import read_model
@@ -342,7 +342,7 @@ NOTED = f"""<option wind="1 0 0"><flag contact="disable"/></option><actuator><mo
 
 def test_what_a_scene_does_not_have_is_noted(tmp_path):
     imported = read_model(written(tmp_path, NOTED))
-    found = {note.what: note.count for note in imported.notes}
+    found = {note.what: note.count for note in notes_in(imported)}
     assert found == {
         **dict.fromkeys(("actuator", "sensor", "contact", "custom", "light", "camera"), 1),
         **dict.fromkeys(("mocap", "gravcomp", "armature", "springdamper", "align", "fluid"), 1),
@@ -350,13 +350,13 @@ def test_what_a_scene_does_not_have_is_noted(tmp_path):
         "stiffness of a ball or free joint": 1,
         "frictionloss of a ball or free joint": 1,
         "keyframe": 2,
-        "geom": 4,
+        "geom that collides": 4,
     }
-    assert all(note.why for note in imported.notes)
+    assert all(note.why for note in notes_in(imported))
 
 
 BROKEN = {
-    "include": ('<include file="x.xml"/><worldbody/>', "includes are not followed"),
+    "include": ('<include file="x.xml"/><worldbody/>', "no such file in"),
     "no world": ("<option/>", "needs a <worldbody>"),
     "replicate": ('<worldbody><replicate count="3"/></worldbody>', "written out"),
     "composite": ('<worldbody><body><composite type="cable"/></body></worldbody>', "written out"),
@@ -400,6 +400,15 @@ BROKEN = {
         '<worldbody><body><joint name="a"/><joint name="a"/></body></worldbody>',
         "must be unique",
     ),
+    "balls": (
+        '<worldbody><body><joint name="a" type="ball"/><joint name="a"/></body></worldbody>',
+        "must be unique",
+    ),
+    "free joints": (
+        '<worldbody><body><freejoint name="a"/></body><body><freejoint name="a"/></body>'
+        "</worldbody>",
+        "must be unique",
+    ),
     "world joint": ("<worldbody><joint/></worldbody>", "the world does not move"),
     "free": ("<worldbody><body><freejoint/><joint/></body></worldbody>", "a free joint"),
     "free within": (
@@ -423,6 +432,12 @@ BROKEN = {
     "total mass": ('<compiler settotalmass="3"/><worldbody/>', "settotalmass is not read"),
     "global": ('<compiler coordinate="global"/><worldbody/>', "coordinate is not read"),
 }
+
+
+def test_a_file_without_joints_is_told_how_bodies_move_in_it(tmp_path):
+    path = written(tmp_path, '<worldbody><body><geom size="1"/></body></worldbody>')
+    with pytest.raises(SceneError, match=r"no joint moves: a <freejoint/> makes a body float"):
+        read_model(path)
 
 
 @pytest.mark.parametrize(("text", "rule"), BROKEN.values(), ids=BROKEN)

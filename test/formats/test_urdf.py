@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formats.imports import Read, random_state
+from formats.imports import Read, notes_in, random_state
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import read_model
 
@@ -212,14 +212,14 @@ NOTED = """<robot name="r"><material name="m"/><gazebo/><transmission/><ros2_con
 
 def test_what_a_scene_does_not_have_is_noted(tmp_path):
     imported = read_model(written(tmp_path, NOTED.format(inertial=inertial_of(1))))
-    found = {note.what: note.count for note in imported.notes}
+    found = {note.what: note.count for note in notes_in(imported)}
     assert found == {
         **dict.fromkeys(("material", "gazebo", "transmission", "ros2_control", "odd"), 1),
-        **dict.fromkeys(("collision", "safety_controller", "calibration"), 1),
+        **dict.fromkeys(("collision: nothing", "safety_controller", "calibration"), 1),
         "visual": 3,
         **dict.fromkeys(("limit effort", "limit velocity", "limit of no width"), 1),
     }
-    assert all(note.why and str(note.count) in str(note) for note in imported.notes)
+    assert all(note.why and str(note.count) in str(note) for note in notes_in(imported))
 
 
 def test_a_mimic_is_a_coupling(tmp_path):

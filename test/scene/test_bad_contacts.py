@@ -4,7 +4,7 @@ import pytest
 
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.scene import document_of, load_scene, scene_from_document
-from hapticmech_ros.scene.contact_rules import with_mesh_paths
+from hapticmech_ros.scene.contact_rules import MESH_SIZE_LIMIT, with_mesh_paths
 from oracles.touching import on_floor
 
 # key path | value | words of the rule
@@ -60,6 +60,25 @@ def test_a_mesh_that_is_not_there():
     document["shapes"][1]["geometry"] = {"kind": "mesh", "file": "nowhere.stl"}
     (found,) = problems(document)
     assert (found.key_path, found.rule) == ("shapes[1].geometry.file", "no such file")
+
+
+def test_a_mesh_that_is_flattened_or_of_no_known_kind(tmp_path):
+    document = on_floor("sphere")
+    file = tmp_path / "body.xyz"
+    file.touch()
+    geometry = {"kind": "mesh", "file": str(file), "scale": [1.0, 0.0, -1.0]}
+    document["shapes"][1]["geometry"] = geometry
+    (found,) = problems(document)
+    assert (found.key_path, found.rule) == ("shapes[1].geometry.scale[1]", "must not be zero")
+    geometry["scale"] = [1.0, 2.0, -1.0]
+    (found,) = problems(document)
+    assert "must end in one of ('.stl'," in found.rule
+    large = tmp_path / "body.stl"
+    with large.open("wb") as written:
+        written.truncate(MESH_SIZE_LIMIT + 1)
+    geometry["file"] = str(large)
+    (found,) = problems(document)
+    assert found.rule == f"a mesh's file has at most {MESH_SIZE_LIMIT} bytes, not 32000001"
 
 
 @pytest.mark.parametrize(

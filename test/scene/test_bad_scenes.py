@@ -45,6 +45,8 @@ ONE_VALUE = [
     ("links[0].inertial.mass", -1.0, "greater than or equal to 0"),
     ("links[0].inertial.mass", NAN, "must be a finite number"),
     ("links[0].inertial.mass", INF, "must be a finite number"),
+    ("links[0].inertial.mass", 1.1e30, "must not be above 1e+30 in size"),
+    ("links[0].inertial.com[0]", -1e308, "must not be above 1e+30 in size"),
     ("links[0].inertial.mass", True, "valid number"),
     ("links[0].inertial.mass", "1.0", "valid number"),
     ("links[0].inertial.mass", None, "valid number"),

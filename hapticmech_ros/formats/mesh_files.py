@@ -1,0 +1,102 @@
+"""Where the meshes are that a file names: by path, or in a package or model that has a name."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote
+
+from hapticmech_ros.formats.xml_nodes import Node, Source
+
+# By scheme: variables with folders that hold packages, and where in these.
+PLACES = {
+    "package": (("AMENT_PREFIX_PATH", "share"), ("ROS_PACKAGE_PATH", "")),
+    "model": (("GZ_SIM_RESOURCE_PATH", ""), ("SDF_PATH", "")),
+}
+# Of a package.xml; its name stands near its beginning.
+MANIFEST_SIZE = 64_000
+FOLDERS_SHOWN = 12
+
+
+def find_mesh(source: Source, node: Node, name: str, folder: Path) -> Path:
+    """Return the file of a mesh.
+
+    ``package://p/...`` and ``model://p/...`` are in a folder called p, or whose ``package.xml``
+    says that name: one of those above the file that names it, one next to these, or one in the
+    folders that ``PLACES`` has.
+
+    Args:
+        source: file that names the mesh.
+        node: its element, for errors.
+        name: as written.
+        folder: what relative paths are from.
+
+    Raises:
+        SceneError: no such file; says where it was searched for.
+    """
+    scheme, separator, rest = name.partition("://")
+    if not separator:
+        return _in_folder(source, node, name, folder)
+    if scheme == "file":
+        return _in_folder(source, node, unquote(rest), folder)
+    if scheme not in PLACES:
+        rule = f"a mesh is a path, file://, {'://, '.join(PLACES)}://"
+        raise source.error(node, name, rule)
+    package, _, inside = rest.partition("/")
+    places = list(_places(scheme, source.path))
+    for place in places:
+        for found in _packages(place, package):
+            if _is_file(found / inside):
+                return found / inside
+    variables = " and ".join(variable for variable, _ in PLACES[scheme])
+    rule = f"no such file in a folder or package {package!r} in {_shown(places)} ({variables})"
+    raise source.error(node, name, rule)
+
+
+def _in_folder(source: Source, node: Node, name: str, folder: Path) -> Path:
+    found = folder / name
+    if not name or not _is_file(found):
+        raise source.error(node, name, f"no such file in {_shown([found.parent])}")
+    return found
+
+
+def _places(scheme: str, path: Path) -> Iterator[Path]:
+    """Yield folders in which packages may be: those above a file, then those of the variables."""
+    yield from dict.fromkeys((*path.absolute().parents, *path.resolve().parents))
+    for variable, inside in PLACES[scheme]:
+        for one in os.environ.get(variable, "").split(os.pathsep):
+            if one:
+                yield Path(one) / inside
+
+
+def _packages(place: Path, package: str) -> Iterator[Path]:
+    if place.name == package or _said_name(place) == package:
+        yield place
+    yield place / package
+
+
+def _said_name(place: Path) -> str:
+    """Return the name in a folder's ``package.xml``; empty without."""
+    if not _is_file(place / "package.xml"):
+        return ""
+    try:
+        with (place / "package.xml").open(encoding="utf-8", errors="replace") as file:
+            found = re.search(r"<name>\s*([^<>\s]+)\s*</name>", file.read(MANIFEST_SIZE))
+    except OSError:
+        return ""
+    return found[1] if found is not None else ""
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # too long a name, or one with a zero byte
+        return False
+
+
+def _shown(places: list[Path]) -> str:
+    shown = [str(place) for place in places[:FOLDERS_SHOWN]]
+    more = len(places) - len(shown)
+    return f"{shown}" + (f" and {more} more" if more else "")

@@ -1,0 +1,83 @@
+"""Shapes of SDFormat: where they are in their links, and how large."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.formats.mesh_files import find_mesh
+from hapticmech_ros.formats.model import Document, Solid
+from hapticmech_ros.formats.shapes import above_zero, not_zero, refused_kind
+from hapticmech_ros.formats.xml_nodes import Node, Source
+
+# Elements of each, and what they are where they are left out.
+SIZES = {
+    "sphere": (("radius", 1.0),),
+    "cylinder": (("radius", 1.0), ("length", 1.0)),
+    "capsule": (("radius", 0.5), ("length", 1.0)),
+}
+KINDS = {"plane": "half_space"}
+UP = (0.0, 0.0, 1.0)
+
+
+def solid_of(source: Source, node: Node, link: str, place: Callable[[], pin.SE3]) -> Solid:
+    """Return a <collision> of a link.
+
+    Args:
+        source: the file.
+        node: the element.
+        link: that it is in.
+        place: returns the element's frame in the link's.
+    """
+    geometry = node.first("geometry")
+    shape = geometry.children[0] if geometry is not None and geometry.children else None
+    kind = "nothing" if shape is None else KINDS.get(shape.tag, shape.tag)
+    name = node.attributes.get("name", "").strip()
+    if shape is None:
+        shape = node
+    return Solid(name, link, kind, "collision", partial(_read, source, shape, kind, place))
+
+
+def _read(
+    source: Source, shape: Node, kind: str, place: Callable[[], pin.SE3]
+) -> tuple[pin.SE3, Document]:
+    if kind in SIZES:
+        keys = [key for key, _ in SIZES[kind]]
+        sizes = [_numbers(source, shape, key, (default,))[0] for key, default in SIZES[kind]]
+        sizes = above_zero(source, shape, sizes)
+        return place(), {"kind": kind, **dict(zip(keys, sizes, strict=True))}
+    if kind == "box":
+        size = _numbers(source, shape, "size", (1.0, 1.0, 1.0))
+        return place(), {"kind": kind, "size": above_zero(source, shape, size)}
+    if kind == "half_space":
+        return place() * _above(source, shape), {"kind": kind}
+    if kind != "mesh":
+        raise refused_kind(source, shape, kind)
+    uri = shape.first("uri")
+    if uri is None:
+        raise source.error(shape, None, "a mesh needs a <uri>")
+    if shape.first("submesh") is not None:
+        raise source.error(shape, uri.text.strip(), "parts of meshes are not read")
+    file = find_mesh(source, uri, uri.text.strip(), source.path.parent)
+    scale = not_zero(source, shape, _numbers(source, shape, "scale", (1.0, 1.0, 1.0)))
+    return place(), {"kind": kind, "file": str(file), "scale": scale}
+
+
+def _above(source: Source, shape: Node) -> pin.SE3:
+    """Return a frame whose z axis is a plane's normal."""
+    normal = np.array(_numbers(source, shape, "normal", UP))
+    size = float(np.linalg.norm(normal))
+    if not size > 0.0:
+        raise source.error(shape, normal.tolist(), "a normal must not be zero")
+    turn = pin.Quaternion.FromTwoVectors(np.array(UP), normal / size)
+    return pin.SE3(turn.matrix(), np.zeros(3))
+
+
+def _numbers(source: Source, node: Node, tag: str, default: tuple[float, ...]) -> tuple[float, ...]:
+    found = node.first(tag)
+    if found is None:
+        return default
+    return source.numbers(found, found.text, len(default), tag)

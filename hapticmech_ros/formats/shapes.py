@@ -1,0 +1,162 @@
+"""Shapes that a file has for collisions: a scene has those of them that its contacts name."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.formats.model import Document, Imported, Note, Solid, origin_of
+from hapticmech_ros.formats.names import Names, clean
+from hapticmech_ros.formats.xml_nodes import Node, Source
+
+# What a scene has.
+KINDS = ("sphere", "box", "cylinder", "capsule", "half_space", "mesh")
+NAMES_SHOWN = 20
+NAMEABLE = "a contact of a scene file can name it"
+OTHER = f"a scene's shapes are {', '.join(KINDS)}"
+
+
+def named(solids: Sequence[Solid]) -> dict[str, Solid]:
+    """Return shapes by the names that they have in a scene.
+
+    That is the file's name where only one shape has it; else ``<body>_<name>``, and
+    ``<body>_collision`` without one; further ones end in ``_2``, ``_3``.
+    """
+    called = [clean(solid.name) if solid.name else "" for solid in solids]
+    counts, names = Counter(called), Names()
+    alone = [bool(name) and counts[name] == 1 for name in called]
+    found = {k: names.new(called[k]) for k in range(len(solids)) if alone[k]}
+    for k, solid in enumerate(solids):
+        if not alone[k]:
+            found[k] = names.new(f"{solid.body}_{solid.name or 'collision'}")
+    return {found[k]: solid for k, solid in enumerate(solids)}
+
+
+def with_shapes(document: Document, imported: Imported, source: str) -> Document:
+    """Return a scene's document with the shapes of its model that contacts name.
+
+    Shapes that the scene has itself go before the model's of that name.
+
+    Args:
+        document: what the scene says.
+        imported: its model.
+        source: of the scene, for errors.
+
+    Raises:
+        SceneError: no such shape, or what the file says of it is none, or its mesh is not there.
+    """
+    contacts = document.get("contacts")
+    if not isinstance(contacts, list | tuple):
+        return document
+    own, written = _own(document), document.get("shapes", [])
+    names = _by_either_name(imported)
+    problems = [
+        SceneProblem(f"contacts[{index}].{side}", name, _unknown(own, imported))
+        for index, side, name in _ends(contacts)
+        if name not in own and name not in names
+    ]
+    if problems:
+        raise SceneError(source, problems)
+    found = dict(document)
+    found["contacts"] = [_renamed(contact, own, names) for contact in contacts]
+    added = [_shape(name, imported) for name in used(document, imported)]
+    if added and isinstance(written, list | tuple):
+        found["shapes"] = [*written, *added]
+    return found
+
+
+def used(document: Mapping[str, Any], imported: Imported) -> list[str]:
+    """Return the model's shapes that a document's contacts name, by name, in the file's order."""
+    contacts, own = document.get("contacts"), _own(document)
+    if not isinstance(contacts, list | tuple):
+        return []
+    names = _by_either_name(imported)
+    ends = {names.get(name) for _, _, name in _ends(contacts) if name not in own}
+    return [name for name in imported.shapes if name in ends and name not in own]
+
+
+def notes_of_shapes(imported: Imported, without: Collection[str] = ()) -> list[Note]:
+    """Return what to say of a model's shapes, but those in a scene."""
+    left = [solid for name, solid in imported.shapes.items() if name not in without]
+    counts = Counter((s.what if s.kind in KINDS else f"{s.what}: {s.kind}") for s in left)
+    plain = {solid.what for solid in left}
+    return [
+        Note(what, count, NAMEABLE if what in plain else OTHER) for what, count in counts.items()
+    ]
+
+
+def above_zero(source: Source, node: Node, sizes: Sequence[float]) -> list[float]:
+    """Return the sizes of a shape, which must be above zero.
+
+    Raises:
+        SceneError: one is not.
+    """
+    if min(sizes) <= 0.0:
+        raise source.error(node, list(sizes), "sizes must be above zero")
+    return [float(size) for size in sizes]
+
+
+def not_zero(source: Source, node: Node, scale: Sequence[float]) -> list[float]:
+    """Return the scale of a mesh, which may mirror it, but not flatten it.
+
+    Raises:
+        SceneError: it does.
+    """
+    if not all(scale):
+        raise source.error(node, list(scale), "a scale must not be zero")
+    return [float(part) for part in scale]
+
+
+def refused_kind(source: Source, node: Node, kind: str) -> SceneError:
+    """Return the error of a shape that no scene has."""
+    return source.error(node, kind, OTHER)
+
+
+def _own(document: Mapping[str, Any]) -> set[str]:
+    shapes = document.get("shapes")
+    if not isinstance(shapes, list | tuple):
+        return set()
+    names = [shape.get("name") for shape in shapes if isinstance(shape, Mapping)]
+    return {name for name in names if isinstance(name, str)}
+
+
+def _ends(contacts: Iterable[object]) -> Iterator[tuple[int, str, str]]:
+    """Yield index, side and shape of what contacts join, where that is a name."""
+    for index, contact in enumerate(contacts):
+        for side in ("a", "b"):
+            name = contact.get(side) if isinstance(contact, Mapping) else None
+            if isinstance(name, str):
+                yield index, side, name
+
+
+def _by_either_name(imported: Imported) -> dict[str, str]:
+    """Return names of shapes in the scene by these, and by the file's own."""
+    shapes = list(imported.shapes.items())
+    own = {solid.name: name for name, solid in reversed(shapes) if solid.name}
+    return own | {name: name for name in imported.shapes}
+
+
+def _renamed(contact: object, own: Collection[str], names: Mapping[str, str]) -> object:
+    if not isinstance(contact, Mapping):
+        return contact
+    ends = {side: name for _, side, name in _ends([contact]) if name not in own}
+    return {**contact, **{side: names[name] for side, name in ends.items()}}
+
+
+def _shape(name: str, imported: Imported) -> Document:
+    solid = imported.shapes[name]
+    place, geometry = solid.read()
+    link, own = imported.places[solid.body]
+    return {"name": name, "link": link, "origin": origin_of(own * place), "geometry": geometry}
+
+
+def _unknown(own: Collection[str], imported: Imported) -> str:
+    return f"unknown shape: the scene file has {_shown(own)}, the model {_shown(imported.shapes)}"
+
+
+def _shown(names: Collection[str]) -> str:
+    shown = sorted(names)[:NAMES_SHOWN]
+    more = len(names) - len(shown)
+    return f"{shown}" + (f" and {more} more, which scene check lists" if more else "")
