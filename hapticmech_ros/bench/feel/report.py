@@ -18,9 +18,9 @@ def table(rows: Sequence[Row]) -> Table:
     """Return, for each scene, loop and delay, the worst of its directions."""
     shown = Table(title="felt over desired impedance, worst direction", title_justify="left")
     shown.box = SIMPLE_HEAD
-    for name in ("scene", "force channel closed by"):
-        shown.add_column(name, overflow="fold")
-    for name in ("delay, periods", "directions", "error to 10 Hz", "to 30 Hz", "± 3 dB to, Hz"):
+    for name in ("scene", "loop in"):
+        shown.add_column(name, no_wrap=True)
+    for name in ("delay", "ways", "to 10 Hz", "to 30 Hz", "3 dB, Hz"):
         shown.add_column(name, justify="right")
     for (scene, loop, delay), group in groupby(rows, lambda row: (row.scene, row.loop, row.delay)):
         found = [row.felt for row in group]
