@@ -42,6 +42,7 @@ class ControlArchitecture:
         self.gains = scene.controller
         self.limits = (scene.device.force_limit, scene.device.torque_limit)
         self.device_inertia = device_inertia(scene.device)
+        self.substeps = scene.device.substeps
         self._channels = FourChannel(self.gains.position_channel, self.gains.force_channel)
         self._task = np.ones(6)
         if scene.task_space == "planar":

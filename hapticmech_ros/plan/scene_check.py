@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.control import ControlArchitecture
+from hapticmech_ros.control.loop_stability import LoopMargins, loop_margins
 from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import first_count
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.session import rendering_model
 
 # Relative σ below which a start is next to a singular position: directions change within degrees.
 NEAR_SINGULAR = 1e-2
@@ -20,6 +23,8 @@ NEAR_SINGULAR = 1e-2
 FAR = 1e-3
 # Explicit rules bear k T² / m up to about 7.7 (rk4) and 4 (rk2, semi-implicit Euler).
 STIFF = 4.0
+# Periods of delay that a loop should bear: one is always there, and a graph is late now and then.
+ENOUGH_PERIODS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +36,7 @@ class PointCheck:
         rank: of X: directions in which it can be moved.
         count: joint constraints felt.
         mass_kg: least and largest inertia to forces, kg; None where it cannot be pushed.
+        loop: how much delay, and how much more gain, the rendering bears there.
     """
 
     name: str
@@ -38,6 +44,7 @@ class PointCheck:
     rank: int
     count: int
     mass_kg: tuple[float, float] | None
+    loop: LoopMargins
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +87,7 @@ def check_scene(scene: Scene) -> SceneCheck:
     mechanism, state = simulator.mechanism, simulator.initial_state()
     rows = redundancy(mechanism, state.q, state.active)
     followed = {one.name: len(one.redundant) for one in rows.closures}
+    points = tuple(_points(simulator, state))
     return SceneCheck(
         scene=scene.name,
         links=len(scene.links),
@@ -92,14 +100,14 @@ def check_scene(scene: Scene) -> SceneCheck:
         ),
         rank=rows.rank,
         mobility=rows.mobility,
-        points=tuple(_points(simulator, state)),
-        warnings=tuple(_warnings(simulator, state, rows)),
+        points=points,
+        warnings=(*_warnings(simulator, state, rows), *_loops(points, scene)),
     )
 
 
 def _points(simulator: Simulator, state: MechanismState) -> Iterator[PointCheck]:
     scene = simulator.mechanism.scene
-    terms = simulator.evaluate(state)
+    terms, control = simulator.evaluate(state), ControlArchitecture(scene)
     for point in scene.operational_points:
         analysis = Analyser(simulator.mechanism, point.name).analyse(terms)
         rows = [row for row in analysis.rows.tolist() if row < 3]
@@ -107,7 +115,22 @@ def _points(simulator: Simulator, state: MechanismState) -> Iterator[PointCheck]
         moved = mobile[mobile > 1e-9 * max(float(mobile[-1]), 1e-300)]
         masses = (1.0 / float(moved[-1]), 1.0 / float(moved[0])) if moved.size else None
         count = first_count(analysis.spectrum.s, scene.perception).count
-        yield PointCheck(point.name, point.link, analysis.rank, count, masses)
+        model = rendering_model(analysis)
+        margins = loop_margins(control, model, analysis.rows, scene.simulation.period)
+        yield PointCheck(point.name, point.link, analysis.rank, count, masses, margins)
+
+
+def _loops(points: Sequence[PointCheck], scene: Scene) -> Iterator[str]:
+    """Yield points at which the springs and dampers of the rendering bear little delay."""
+    period_ms = 1e3 * scene.simulation.period
+    for point in points:
+        loop = point.loop
+        if loop.periods < ENOUGH_PERIODS:
+            borne = f"{loop.periods * period_ms:g} ms" if loop.periods >= 0 else "no delay at all"
+            yield (
+                f"at {point.name} the loop bears {borne}: with one period of {period_ms:g} ms the "
+                f"controller's stiffness and damping may be {loop.gain:.2g} times as large, no more"
+            )
 
 
 def _warnings(simulator: Simulator, state: MechanismState, rows: Redundancy) -> Iterator[str]:

@@ -1,0 +1,86 @@
+"""Which gains and delays the sampled loop bears: closed forms, and sessions that diverge or do not."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.bench.feel.impedance import _alone
+from hapticmech_ros.control import control_for
+from hapticmech_ros.control.loop_stability import loop_margins, spectral_radius
+from hapticmech_ros.plan import check_scene
+from hapticmech_ros.session import rendering_model
+
+T = 1e-3
+MANY = 10**9  # substeps: the device moves as under a held force
+
+
+def radius(stiffness, damping, delay=0):
+    return spectral_radius(np.array([[stiffness]]), np.array([[damping]]), T, delay, MANY)
+
+
+@pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e5])
+def test_without_delay_a_spring_needs_the_damping_of_half_a_period(stiffness):
+    """Jury's test of z² + z (T b + T² k / 2 - 2) + 1 - T b + T² k / 2: k T / 2 < b < 2 / T."""
+    least = stiffness * T / 2
+    assert radius(stiffness, 1.001 * least) < 1.0 < radius(stiffness, 0.999 * least)
+    assert radius(stiffness, 0.999 * 2 / T) < 1.0 < radius(stiffness, 1.001 * 2 / T)
+
+
+@pytest.mark.parametrize("delay", [1, 2, 5])
+def test_a_damper_alone_bears_what_its_delay_leaves_it(delay):
+    """z^(d+1) - z^d + T b = 0 has a root on the circle at T b = 2 sin(π / (4 d + 2))."""
+    largest = 2.0 * np.sin(np.pi / (4 * delay + 2)) / T
+    # A spring of next to nothing, which leaves no root at 1.
+    assert radius(1e-6, 0.999 * largest, delay) < 1.0 + 1e-9
+    assert radius(1e-6, 1.001 * largest, delay) > 1.0 + 1e-6
+
+
+def with_gains(scene, factor):
+    """Return a scene with springs and dampers so many times as strong, and no limits to meet."""
+    controller = scene.controller
+    joint = controller.joint_constraint
+    channel = controller.position_channel
+    joint = joint.model_copy(
+        update={
+            "stiffness": factor * joint.stiffness,
+            "damping": factor * joint.damping,
+            "force_limit": 1e3,
+            "torque_limit": 1e3,
+        }
+    )
+    names = ("stiffness", "damping", "angular_stiffness", "angular_damping")
+    channel = channel.model_copy(update={name: factor * getattr(channel, name) for name in names})
+    gains = {"joint_constraint": joint, "position_channel": channel}
+    device = scene.device.model_copy(update={"force_limit": 1e3, "torque_limit": 1e3})
+    controller = controller.model_copy(update=gains)
+    return scene.model_copy(update={"controller": controller, "device": device})
+
+
+def growth(scene, delay):
+    """Return how much larger errors are at the end than soon after a touch."""
+    session = Session(scene, command_delay=delay)
+    touch = np.array([1e-4, 2e-4, 0.0, 0.0, 0.0, 1e-6])
+    samples = [session.tick(hand_wrench=touch if tick < 3 else None) for tick in range(500)]
+    errors = [np.abs(sample.output.error).max() for sample in samples]
+    return max(errors[400:]) / max(errors[50:150])
+
+
+@pytest.mark.parametrize("delay", [1, 2, 3])
+@pytest.mark.parametrize("name", ["five_bar", "two_link"])
+def test_sessions_diverge_where_it_says(name, delay):
+    scene = _alone(load_scene(name))
+    analysis = Session(scene).tick().analysis
+    control, model = control_for(scene), rendering_model(analysis)
+    margin = loop_margins(control, model, analysis.rows, scene.simulation.period, delay).gain
+    assert growth(with_gains(scene, 0.95 * margin), delay) < 0.1
+    assert growth(with_gains(scene, 1.05 * margin), delay) > 5.0
+
+
+def test_scene_check_warns_of_a_loop_that_bears_nothing():
+    scene = load_scene("five_bar")
+    assert check_scene(scene).points[0].loop.periods == 4
+    assert check_scene(scene).warnings == ()
+    (warning,) = check_scene(with_gains(scene, 4.0)).warnings
+    assert "at handle the loop bears 0 ms" in warning
+    margin = check_scene(scene).points[0].loop.gain
+    assert f"may be {margin / 4.0:.2g} times" in warning
