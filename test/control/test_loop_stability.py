@@ -1,4 +1,4 @@
-"""Which gains and delays the sampled loop bears: closed forms, and sessions that diverge or do not."""
+"""Which gains and delays the sampled loop bears: closed forms, and sessions that diverge."""
 
 import numpy as np
 import pytest
