@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from hapticmech_ros.bench.feel.figure import draw
-from hapticmech_ros.bench.feel.impedance import Felt, felt
+from hapticmech_ros.bench.feel.impedance import felt
+from hapticmech_ros.bench.feel.row import Row
 from hapticmech_ros.scene import Scene, load_scene
 
 JSON_NAME, PLOT_NAME = "bench_feel.json", "bench_feel.png"
@@ -16,40 +16,6 @@ JSON_NAME, PLOT_NAME = "bench_feel.json", "bench_feel.png"
 LOOPS = {"device": True, "controller": False}
 
 Show = Callable[[str], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """What is felt along one direction of a scene.
-
-    Attributes:
-        scene: its name.
-        loop: what closes the force channel: device or controller.
-        delay: periods from measuring to acting.
-        felt: along the direction.
-    """
-
-    scene: str
-    loop: str
-    delay: int
-    felt: Felt
-
-    def document(self) -> dict[str, object]:
-        """Return the row as plain lists and numbers."""
-        found = self.felt
-        return {
-            "scene": self.scene,
-            "loop": self.loop,
-            "delay_periods": self.delay,
-            "direction": found.direction.tolist(),
-            "mass": found.mass,
-            "frequencies_hz": found.frequencies.tolist(),
-            "ratio_real": found.ratio.real.tolist(),
-            "ratio_imaginary": found.ratio.imag.tolist(),
-            "error_to_10_hz": found.error(10.0),
-            "error_to_30_hz": found.error(30.0),
-            "bandwidth_hz": found.bandwidth,
-        }
 
 
 def run_feel(

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hapticmech_ros.bench.feel.row import Row
 from hapticmech_ros.experiment.figure_style import BLUE, GREY, ORANGE, dress, new_figure, save
-
-if TYPE_CHECKING:
-    from hapticmech_ros.bench.feel.benchmark import Row
 
 CAPTION = (
     "Felt over desired impedance along each free direction of each scene, at the smallest delay. "

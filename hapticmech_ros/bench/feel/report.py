@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-if TYPE_CHECKING:
-    from hapticmech_ros.bench.feel.benchmark import Row
+from hapticmech_ros.bench.feel.row import Row
 
 
 def table(rows: Sequence[Row]) -> Table:
