@@ -86,9 +86,7 @@ class ControlArchitecture:
             in_flight: what of earlier commands to the mechanism has not acted yet.
         """
         if in_flight is not None:
-            twist = foreseen(point.twist, model.inverse_inertia, in_flight)
-            pose = carried_on(point.pose, twist, in_flight.duration)
-            point = PointMeasurement(pose, twist, point.contact_wrench)
+            point = _foreseen(point, model, in_flight)
         gains = self.gains
         task = self._task
         error = task * pose_error(point.pose, engagement.mapped(device.pose))
@@ -176,12 +174,20 @@ class ControlArchitecture:
         if in_flight is None:
             point = _point_at(rendered, ahead)
         else:
-            point, in_flight = (
-                point_of(rendered),
-                in_flight._replace(duration=in_flight.duration + ahead),
-            )
-        output = self.compute(time, engagement, device_of(device), point, model, in_flight)
-        return output.rows()
+            point = _foreseen(point_of(rendered), model, in_flight, ahead)
+        return self.compute(time, engagement, device_of(device), point, model).rows()
+
+
+def _foreseen(
+    point: PointMeasurement, model: RenderingModel, in_flight: InFlight, ahead: float = 0.0
+) -> PointMeasurement:
+    """Return the point's measurement once what is in flight has acted, ``ahead`` (s) from now."""
+    contact = point.contact_wrench
+    twist = foreseen(
+        point.twist, model.inverse_inertia, model.free_acceleration, contact, in_flight
+    )
+    pose = carried_on(point.pose, twist, ahead + in_flight.duration)
+    return PointMeasurement(pose, twist, contact)
 
 
 def _point_at(rendered: Array, ahead: float) -> PointMeasurement:

@@ -89,7 +89,9 @@ class CompiledControl(ControlArchitecture):
             self._tie_to(engagement)
         if in_flight is not None and rendered.size == RENDERED_SIZE:
             rendered, inverse_inertia = rendered.copy(), rendered[:36].reshape(6, 6)
-            rendered[121:127] = foreseen(rendered[121:127], inverse_inertia, in_flight)
+            twist, contact = rendered[121:127], rendered[127:133]
+            free = rendered[108:114]
+            rendered[121:127] = foreseen(twist, inverse_inertia, free, contact, in_flight)
             ahead += in_flight.duration
         out = np.empty((6, 6))
         if not control_wrenches(self._settings, device, rendered, time, ahead, out):

@@ -38,12 +38,24 @@ def carried_on(pose: pin.SE3, twist: Array, duration: float) -> pin.SE3:
     return pin.SE3(turn @ pose.rotation, pose.translation + duration * twist[:3])
 
 
-def foreseen(twist: Array, inverse_inertia: Array, in_flight: InFlight) -> Array:
+def foreseen(
+    twist: Array,
+    inverse_inertia: Array,
+    free_acceleration: Array,
+    contact_wrench: Array,
+    in_flight: InFlight,
+) -> Array:
     """Return the twist (6,) of the operational point once what is in flight has acted.
+
+    Nothing is foreseen of a mechanism that stands still under it, held by contacts, springs or
+    gravity.
 
     Args:
         twist: (6,) now, world axes.
         inverse_inertia: (6, 6) X.
+        free_acceleration: (6,) a_0.
+        contact_wrench: (6,) F_c, which stays meanwhile.
         in_flight: what has not acted yet.
     """
-    return np.asarray(twist + inverse_inertia @ in_flight.impulse)
+    impulse = in_flight.impulse + in_flight.duration * contact_wrench
+    return np.asarray(twist + inverse_inertia @ impulse + in_flight.duration * free_acceleration)

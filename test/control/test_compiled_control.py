@@ -112,7 +112,6 @@ def test_wrenches_are_the_same(kind, beta):
 
 
 @pytest.mark.parametrize("kind", SCENES)
-@pytest.mark.parametrize("kind", ["planar", "spatial"])
 @pytest.mark.parametrize("ahead", [0.0, 0.004])
 def test_what_is_in_flight_is_foreseen_alike(kind, ahead):
     rng = np.random.default_rng(7)
@@ -124,6 +123,7 @@ def test_what_is_in_flight_is_foreseen_alike(kind, ahead):
         assert apart(same(readable, compiled, case), before) > 1e-3
 
 
+@pytest.mark.parametrize("kind", SCENES)
 @pytest.mark.parametrize("turn", TURNS)
 @pytest.mark.parametrize("way", [0.0, 1e-9, 0.1])
 def test_wrenches_are_the_same_at_every_error(kind, turn, way):

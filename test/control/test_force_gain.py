@@ -6,6 +6,7 @@ import pytest
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.force_gain import corrected
+from hapticmech_ros.control.prediction import InFlight, foreseen
 from hapticmech_ros.session import rendering_model
 
 
@@ -33,3 +34,18 @@ def test_it_is_the_answer_to_the_other_wrench(name, time, beta):
     assert np.abs(found - answer(second)).max() < 1e-13
     # And it does correct something.
     assert np.abs(answer(second) - answer(first)).max() > 1e-3
+
+
+@pytest.mark.parametrize("held_by", ["contact", "gravity"])
+def test_nothing_is_foreseen_of_a_mechanism_that_stands_still_under_a_push(held_by):
+    """What is in flight is no motion where something else holds against it."""
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(6, 6))
+    x, push, twist = root @ root.T, rng.normal(size=6), rng.normal(size=6)
+    in_flight = InFlight(1e-3, 1e-3 * push)
+    free = -x @ push if held_by == "gravity" else np.zeros(6)
+    contact = -push if held_by == "contact" else np.zeros(6)
+    still = foreseen(twist, x, free, contact, in_flight)
+    assert np.abs(still - twist).max() < 1e-15 * np.abs(x).max()
+    moving = foreseen(twist, x, np.zeros(6), np.zeros(6), in_flight)
+    assert moving == pytest.approx(twist + 1e-3 * x @ push, rel=1e-12)
