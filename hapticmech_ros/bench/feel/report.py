@@ -19,7 +19,7 @@ def table(rows: Sequence[Row]) -> Table:
     for name in ("scene", "loop in"):
         shown.add_column(name, no_wrap=True)
     for name in ("delay", "ways", "to 10 Hz", "to 30 Hz", "3 dB, Hz"):
-        shown.add_column(name, justify="right")
+        shown.add_column(name, justify="right", no_wrap=True)
     for (scene, loop, delay), group in groupby(rows, lambda row: (row.scene, row.loop, row.delay)):
         found = [row.felt for row in group]
         shown.add_row(
