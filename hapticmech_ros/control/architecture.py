@@ -43,7 +43,7 @@ class ControlArchitecture:
         self.limits = (scene.device.force_limit, scene.device.torque_limit)
         self.device_inertia = device_inertia(scene.device)
         self.substeps = scene.device.substeps
-        self._channels = FourChannel(self.gains.position_channel, self.gains.force_channel)
+        self.channels = FourChannel(self.gains.position_channel, self.gains.force_channel)
         self._task = np.ones(6)
         if scene.task_space == "planar":
             self._task[2:5] = 0.0
@@ -105,7 +105,7 @@ class ControlArchitecture:
         constraint = joint_constraint_wrench(
             gains.joint_constraint, model.constraint_projector, error, error_rate
         )
-        channels = self._channels.wrenches(model.balanced_share, error, error_rate, hand, contact)
+        channels = self.channels.wrenches(model.balanced_share, error, error_rate, hand, contact)
         ramp = engagement.ramp(time, self.ramp_of(engagement))
         total = ramp * (impedance + constraint + channels.device)
         return ControlOutput(

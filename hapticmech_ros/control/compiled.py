@@ -42,7 +42,7 @@ class CompiledControl(ControlArchitecture):
             *self.limits,
         )
         self._settings = np.zeros(SETTINGS_SIZE)
-        inertia, channels = np.diag(self.device_inertia), self._channels
+        inertia, channels = np.diag(self.device_inertia), self.channels
         self._settings[:ENGAGED] = np.concatenate(
             (self._task, inertia, channels.stiffness, channels.damping, scalars)
         )

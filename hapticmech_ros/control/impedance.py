@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.control.force_gain import force_gain
 from hapticmech_ros.mechanism.model import Array
 
 
@@ -34,7 +35,5 @@ def impedance_wrench(
         feedforward: β in [0, 1], share of Π F that is cancelled ahead.
         device_bias: (6,) the device's own Coriolis, gravity and friction wrench.
     """
-    motion = device_inertia @ (inverse_inertia @ wrench + free_acceleration)
-    return np.asarray(
-        motion - wrench + (1.0 - feedforward) * (balanced_share @ wrench) + device_bias
-    )
+    gain = force_gain(device_inertia, inverse_inertia, balanced_share, feedforward)
+    return np.asarray(gain @ wrench + device_inertia @ free_acceleration + device_bias)

@@ -4,8 +4,8 @@ With positions frozen, what is between device and operational point obeys
 
     ë = -A_k e(t - τ) - A_b ė(t - τ),      A_k = Λ_d⁻¹ (k P_c + (1 - Π) C_k) + X C_k
 
-and A_b likewise of the dampers,
-sampled, held over a period T and acting d periods after it was measured. The loop is stable where
+and A_b likewise of the dampers: sampled, held over a period T, and acting d periods after it was
+measured. The loop is stable where
 all eigenvalues of one period's step are inside the unit circle. The hand is left out: it can only
 damp, unless it is stiff itself.
 """
@@ -48,9 +48,8 @@ def loop_terms(control: ControlArchitecture, model: RenderingModel) -> tuple[Arr
         control: whose gains.
         model: what the analysis reports at a position.
     """
-    gains, channel = control.gains.joint_constraint, control.gains.position_channel
-    stiffness = np.array([channel.stiffness] * 3 + [channel.angular_stiffness] * 3)
-    damping = np.array([channel.damping] * 3 + [channel.angular_damping] * 3)
+    gains = control.gains.joint_constraint
+    stiffness, damping = control.channels.stiffness, control.channels.damping
     mobility = np.linalg.inv(control.device_inertia)
     free = np.eye(6) - model.balanced_share
     x, projector = model.inverse_inertia, model.constraint_projector
