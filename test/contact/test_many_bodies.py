@@ -5,7 +5,19 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from oracles.touching import FLOOR, SHAPES, UPRIGHT, G, body, held, pair, run, scene, shape
+from oracles.touching import (
+    FLOOR,
+    SHAPES,
+    UPRIGHT,
+    G,
+    body,
+    held,
+    pair,
+    run,
+    scene,
+    shape,
+    valley,
+)
 
 LAW = {"stiffness": 1e5, "damping": 300.0, "friction": 0.5}
 
@@ -52,20 +64,11 @@ def test_a_box_rests_for_a_minute_where_it_is():
 
 def test_a_box_in_a_corner_is_held_by_both_planes():
     """A V of two slopes of 45°, without friction: each carries m g / √2."""
-    slopes = [
-        {
-            "name": name,
-            "link": "world",
-            "origin": {"rpy": [sign * np.pi / 4, 0.0, 0.0]},
-            "geometry": {"kind": "half_space"},
-        }
-        for name, sign in (("left", -1.0), ("right", 1.0))
-    ]
     law = {"stiffness": 1e5, "damping": 300.0}
     q = [0, 0, 0.05 * np.sqrt(2.0), np.sin(np.pi / 8), 0, 0, np.cos(np.pi / 8)]
     document = scene(
         [body("one")],
-        [*slopes, shape("one", SHAPES["box"])],
+        [*valley(), shape("one", SHAPES["box"])],
         [pair("one_shape", "left", **law), pair("one_shape", "right", **law)],
         {"one": q},
     )

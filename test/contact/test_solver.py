@@ -18,6 +18,7 @@ from oracles.touching import (
     run,
     scene,
     shape,
+    valley,
 )
 
 NAMES = ("one", "two", "three")
@@ -32,21 +33,12 @@ def heavy(*masses):
 
 def corner(friction, tilt=0.05):
     """Return a box that falls askew into a V of two slopes of 45°."""
-    slopes = [
-        {
-            "name": name,
-            "link": "world",
-            "origin": {"rpy": [sign * np.pi / 4, 0.0, 0.0]},
-            "geometry": {"kind": "half_space"},
-        }
-        for name, sign in (("left", -1.0), ("right", 1.0))
-    ]
     law = {"stiffness": 1e5, "damping": 300.0, "friction": friction}
     angle = 0.5 * (np.pi / 4 + 2.0 * tilt)
     q = [0, 0, 0.05 * np.sqrt(2.0) + 0.01, np.sin(angle), 0, 0, np.cos(angle)]
     return scene(
         [body("one")],
-        [*slopes, shape("one", SHAPES["box"])],
+        [*valley(), shape("one", SHAPES["box"])],
         [pair("one_shape", "left", **law), pair("one_shape", "right", **law)],
         {"one": q},
     )

@@ -35,6 +35,19 @@ def shape(link, geometry, **more):
     return {"name": f"{link}_shape", "link": link, "geometry": deepcopy(geometry)} | more
 
 
+def valley():
+    """Return two half-spaces that make a V of two slopes of 45°, along x: left and right."""
+    return [
+        {
+            "name": name,
+            "link": "world",
+            "origin": {"rpy": [sign * np.pi / 4, 0.0, 0.0]},
+            "geometry": {"kind": "half_space"},
+        }
+        for name, sign in (("left", -1.0), ("right", 1.0))
+    ]
+
+
 def pair(a, b="floor", stiffness=1e5, damping=0.0, friction=0.0):
     values = {"stiffness": stiffness, "damping": damping, "friction": friction}
     return {"name": f"{a}_{b}", "a": a, "b": b} | values
