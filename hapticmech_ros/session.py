@@ -17,7 +17,9 @@ from hapticmech_ros.control import (
     RenderingModel,
     control_for,
 )
-from hapticmech_ros.control.on_the_way import OnTheWay
+from hapticmech_ros.control.energy_ledger import LedgerEntry
+from hapticmech_ros.control.passivity import PassivityController
+from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
@@ -26,6 +28,7 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.contact_wrench import touching_wrench
 from hapticmech_ros.operational.counter import CountState, first_count, next_count
+from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Origin
 
@@ -83,7 +86,7 @@ class Session:
         start = self.simulator.evaluate(self._mechanism_state).points[self._index].pose
         self._device_state = self._held = self._device.at_rest(start, held=True)
         self._engagement: Engagement = self._control.engage(0.0, start, start)
-        self._way = OnTheWay(self._control, self.period, command_delay)
+        self._loop = RenderingLoop(scene, self._control, command_delay)
         self._count: CountState | None = None
         self._carried: Array | None = None
         self._sent = np.zeros(6)
@@ -93,6 +96,20 @@ class Session:
     def time(self) -> float:
         """Time of the next tick, s."""
         return self._tick * self.period
+
+    @property
+    def energies(self) -> LedgerEntry:
+        """The controllers' account; see :mod:`~hapticmech_ros.control.energy_ledger`."""
+        return self._loop.side.ledger.entry
+
+    @property
+    def passivity(self) -> PassivityController:
+        """The device's account."""
+        return self._loop.passivity
+
+    def tune(self, gains: Controller) -> None:
+        """Pass to other gains, without a bump, over their ``gain_ramp``."""
+        self._control.tune(self.time, gains)
 
     def tick(
         self, external_wrench: Array | None = None, hand_wrench: Array | None = None
@@ -122,14 +139,11 @@ class Session:
         measured = DeviceMeasurement(device.measured_pose, device.measured_twist, held)
         self._tie(time, measured, point)
         model = rendering_model(analysis)
-        output = self._control.compute(
-            time,
-            self._engagement,
-            measured,
-            PointMeasurement(point.pose, point.twist, external + contact),
-            model,
-            self._way.in_flight,
-        )
+        seen = PointMeasurement(point.pose, point.twist, external + contact)
+        numbers = device.published
+        numbers = np.concatenate((numbers[:13], held))
+        acting = self._loop.tick(time, self._engagement, numbers, device.applied, seen, model)
+        output = self._loop.output
         sample = Sample(
             time,
             device,
@@ -143,11 +157,10 @@ class Session:
             output,
         )
         self._sent = output.device
-        to_device, to_mechanism = self._way.pass_on(time, self._engagement, model, output, held)
         wrenches = np.zeros((self._points, 6))
-        wrenches[self._index] = to_mechanism + external
+        wrenches[self._index] = acting.mechanism + external
         self._mechanism_state = self.simulator.step(mechanism, wrenches)
-        self._device_state = self._device.step(device, to_device, self._held, self._tick, push)
+        self._device_state = self._device.step(device, acting.device, self._held, self._tick, push)
         self._tick += 1
         return sample
 
@@ -176,7 +189,7 @@ class Session:
         point = grasped(self.simulator.scene, self._analyser.point.name, frame, origin)
         self.simulator.grasp(point)
         self._analyser = Analyser(self.simulator.mechanism, point.name)
-        self._way.let_go()
+        self._loop.side.held_elsewhere()
         self._carried = self._sent
         self._count = None
 

@@ -11,8 +11,10 @@ from hapticmech_ros.control.engagement import Engagement, engage, pose_error
 from hapticmech_ros.control.flat import device_of, model_of, point_of
 from hapticmech_ros.control.force_gain import force_gain
 from hapticmech_ros.control.four_channel import FourChannel
+from hapticmech_ros.control.gain_passage import Passage
 from hapticmech_ros.control.impedance import impedance_wrench
 from hapticmech_ros.control.joint_constraint import joint_constraint_wrench
+from hapticmech_ros.control.local_model import NO_MODEL, LocalModel
 from hapticmech_ros.control.measurements import (
     ControlOutput,
     DeviceMeasurement,
@@ -22,12 +24,15 @@ from hapticmech_ros.control.measurements import (
 from hapticmech_ros.control.prediction import InFlight, carried_on, foreseen
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation import limited
+from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.rendering import Device
 
 
 class ControlArchitecture:
     """The controllers of a scene. Holds gains only; state is the :class:`Engagement`.
+
+    Gains can be changed while it renders: they pass to the new ones, see :meth:`tune`.
 
     Measurements come as objects, or as flat arrays with the time that lies between them; see
     :mod:`~hapticmech_ros.control.flat`.
@@ -39,14 +44,34 @@ class ControlArchitecture:
     compiled: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
-        self.gains = scene.controller
         self.limits = (scene.device.force_limit, scene.device.torque_limit)
         self.device_inertia = device_inertia(scene.device)
         self.substeps = scene.device.substeps
-        self.channels = FourChannel(self.gains.position_channel, self.gains.force_channel)
+        self._lag = 2.0 * scene.connection.delay + 1.5 * scene.simulation.period
         self._task = np.ones(6)
         if scene.task_space == "planar":
             self._task[2:5] = 0.0
+        self._passage: Passage | None = None
+        self.adopt(scene.controller)
+
+    def adopt(self, gains: Controller) -> None:
+        """Take gains at once; a bump, if it renders."""
+        self.gains = gains
+        self.channels = FourChannel(
+            gains.position_channel, gains.force_channel, np.diag(self.device_inertia), self._lag
+        )
+
+    def tune(self, time: float, gains: Controller) -> None:
+        """Pass to other gains from ``time`` (s) on, in a straight line over their ``gain_ramp``."""
+        self._passage = Passage(time, self.gains, gains)
+
+    def pass_on_to(self, time: float) -> None:
+        """Take the gains of ``time`` (s), if they are passing to others."""
+        if self._passage is not None:
+            gains, arrived = self._passage.at(time)
+            self.adopt(gains)
+            if arrived:
+                self._passage = None
 
     def engage(
         self, time: float, device: pin.SE3, point: pin.SE3, carried: Array | None = None
@@ -85,6 +110,7 @@ class ControlArchitecture:
             model: what the analysis reports.
             in_flight: what of earlier commands to the mechanism has not acted yet.
         """
+        self.pass_on_to(time)
         if in_flight is not None:
             point = _foreseen(point, model, in_flight)
         gains = self.gains
@@ -93,14 +119,16 @@ class ControlArchitecture:
         error_rate = task * (device.twist - point.twist)
         hand = task * device.hand_wrench
         contact = task * point.contact_wrench
+        force = gains.force_channel
         impedance = task * impedance_wrench(
             self.device_inertia,
             model.inverse_inertia,
             model.balanced_share,
             model.free_acceleration,
-            hand + contact,
+            hand + force.contact * contact,
             gains.joint_constraint.feedforward,
             np.zeros(6),
+            force.device_feedback * hand,
         )
         constraint = joint_constraint_wrench(
             gains.joint_constraint, model.constraint_projector, error, error_rate
@@ -122,13 +150,26 @@ class ControlArchitecture:
         faded = engagement.faded(time, self.ramp_of(engagement))
         return wrench if faded is None else limited(wrench + faded, *self.limits)
 
-    def force_gain(self, time: float, engagement: Engagement, model: RenderingModel) -> Array:
-        """Return G (6, 6) as it is let through at ``time`` (s); see :mod:`.force_gain`."""
-        beta = self.gains.joint_constraint.feedforward
-        x, share = model.inverse_inertia, model.balanced_share
-        gain = force_gain(self.device_inertia, x, share, beta)
+    @property
+    def is_local(self) -> bool:
+        """Whether the device is to correct commands by itself; see :mod:`.local_model`."""
+        return self.gains.force_channel.local or self.gains.joint_constraint.local
+
+    def local_model(self, time: float, engagement: Engagement, model: RenderingModel) -> LocalModel:
+        """Return how the answer depends on the device, as let through at ``time`` (s)."""
+        joint, force = self.gains.joint_constraint, self.gains.force_channel
         ramp = engagement.ramp(time, self.ramp_of(engagement))
-        return np.asarray(ramp * self._task[:, None] * gain * self._task)
+        through = ramp * self._task[:, None] * self._task
+        gain = spring = damper = NO_MODEL.force
+        if force.local:
+            x, share = model.inverse_inertia, model.balanced_share
+            feedback = force.device_feedback
+            gain = force_gain(self.device_inertia, x, share, joint.feedforward, feedback)
+            gain = through * gain
+        if joint.local:
+            projector = through * model.constraint_projector
+            spring, damper = joint.stiffness * projector, joint.damping * projector
+        return LocalModel(gain, spring, damper)
 
     def engage_flat(
         self,

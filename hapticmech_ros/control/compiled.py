@@ -21,6 +21,7 @@ from hapticmech_ros.control.prediction import InFlight, foreseen
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.quaternions import quaternion_of
+from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Scene
 
 
@@ -33,24 +34,29 @@ class CompiledControl(ControlArchitecture):
     compiled: ClassVar[bool] = True
 
     def __init__(self, scene: Scene) -> None:
-        super().__init__(scene)
-        joint, force = self.gains.joint_constraint, self.gains.force_channel
-        scalars = (
-            *(joint.feedforward, joint.stiffness, joint.damping),
-            *(joint.force_limit, joint.torque_limit),
-            *(force.contact, force.hand, self.gains.engagement_ramp),
-            *self.limits,
-        )
         self._settings = np.zeros(SETTINGS_SIZE)
-        inertia, channels = np.diag(self.device_inertia), self.channels
-        self._settings[:ENGAGED] = np.concatenate(
-            (self._task, inertia, channels.stiffness, channels.damping, scalars)
-        )
+        super().__init__(scene)
         self._tie = self._settings[ENGAGED:]
         self._tied: Engagement | None = None
         self._device = np.empty(DEVICE_SIZE)
         self._rendered = np.empty(RENDERED_SIZE)
         self._matrices = self._rendered[:108].reshape(3, 6, 6)
+
+    def adopt(self, gains: Controller) -> None:
+        """Take gains at once; see :meth:`ControlArchitecture.adopt`."""
+        super().adopt(gains)
+        joint, force, position = gains.joint_constraint, gains.force_channel, gains.position_channel
+        scalars = (
+            *(joint.feedforward, joint.stiffness, joint.damping),
+            *(joint.force_limit, joint.torque_limit),
+            *(position.to_mechanism, force.contact, force.hand, position.to_device),
+            *(force.mechanism_feedback, force.device_feedback),
+        )
+        inertia, channels = np.diag(self.device_inertia), self.channels
+        self._settings[:RAMP] = np.concatenate(
+            (self._task, inertia, channels.stiffness, channels.damping, scalars)
+        )
+        self._settings[RAMP + 1 : ENGAGED] = self.limits
 
     def compute(
         self,
@@ -85,6 +91,7 @@ class CompiledControl(ControlArchitecture):
         Raises:
             InvalidInputError: an array of another size.
         """
+        self.pass_on_to(time)
         if engagement is not self._tied:
             self._tie_to(engagement)
         if in_flight is not None and rendered.size == RENDERED_SIZE:

@@ -1,6 +1,6 @@
 """What a command would be for another hand wrench: the force channel, closed in the device.
 
-    u = u(F_h') + G (F_h - F_h'),      G = Λ_d X - 1 + (1 - β) Π
+    u = u(F_h') + G (F_h - F_h'),      G = (1 + C6) Λ_d X - 1 + (1 - β) Π
 
 is the impedance controller's answer to F_h, found from its answer to F_h' some samples before. A
 force that is fed forward late acts like a damper of m_d/τ in series with the mass that is felt,
@@ -15,7 +15,11 @@ from hapticmech_ros.mechanism.model import Array
 
 
 def force_gain(
-    device_inertia: Array, inverse_inertia: Array, balanced_share: Array, feedforward: float
+    device_inertia: Array,
+    inverse_inertia: Array,
+    balanced_share: Array,
+    feedforward: float,
+    feedback: float = 0.0,
 ) -> Array:
     """Return G (6, 6), N and N m of the device per N and N m of the hand, world axes.
 
@@ -24,18 +28,7 @@ def force_gain(
         inverse_inertia: (6, 6) X.
         balanced_share: (6, 6) Π.
         feedforward: β in [0, 1].
+        feedback: C6, local force feedback of the device.
     """
-    gain = device_inertia @ inverse_inertia + (1.0 - feedforward) * balanced_share
-    return np.asarray(gain - np.eye(6))
-
-
-def corrected(command: Array, gain: Array, answered: Array, hand_wrench: Array) -> Array:
-    """Return a command (6,) for the hand wrench of now instead of the one that it answers.
-
-    Args:
-        command: (6,) of the controller.
-        gain: (6, 6) G.
-        answered: (6,) F_h of the sample that the command answers.
-        hand_wrench: (6,) F_h now.
-    """
-    return np.asarray(command + gain @ (hand_wrench - answered))
+    moved = (1.0 + feedback) * (device_inertia @ inverse_inertia)
+    return np.asarray(moved + (1.0 - feedforward) * balanced_share - np.eye(6))

@@ -1,8 +1,19 @@
 """Four-channel teleoperation controller (Lawrence; Hashtrudi-Zaad and Salcudean).
 
+On the device, and on the mechanism:
+
+    Λ_d ẍ = Λ_d X ((1 + C6) F_h + C2 F_c) + ... - C4 (1 - Π) C e
+    f     = C3 F_h + C5 F_c + C1 C e
+
 Force channels carry the contact wrench to the hand (C2) and the hand's wrench to the mechanism
-(C3). Position channels, a spring and damper C_m = C_s, pull operational point and device together;
-on the device's side only in the range of X, since the joint-constraint controller has the rest.
+(C3). Position channels, a spring and damper C = C_m = C_s, pull operational point and device
+together; on the device's side only in the range of X, since the joint-constraint controller has
+the rest. C1 and C4 are shares of C: a local controller goes with its channel. C5 and C6 are local
+force feedback. Both sides move alike, which is transparency, where C2 = 1 + C5 = C3 = 1 + C6 and
+C1 = C4 = 1; then the mechanism feels 1 / (1 + C6) times as heavy.
+
+With a connection that is late by τ both ways, C's bandwidth ω is held to ω τ <= 0.3: its stiffness
+is scaled by the square of a factor and its damping by the factor, so that it stays as damped.
 """
 
 from __future__ import annotations
@@ -12,7 +23,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene.rendering import ForceChannelGains, PositionChannelGains
+from hapticmech_ros.scene.controller import ForceChannelGains, PositionChannelGains
+
+# ω τ of a spring and damper that a delayed loop bears with a margin of three.
+BORNE = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,14 +45,28 @@ class ChannelWrenches:
 class FourChannel:
     """Channels with constant gains.
 
+    Args:
+        position: C, C1 and C4.
+        force: C2, C3, C5 and C6.
+        inertia: (6,) diagonal of Λ_d, kg and kg m²; needed with a lag.
+        lag: s, from measuring to acting, there and back.
+
     Attributes:
-        stiffness, damping: (6,) of C_m = C_s, N/m, N m/rad and N s/m, N m s/rad.
+        stiffness, damping: (6,) of C, N/m, N m/rad and N s/m, N m s/rad.
     """
 
-    def __init__(self, position: PositionChannelGains, force: ForceChannelGains) -> None:
-        self.force = force
-        self.stiffness = np.array([position.stiffness] * 3 + [position.angular_stiffness] * 3)
-        self.damping = np.array([position.damping] * 3 + [position.angular_damping] * 3)
+    def __init__(
+        self,
+        position: PositionChannelGains,
+        force: ForceChannelGains,
+        inertia: Array | None = None,
+        lag: float = 0.0,
+    ) -> None:
+        self.position, self.force = position, force
+        stiffness = np.array([position.stiffness] * 3 + [position.angular_stiffness] * 3)
+        damping = np.array([position.damping] * 3 + [position.angular_damping] * 3)
+        share = np.ones(6) if inertia is None else borne_share(stiffness, damping, inertia, lag)
+        self.stiffness, self.damping = share**2 * stiffness, share * damping
 
     def wrenches(
         self,
@@ -58,8 +86,22 @@ class FourChannel:
             contact_wrench: (6,) F_c, by the environment on the mechanism at the operational point.
         """
         coupling = self.stiffness * error + self.damping * error_rate
-        in_range = coupling - balanced_share @ coupling
+        in_range = self.position.to_device * (coupling - balanced_share @ coupling)
+        told = self.force.hand * hand_wrench + self.force.mechanism_feedback * contact_wrench
         return ChannelWrenches(
             device=self.force.contact * contact_wrench - in_range,
-            mechanism=self.force.hand * hand_wrench + coupling,
+            mechanism=told + self.position.to_mechanism * coupling,
         )
+
+
+def borne_share(stiffness: Array, damping: Array, inertia: Array, lag: float) -> Array:
+    """Return the factor (6,) on ω and on damping that keeps ω τ and its damper's within 0.3.
+
+    Args:
+        stiffness: (6,) of C.
+        damping: (6,) of C.
+        inertia: (6,) diagonal of Λ_d.
+        lag: τ, s.
+    """
+    pace = np.maximum(np.sqrt(stiffness / inertia), damping / inertia)
+    return np.asarray(BORNE / np.maximum(pace * lag, BORNE))

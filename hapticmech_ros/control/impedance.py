@@ -1,10 +1,10 @@
 """Impedance controller: the device feels as heavy as the mechanism, in the range space of Λ_h⁻¹.
 
-    u_imp = Λ_d X F - (1 - (1 - β) Π) F + Λ_d a_0 + device bias,      F = F_h + F_c
+    u_imp = Λ_d X (F + C6 F_h) - (1 - (1 - β) Π) F + Λ_d a_0 + device bias,   F = F_h + C2 F_c
 
-Together with the hand and the contact channel the device then obeys Λ_d ẍ = Λ_d (X F + a_0) +
-(1 - β) Π F: it accelerates as the operational point does, and what is left is the push along
-constrained directions. X is never inverted.
+Together with the hand and the contact channel the device then obeys, with C6 = 0,
+Λ_d ẍ = Λ_d (X F + a_0) + (1 - β) Π F: it accelerates as the operational point does, and what is
+left is the push along constrained directions. X is never inverted.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ def impedance_wrench(
     wrench: Array,
     feedforward: float,
     device_bias: Array,
+    local_feedback: Array | None = None,
 ) -> Array:
     """Return u_imp (6,): on the hand, by the device, at the point held, world axes, N and N m.
 
@@ -31,9 +32,13 @@ def impedance_wrench(
         inverse_inertia: (6, 6) X.
         balanced_share: (6, 6) Π.
         free_acceleration: (6,) a_0, m/s² and rad/s².
-        wrench: (6,) F_h + F_c.
+        wrench: (6,) F_h + C2 F_c.
         feedforward: β in [0, 1], share of Π F that is cancelled ahead.
         device_bias: (6,) the device's own Coriolis, gravity and friction wrench.
+        local_feedback: (6,) C6 F_h; none if left out.
     """
     gain = force_gain(device_inertia, inverse_inertia, balanced_share, feedforward)
-    return np.asarray(gain @ wrench + device_inertia @ free_acceleration + device_bias)
+    answer = gain @ wrench + device_inertia @ free_acceleration + device_bias
+    if local_feedback is not None:
+        answer = answer + device_inertia @ (inverse_inertia @ local_feedback)
+    return np.asarray(answer)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation import scaled_within
-from hapticmech_ros.scene.rendering import JointConstraintGains
+from hapticmech_ros.scene.controller import JointConstraintGains
 
 
 def joint_constraint_wrench(

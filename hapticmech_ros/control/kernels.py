@@ -1,13 +1,14 @@
 """The controllers of Fig. 3 as one kernel, from flat measurements to wrenches.
 
-What a scene and an engagement fix is in one array, ``settings`` (42,):
+What a scene and an engagement fix is in one array, ``settings`` (46,):
 
     :6    1 in the scene's task space, else 0
     :12   diagonal of Λ_d
     :24   stiffnesses 6 and dampings 6 of C_m
     :29   β, stiffness, damping, force limit and torque limit of the joint constraint
-    :34   C2, C3, duration of the ramp, force limit and torque limit of the device
-    :42   time 1, displacement 3 and turn, as a quaternion of length 1, of the engagement
+    :35   C1 to C6
+    :38   duration of the ramp, force limit and torque limit of the device
+    :46   time 1, displacement 3 and turn, as a quaternion of length 1, of the engagement
 
 Measurements are laid out as :mod:`~hapticmech_ros.control.flat` says.
 """
@@ -23,8 +24,8 @@ from hapticmech_ros.mechanism.compiled.small_matrices import dot
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation_kernels import limit
 
-RAMP, ENGAGED = 31, 34
-SETTINGS_SIZE = 42
+CHANNELS, RAMP, ENGAGED = 29, 35, 38
+SETTINGS_SIZE = 46
 
 
 @inner
@@ -52,25 +53,28 @@ def parts(settings: Array, device: Array, rendered: Array, out: Array) -> None:
     task, inertia = settings[:6], settings[6:12]
     stiffness, damping = settings[12:18], settings[18:24]
     beta, spring, damper, force_limit, torque_limit = settings[24:29]
-    contact_gain, hand_gain = settings[29], settings[30]
+    c1, c2, c3, c4, c5, c6 = settings[CHANNELS:RAMP]
     x, p_c = rendered[:36].reshape(6, 6), rendered[36:72].reshape(6, 6)
     share, free = rendered[72:108].reshape(6, 6), rendered[108:114]
     twist, contact = rendered[121:127], rendered[127:133]
-    push, pull, coupling = np.empty((3, 6))
+    push, pull, coupling, drive = np.empty((4, 6))
     error = out[5]
     for i in range(6):
         error[i] *= task[i]
         rate = task[i] * (device[7 + i] - twist[i])
-        push[i] = task[i] * device[13 + i] + task[i] * contact[i]
+        hand = task[i] * device[13 + i]
+        push[i] = hand + c2 * (task[i] * contact[i])
+        drive[i] = push[i] + c6 * hand
         pull[i] = spring * error[i] + damper * rate
         coupling[i] = stiffness[i] * error[i] + damping[i] * rate
     for i in range(6):
-        motion = inertia[i] * (dot(x[i], push) + free[i])
-        out[1, i] = hand_gain * (task[i] * device[13 + i]) + coupling[i]
+        hand, touch = task[i] * device[13 + i], task[i] * contact[i]
+        motion = inertia[i] * (dot(x[i], drive) + free[i])
+        out[1, i] = c3 * hand + c5 * touch + c1 * coupling[i]
         out[2, i] = task[i] * (motion - push[i] + (1.0 - beta) * dot(share[i], push))
         out[3, i] = -dot(p_c[i], pull)
-        in_range = coupling[i] - dot(share[i], coupling)
-        out[4, i] = contact_gain * (task[i] * contact[i]) - in_range
+        in_range = c4 * (coupling[i] - dot(share[i], coupling))
+        out[4, i] = c2 * touch - in_range
     scale_within(out[3], force_limit, torque_limit)
 
 
@@ -84,7 +88,7 @@ def control_wrenches(
     """Fill ``out`` (6, 6) with a control period's wrenches: rows as in :class:`ControlOutput`.
 
     Args:
-        settings: (42,) what the scene and the engagement fix.
+        settings: (46,) what the scene and the engagement fix.
         device: (19,) the device's measurement.
         rendered: (133,) the analysis and the operational point's measurement.
         time: s.

@@ -2,17 +2,20 @@
 
 With positions frozen, what is between device and operational point obeys
 
-    ë = -A_k e(t - τ) - A_b ė(t - τ),      A_k = Λ_d⁻¹ (k P_c + (1 - Π) C_k) + X C_k
+    ë = -A_k e(t - τ) - A_b ė(t - τ) - N_k e - N_b ė,      A_k = Λ_d⁻¹ (1 - Π) C_k + X C_k,
+                                                             N_k = Λ_d⁻¹ k P_c
 
-and A_b likewise of the dampers: sampled, held over a period T, and acting d periods after it was
-measured. The loop is stable where
-all eigenvalues of one period's step are inside the unit circle. The hand is left out: it can only
+and A_b, N_b likewise of the dampers: sampled, held over a period T, and what is not closed in the
+device acting d periods after it was measured. A joint constraint that is not closed in the device
+counts among A. The loop is stable where all eigenvalues of one period's step are inside the unit
+circle. The hand is left out: it can only
 damp, unless it is stiff itself.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,34 +44,63 @@ class LoopMargins:
     gain: float
 
 
-def loop_terms(control: ControlArchitecture, model: RenderingModel) -> tuple[Array, Array]:
-    """Return A_k (6, 6), 1/s², and A_b (6, 6), 1/s, with the springs and dampers of a scene.
+class LoopTerms(NamedTuple):
+    """Springs, 1/s², and dampers, 1/s, of a loop, (n, n) each.
+
+    Attributes:
+        late: A_k and A_b.
+        local: N_k and N_b.
+    """
+
+    late: tuple[Array, Array]
+    local: tuple[Array, Array]
+
+    def scaled(self, gain: float) -> LoopTerms:
+        """Return all of it, so many times as strong."""
+        (a, b), (c, d) = self
+        return LoopTerms((gain * a, gain * b), (gain * c, gain * d))
+
+
+def loop_terms(control: ControlArchitecture, model: RenderingModel, rows: Array) -> LoopTerms:
+    """Return the springs and dampers of a scene.
 
     Args:
         control: whose gains.
         model: what the analysis reports at a position.
+        rows: of a six-vector that the task space has.
     """
+    position = control.gains.position_channel
+    to_mechanism, to_device = position.to_mechanism, position.to_device
     gains = control.gains.joint_constraint
     stiffness, damping = control.channels.stiffness, control.channels.damping
     mobility = np.linalg.inv(control.device_inertia)
     free = np.eye(6) - model.balanced_share
-    x, projector = model.inverse_inertia, model.constraint_projector
-    return (
-        mobility @ (gains.stiffness * projector + free * stiffness) + x * stiffness,
-        mobility @ (gains.damping * projector + free * damping) + x * damping,
-    )
+    x, constraint = model.inverse_inertia, mobility @ model.constraint_projector
+
+    def coupling(gain: Array) -> Array:
+        return np.asarray(to_device * (mobility @ (free * gain)) + to_mechanism * (x * gain))
+
+    def part(matrix: Array) -> Array:
+        return np.asarray(matrix[np.ix_(rows, rows)])
+
+    late = part(coupling(stiffness)), part(coupling(damping))
+    rigid = part(gains.stiffness * constraint), part(gains.damping * constraint)
+    if gains.local:
+        return LoopTerms(late, rigid)
+    nothing = np.zeros_like(rigid[0])
+    return LoopTerms((late[0] + rigid[0], late[1] + rigid[1]), (nothing, nothing))
 
 
-def spectral_radius(stiff: Array, damp: Array, period: float, delay: int, substeps: int) -> float:
+def spectral_radius(terms: LoopTerms, period: float, delay: int, substeps: int) -> float:
     """Return the largest eigenvalue's size of one period's step.
 
     Args:
-        stiff: (n, n) A_k, 1/s².
-        damp: (n, n) A_b, 1/s.
+        terms: springs and dampers.
         period: s.
         delay: whole periods from measuring to acting.
         substeps: of the device in a period.
     """
+    (stiff, damp), local = terms
     n = len(stiff)
     size = n * (2 + delay)
     step = np.zeros((size, size))
@@ -77,16 +109,21 @@ def spectral_radius(stiff: Array, damp: Array, period: float, delay: int, subste
     moved = 0.5 * period**2 * (1.0 + 1.0 / substeps)
     step[:n, :n], step[:n, n : 2 * n] = one, period * one
     step[n : 2 * n, n : 2 * n] = one
-    answer = np.hstack((-stiff, -damp))
+    step[: 2 * n, : 2 * n] += _acting(-np.hstack(local), moved, period)
+    answer = -np.hstack((stiff, damp))
     if delay == 0:
-        step[:n, : 2 * n] += moved * answer
-        step[n : 2 * n, : 2 * n] += period * answer
+        step[: 2 * n, : 2 * n] += _acting(answer, moved, period)
     else:
         step[:n, -n:], step[n : 2 * n, -n:] = moved * one, period * one
         step[2 * n : 3 * n, : 2 * n] = answer
         for k in range(1, delay):
             step[(2 + k) * n : (3 + k) * n, (1 + k) * n : (2 + k) * n] = one
     return float(np.abs(np.linalg.eigvals(step)).max())
+
+
+def _acting(answer: Array, moved: float, period: float) -> Array:
+    """Return what an answer (n, 2 n) that is held adds to errors and their rates."""
+    return np.vstack((moved * answer, period * answer))
 
 
 def loop_margins(
@@ -101,10 +138,10 @@ def loop_margins(
         period: s.
         delay: whole periods from measuring to acting.
     """
-    stiff, damp = (term[np.ix_(rows, rows)] for term in loop_terms(control, model))
+    terms = loop_terms(control, model, rows)
 
     def stable(gain: float, periods: int) -> bool:
-        radius = spectral_radius(gain * stiff, gain * damp, period, periods, control.substeps)
+        radius = spectral_radius(terms.scaled(gain), period, periods, control.substeps)
         return radius < 1.0 + ON_CIRCLE
 
     periods = -1

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.errors import BagError
+from hapticmech_ros.wire.energy_topics import ENERGY
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
     DEVICE_STATE,
-    ENERGY,
     JOINT_STATES,
     RENDERING,
 )

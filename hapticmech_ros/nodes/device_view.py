@@ -7,11 +7,20 @@ from typing import Any
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
+from hapticmech_ros.control.passivity import PassivityController
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.messages import WORLD, set_stamp, write_pose, write_twist, write_wrench
+from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.energy_topics import DEVICE_ENERGY
+from hapticmech_ros.wire.port_energies import (
+    DEVICE_ENERGY_FIELDS,
+    DeviceEnergy,
+    pack_device_energy,
+)
 from hapticmech_ros.wire.topics import (
     DEVICE_FORCE,
     DEVICE_JOINTS,
@@ -39,7 +48,21 @@ class DeviceView:
         self._publish_twist = actor.output(DEVICE_TWIST, TwistStamped)
         self._publish_setpoint = actor.output(DEVICE_SETPOINT, WrenchStamped)
         self._publish_joints = actor.output(DEVICE_JOINTS, JointState)
+        self._energy = FlatArray(DEVICE_ENERGY_FIELDS)
+        self._publish_energy = actor.output(DEVICE_ENERGY, Float64MultiArray)
         self._publish_pose = actor.output(DEVICE_POSE, PoseStamped)
+
+    def publish_energy(self, account: PassivityController, sample: Array, time_ns: int) -> None:
+        """Publish a device's energies at a sample (19,), at a time (ns)."""
+        energy = DeviceEnergy(
+            time_ns,
+            account.hand(sample),
+            account.actuators,
+            account.mechanism or 0.0,
+            account.available,
+            account.dissipated,
+        )
+        self._publish_energy.publish(self._energy.encode(pack_device_energy(energy)))
 
     def publish(self, state: DeviceState, hand_wrench: Array, time_ns: int) -> None:
         """Publish a state with the wrench (6,) of all that push, at a time (ns)."""

@@ -13,6 +13,7 @@ from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCal
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
+from hapticmech_ros.control.passivity import passivity_for
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits
 from hapticmech_ros.mechanism import Simulator
@@ -20,16 +21,17 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.command_guard import CommandGuard
 from hapticmech_ros.nodes.device_view import DeviceView
-from hapticmech_ros.nodes.force_loop import ForceLoop
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Latest, Stamped
+from hapticmech_ros.nodes.local_loop import LocalLoop
 from hapticmech_ros.nodes.parameters import DeviceParameters
 from hapticmech_ros.nodes.pushes import Pushes
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.device_wire import DeviceWriter
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, GAIN_FIELDS
+from hapticmech_ros.wire.gain_wire import GAIN_FIELDS
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED
 from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,
     DEVICE_GAIN,
@@ -56,7 +58,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         super().__init__(node, parameters)
         self._hand_waits = parameters.hand_waits
         self._envelope = SafetyEnvelope(self.period_s)
-        self._loop = ForceLoop()
+        self._loop = LocalLoop()
+        self._passivity = passivity_for(self.scene)
         self._answered_ns = 0
         self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
         self._push: Array = NO_WRENCH
@@ -100,7 +103,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     @property
     def _is_local(self) -> bool:
-        return self.scene.controller.force_channel.local
+        gains = self.scene.controller
+        return gains.force_channel.local or gains.joint_constraint.local
 
     def adopt(self, parameters: DeviceParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
@@ -127,6 +131,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._state = self._device.at_rest(self._state.pose, held=self.lockstep)
         self._envelope.place(self._state.published[:3])
         self._envelope.stop()
+        self._passivity.begin()
         self._held = self._state if self.lockstep else None
         self.times_held = int(self.lockstep)
 
@@ -152,9 +157,10 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._push = self._pushing(deadline_ns)
         self._written.see(self._state, self._push, deadline_ns)
         self._publish_wire.publish(self._wire.encode(self._written.values))
-        self._loop.measured(self._written.hand_wrench, deadline_ns)
+        self._loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
         if self._ticks % self.view_every == 0:
             self._view.publish(self._state, self._written.hand_wrench, deadline_ns)
+            self._view.publish_energy(self._passivity, self._sample(), deadline_ns)
         self._ticks += 1
 
     def _move(self, command: Array) -> None:
@@ -174,6 +180,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
                 **self.clock_figures(),
                 "times_held": str(self.times_held),
                 "fault": fault,
+                "changed_by_passivity": str(self._passivity.changed),
                 **{f"limited_by_{reason.value}": str(count) for reason, count in counts.items()},
                 **self.latency.summary("loop_latency"),
                 **({} if self._pushes is None else self._pushes.figures(self.now_ns())),
@@ -205,12 +212,24 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         return self._loop.correct_in_lockstep(command, answered_ns)
 
     def _safe(self, command: Array) -> Array:
-        return self._envelope.apply(self._limits, command, self._state.published[:3])
+        """Return what leaves of a command: no energy that is not there, and within all limits."""
+        sample = self._sample()
+        self._passivity.see(sample, self._state.applied)
+        self._passivity.mechanism = self._loop.to_mechanism
+        held = self._passivity.hold(command, sample)
+        return self._envelope.apply(self._limits, held, sample[:3])
+
+    def _sample(self) -> Array:
+        """Return the device's sample (19,) as it is now."""
+        numbers = self._state.published[:19].copy()
+        numbers[13:] += self._push
+        return numbers
 
     def _let_go(self) -> Array:
         """Let the hand go, and return what the actuators then apply: zero."""
         self._held = None
         self._loop.forget()
+        self._passivity.begin()
         return self._envelope.stop()
 
     def _pushing(self, now_ns: int) -> Array:

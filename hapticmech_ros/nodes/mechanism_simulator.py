@@ -28,10 +28,11 @@ from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energies import energy_of
+from hapticmech_ros.wire.energy_topics import ENERGY
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, pack_energy
 from hapticmech_ros.wire.state import StateLayout, WireState
-from hapticmech_ros.wire.topics import CLOSURES, ENERGY, EXTERNAL_WRENCH, JOINT_STATES, STATE
+from hapticmech_ros.wire.topics import CLOSURES, EXTERNAL_WRENCH, JOINT_STATES, STATE
 
 # How long a mechanism that failed is silent, so that everyone notices, before it goes on at rest.
 FAILURE_SILENCE_NS = NANOSECONDS // 2

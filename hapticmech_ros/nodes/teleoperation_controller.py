@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
-from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.control import DeviceMeasurement, Engagement, control_for
-from hapticmech_ros.control.flat import flat_device, model_of
-from hapticmech_ros.control.prediction import InFlight
+from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
+from hapticmech_ros.control.flat import flat_device
+from hapticmech_ros.control.local_model import NO_MODEL
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.messages import (
@@ -21,33 +21,24 @@ from hapticmech_ros.nodes.messages import (
     read_pose,
     read_twist,
     read_wrench,
-    write_wrench,
 )
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
-from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, GAIN_FIELDS, RENDERING_FIELDS, pack_gain
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
 from hapticmech_ros.wire.readings import RenderingReading, read_device, read_rendering
 from hapticmech_ros.wire.topics import (
-    CHANNEL_PART,
-    CONSTRAINT_PART,
-    DEVICE_COMMAND,
     DEVICE_FORCE,
-    DEVICE_GAIN,
     DEVICE_POSE,
     DEVICE_STATE,
     DEVICE_TWIST,
-    IMPEDANCE_PART,
     POINT_COMMAND,
     RENDERING,
 )
-from hapticmech_ros.wire.wrench import encode_wrench
 
 # The point's pose is carried on by its twist to the time of the device's measurement, by no more
 # than this: beyond it the twist says nothing.
 PREDICTION_LIMIT_S = 0.005
-_NO_WRENCH = np.zeros(6)
 
 
 class TeleoperationController(Actor[ControllerParameters]):
@@ -67,26 +58,18 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._control = control_for(self.scene)
         self._engagement: Engagement | None = None
         self._grasp = b""
-        self._sent = self._told = _NO_WRENCH
+        self._side = self._new_side()
+        self._arrived: Answer | None = None
+        self._rendered_ns = NEVER
         # Whether the device corrects commands; one that speaks CRTK only does not.
         self._local = False
-        self._answers = 0
         self.engagements = self.grasps = 0
         self._last_ns = NEVER
         self._state_ns = NEVER
         self._twist: Latest[Array] = Latest()
         self._hand: Latest[Array] = Latest()
         self._rendering: Latest[RenderingReading] = Latest()
-        self._message = WrenchStamped()
-        self._publish_device = self.output(DEVICE_COMMAND, WrenchStamped)
-        self._publish_gain = self.output(DEVICE_GAIN, Float64MultiArray)
-        self._gain = FlatArray(GAIN_FIELDS)
-        self._gain_ns = NEVER
-        self._publish_point = self.output(POINT_COMMAND, WrenchStamped)
-        self._publish_parts = [
-            self.output(topic, WrenchStamped)
-            for topic in (IMPEDANCE_PART, CONSTRAINT_PART, CHANNEL_PART)
-        ]
+        self._outputs = ControllerOutputs(self)
         self._devices: Stamped[Array] = Stamped()
         self._renderings: Stamped[RenderingReading] = Stamped()
         self._epoch_ns = 0
@@ -105,8 +88,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         """Take new parameters: the timeout counts from now on."""
         super().adopt(parameters)
         self.timeout_ns = nanoseconds(parameters.input_timeout)
-        # Less half a period: samples are not evenly apart.
-        self._gain_every_ns = nanoseconds((self.view_every - 0.5) * self.period_s)
+
+    def _new_side(self) -> ControllerSide:
+        return ControllerSide(self._control, self.period_s, self.scene.connection)
 
     def activate(self) -> None:
         """Wait for device and rendering; times count from now, to lose no digits."""
@@ -135,9 +119,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         engaged = self._engagement is not None and not silent
         sentence = "engaged" if engaged else f"waiting for {', '.join(silent) or 'a device'}"
         figures = {
-            "answers": str(self._answers),
+            "answers": str(self._outputs.answers),
             "engagements": str(self.engagements),
             "grasps": str(self.grasps),
+            "lost_on_connection": str(self._side.lost),
         }
         return engaged, sentence, figures
 
@@ -145,7 +130,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         stamp, device = read_device(values)
         check_age(stamp, now_ns, self.age_limit_ns)
         self._state_ns = now_ns
-        self._local = self.scene.controller.force_channel.local
+        self._local = True
         if self.lockstep:
             self._devices.put(device, stamp)
             self._answer_pair(stamp)
@@ -191,7 +176,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         if not rendering.commanded:
             # The mechanism does not hear us (yet): the device is left alone until it does.
             self._disengage([POINT_COMMAND.of(self.point) + " at the mechanism"])
-            self._publish_point.publish(encode_wrench(_NO_WRENCH, stamp))
+            self._outputs.mechanism(NO_WRENCH, stamp)
             return
         self._answer_to(device, rendering, stamp, now_ns)
 
@@ -205,51 +190,48 @@ class TeleoperationController(Actor[ControllerParameters]):
         engagement = self._engagement
         if engagement is None:
             engagement = self._control.engage_flat(time_s, device, rendered, ahead)
-            self._told = _NO_WRENCH
+            self._side, self._arrived = self._new_side(), None
+            self._rendered_ns = NEVER
             self.engagements += 1
             self.node.get_logger().info("engaged")
         elif rendering.grasp != self._grasp:
             # Held elsewhere from now on: what the hand feels is carried over.
-            engagement = self._control.engage_flat(time_s, device, rendered, ahead, self._sent)
-            self._told = _NO_WRENCH
+            engagement = self._control.engage_flat(time_s, device, rendered, ahead, self._carried)
+            self._side.held_elsewhere()
             self.grasps += 1
         self._grasp = rendering.grasp
         self._engagement = self._control.slipped_flat(time_s, engagement, device, rendered)
-        self._send_gain(time_s, self._engagement, rendered, stamp)
-        self._send(
-            self._control.answer(
-                time_s, self._engagement, device, rendered, ahead, self._in_flight()
-            ),
-            stamp,
-        )
+        reading = Reading(time_s, stamp, device, rendered, ahead, self._elapsed(rendering.stamp_ns))
+        with_model = self._local and self._outputs.wants_gain(stamp)
+        self._send(self._side.tick(reading, self._engagement, self._local, with_model), stamp)
 
-    def _in_flight(self) -> InFlight | None:
-        """Return what the mechanism was told last, and the device has done already."""
-        if not self._local:
-            return None
-        return InFlight(self.period_s, self.period_s * self._told)
+    @property
+    def _carried(self) -> Array:
+        """The device's wrench (6,) as it was answered last."""
+        last = self._side.last
+        return NO_WRENCH if last is None else last.wrenches[0]
 
-    def _send_gain(
-        self, time_s: float, engagement: Engagement, rendered: Array, stamp_ns: int
-    ) -> None:
-        """Publish how the device corrects commands: at view rate, in lockstep with each of them."""
-        if not self._local:
-            return
-        if self.lockstep or stamp_ns - self._gain_ns >= self._gain_every_ns:
-            self._gain_ns = stamp_ns
-            gain = self._control.force_gain(time_s, engagement, model_of(rendered))
-            self._publish_gain.publish(self._gain.encode(pack_gain(gain, stamp_ns)))
+    def _elapsed(self, stamp_ns: int) -> float:
+        """Return how long (s) it is from the last rendering to this one, in whole periods."""
+        before, self._rendered_ns = self._rendered_ns, stamp_ns
+        periods = round((stamp_ns - before) / NANOSECONDS / self.period_s) if before > 0 else 0
+        return max(periods, 0) * self.period_s
 
-    def _send(self, wrenches: Array, stamp_ns: int) -> None:
-        """Publish rows 0 and 1 of an answer (6, 6); at view rate also its parts, rows 2 to 4."""
-        self._sent, self._told = wrenches[0], wrenches[1]
-        self._publish_device.publish(encode_wrench(wrenches[0], stamp_ns))
-        self._publish_point.publish(encode_wrench(wrenches[1], stamp_ns))
-        if self._answers % self.view_every == 0:
-            for publisher, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
-                write_wrench(self._message, wrench, stamp_ns)
-                publisher.publish(self._message)
-        self._answers += 1
+    def _send(self, answer: Answer | None, stamp_ns: int) -> None:
+        """Send what reaches the device now, and what the mechanism is told.
+
+        In lockstep the device waits for a command with each sample: the last one is said again.
+        """
+        outputs, side = self._outputs, self._side
+        if self.lockstep:
+            self._arrived = answer = answer or self._arrived or Answer.nothing(stamp_ns)
+        if answer is not None:
+            if self.lockstep or answer.model is not NO_MODEL:
+                outputs.gain(answer, stamp_ns)
+            answered_ns = stamp_ns if self.lockstep else answer.answered_ns
+            outputs.device(answer.wrenches, answered_ns, side.ledger.entry)
+        outputs.mechanism(side.told, stamp_ns)
+        side.tell()
 
     def _disengage(self, lost: Sequence[str]) -> None:
         """Say zero to both sides at once, rather than let them find out by waiting."""
@@ -257,10 +239,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             return
         self.node.get_logger().warning(f"disengaged: lost {', '.join(lost)}")
         self._engagement = None
-        self._gain_ns = NEVER
-        zero = encode_wrench(_NO_WRENCH, self.now_ns())
-        self._publish_device.publish(zero)
-        self._publish_point.publish(zero)
+        self._outputs.zero(self.now_ns())
 
     def _on_force(self, message: WrenchStamped, now_ns: int) -> None:
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)

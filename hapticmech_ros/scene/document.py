@@ -13,6 +13,7 @@ from pydantic import Field
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.contacts import ContactPair, Shape
+from hapticmech_ros.scene.controller import Connection, Controller
 from hapticmech_ros.scene.mechanism import (
     Closure,
     Coupling,
@@ -23,13 +24,7 @@ from hapticmech_ros.scene.mechanism import (
     Spring,
 )
 from hapticmech_ros.scene.part import Name, Part, Vector3
-from hapticmech_ros.scene.rendering import (
-    Controller,
-    Device,
-    Experiment,
-    Hand,
-    Perception,
-)
+from hapticmech_ros.scene.rendering import Device, Experiment, Hand, Perception
 
 TaskSpace = Literal["planar", "spatial"]
 
@@ -55,6 +50,7 @@ class Scene(Part):
     device: Device = Device()
     hand: Hand
     controller: Controller = Controller()
+    connection: Connection = Connection()
     experiment: Experiment = Experiment()
 
     def operational_point(self, name: str = "") -> OperationalPoint:

@@ -1,4 +1,4 @@
-"""What renders the mechanism in a scene: perception, device, hand, gains."""
+"""What renders the mechanism in a scene: perception, device, hand."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from hapticmech_ros.scene.part import Flag, NonNegative, Part, Positive, Real, Vector3
+from hapticmech_ros.scene.part import NonNegative, Part, Positive, Vector3
 
 
 class Perception(Part):
@@ -79,60 +79,6 @@ class SpringDamperHand(Part):
 
 
 Hand = Annotated[ConstantWrenchHand | SpringDamperHand, Field(discriminator="kind")]
-
-
-class JointConstraintGains(Part):
-    """Finite stiffness that stands for rigid joints.
-
-    Along a constrained direction n, normalised in the metric, the gain is per unit of the metric's
-    mass: pure translation of the link meets ``stiffness`` N/m and ``damping`` N s/m.
-    ``feedforward`` is beta, the share of what the hand pushes along n that is cancelled ahead.
-    """
-
-    stiffness: NonNegative = 2000.0
-    damping: NonNegative = 40.0
-    force_limit: Positive = 15.0
-    torque_limit: Positive = 0.8
-    feedforward: Annotated[Real, Field(ge=0.0, le=1.0)] = 0.0
-
-
-class PositionChannelGains(Part):
-    """Local position controllers C_m = C_s of the four-channel architecture: spring and damper."""
-
-    stiffness: NonNegative = 300.0
-    damping: NonNegative = 10.0
-    angular_stiffness: NonNegative = 0.3
-    angular_damping: NonNegative = 0.01
-
-
-class ForceChannelGains(Part):
-    """Force channels.
-
-    Attributes:
-        contact: C2, contact to hand.
-        hand: C3, hand to mechanism.
-        local: whether the device corrects each command by what the hand's wrench has changed since
-            the sample that the command answers; see docs/feel.md.
-    """
-
-    contact: Annotated[Real, Field(ge=0.0, le=1.0)] = 1.0
-    hand: Annotated[Real, Field(ge=0.0, le=1.0)] = 1.0
-    local: Flag = True
-
-
-class Controller(Part):
-    """Gains of the three controllers of Fig. 3, and how they come in.
-
-    Attributes:
-        engagement_ramp: s, over which the wrench comes in when rendering starts.
-        grasp_ramp: s, over which it passes from one grasp to another.
-    """
-
-    joint_constraint: JointConstraintGains = JointConstraintGains()
-    position_channel: PositionChannelGains = PositionChannelGains()
-    force_channel: ForceChannelGains = ForceChannelGains()
-    engagement_ramp: NonNegative = 0.1
-    grasp_ramp: NonNegative = 0.3
 
 
 class Experiment(Part):

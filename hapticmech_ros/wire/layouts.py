@@ -53,7 +53,6 @@ DEVICE_FIELDS: dict[str, int] = {
     "hand_wrench": 6,
     "applied": 6,
 }
-GAIN_FIELDS: dict[str, int] = {"stamp": 2, "gain": 36}
 # What control/flat.py describes, inside these messages.
 DEVICE_MEASURED = slice(2, 21)
 RENDERED, COMMANDED, GRASP = slice(10, 143), 143, slice(144, 151)
@@ -169,21 +168,6 @@ def unpack_rendering(data: object) -> Rendering:
         bool(values[COMMANDED]),
         values[GRASP],
     )
-
-
-def pack_gain(gain: Array, stamp_ns: int) -> Array:
-    """Return the data (38,) of a ``device/servo_gain`` message, gain (6, 6)."""
-    return np.concatenate((divmod(stamp_ns, NANOSECONDS), gain.ravel()))
-
-
-def unpack_gain(data: object) -> tuple[int, Array]:
-    """Return stamp, ns, and gain (6, 6) of a ``device/servo_gain`` message.
-
-    Raises:
-        InvalidInputError: wrong length, or not finite.
-    """
-    values = checked_values("gain", data, sum(GAIN_FIELDS.values()))
-    return int(values[0]) * NANOSECONDS + int(values[1]), values[2:].reshape(6, 6)
 
 
 def pack_energy(energy: Energy) -> Array:

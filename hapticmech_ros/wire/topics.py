@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hapticmech_ros.wire.contact_topics import CONTACTS
+from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY, DEVICE_ENERGY, ENERGY
 from hapticmech_ros.wire.topic import (
     ANALYSER,
     ARRAY,
@@ -73,8 +74,8 @@ DEVICE_GAIN = Topic(
     "device/servo_gain",
     ARRAY,
     CONTROLLER,
-    "G, by which the device corrects `servo_cf`: by G times what F_h has changed since the sample "
-    "that the command answers; stamp and 6 x 6, axes of `world`",
+    "G, K and B, by which the device corrects `servo_cf` for what F_h, pose and twist have changed "
+    "since the sample that it answers, and E_m; stamps, J, and 6 x 6 each, axes of `world`",
     (DEVICE,),
 )
 HAND_WRENCH = Topic(
@@ -172,12 +173,6 @@ CLOSURES = Topic(
     rate="change",
     qos="latched",
 )
-ENERGY = Topic(
-    "mechanism/energy",
-    ARRAY,
-    MECHANISM,
-    "stamp, kinetic and potential energy, work by wrenches, losses (J), closure error (m, rad)",
-)
 RENDERING = Topic(
     "analysis/{point}/rendering",
     ARRAY,
@@ -257,6 +252,7 @@ TOPICS: tuple[Topic, ...] = (
     DEVICE_JOINTS,
     DEVICE_COMMAND,
     DEVICE_GAIN,
+    DEVICE_ENERGY,
     HAND_WRENCH,
     STATE,
     JOINT_STATES,
@@ -280,6 +276,7 @@ TOPICS: tuple[Topic, ...] = (
     IMPEDANCE_PART,
     CONSTRAINT_PART,
     CHANNEL_PART,
+    CONTROLLER_ENERGY,
     DIAGNOSTICS,
     *VIEW_TOPICS,
 )

@@ -5,7 +5,8 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.force_gain import corrected
+from hapticmech_ros.control.flat import flat_device
+from hapticmech_ros.control.local_model import corrected
 from hapticmech_ros.control.prediction import InFlight, foreseen
 from hapticmech_ros.session import rendering_model
 
@@ -25,12 +26,16 @@ def test_it_is_the_answer_to_the_other_wrench(name, time, beta):
     first, second = rng.normal(scale=0.3, size=(2, 6)) * ([1.0] * 3 + [0.02] * 3)
     twist = rng.normal(scale=0.01, size=6)
 
+    def measured(hand):
+        return DeviceMeasurement(pose, twist, hand)
+
     def answer(hand):
         seen = PointMeasurement(pose, twist, np.zeros(6))
-        return control.compute(time, tie, DeviceMeasurement(pose, twist, hand), seen, model).device
+        return control.compute(time, tie, measured(hand), seen, model).device
 
-    gain = control.force_gain(time, tie, model)
-    found = corrected(answer(first), gain, first, second)
+    gains = control.local_model(time, tie, model)
+    then, now = flat_device(measured(first)), flat_device(measured(second))
+    found = corrected(answer(first), gains, then, now)
     assert np.abs(found - answer(second)).max() < 1e-13
     # And it does correct something.
     assert np.abs(answer(second) - answer(first)).max() > 1e-3

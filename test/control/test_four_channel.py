@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hapticmech_ros.control.four_channel import FourChannel
-from hapticmech_ros.scene.rendering import ForceChannelGains, PositionChannelGains
+from hapticmech_ros.scene.controller import ForceChannelGains, PositionChannelGains
 
 MASS, STIFFNESS, DAMPING, WALL = 0.5, 200.0, 6.0, 400.0
 GAINS = PositionChannelGains(stiffness=STIFFNESS, damping=DAMPING)

@@ -9,7 +9,7 @@ from hapticmech_ros.control.joint_constraint import (
     spring_energy,
 )
 from hapticmech_ros.saturation import limited, scaled_within
-from hapticmech_ros.scene.rendering import JointConstraintGains
+from hapticmech_ros.scene.controller import JointConstraintGains
 
 SOFT = JointConstraintGains(stiffness=100.0, damping=3.0, force_limit=1e9, torque_limit=1e9)
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.bench.ablation.loop import PARTS
-from hapticmech_ros.control import DeviceMeasurement, PointMeasurement, control_for
-from hapticmech_ros.control.on_the_way import OnTheWay
+from hapticmech_ros.control import PointMeasurement, control_for
+from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.device import DeviceState, device_for
 from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.mechanism.evaluation import Evaluation
@@ -69,7 +69,7 @@ class _Readable:
         self._device = device_for(scene, compiled=False)
         self._index = self._analyser.index
         self._held: DeviceState | None = None
-        self._way = OnTheWay(self._control, session.period)
+        self._loop = RenderingLoop(scene, self._control)
         self._points = len(session.simulator.mechanism.point_names)
 
     def engage(self, first: Sample) -> None:
@@ -83,23 +83,17 @@ class _Readable:
         terms = self._simulator.evaluate(sample.mechanism)
         analysis = self._analyser.analyse(terms)
         device, point, model = sample.device, sample.point, rendering_model(sample.analysis)
-        output = self._control.compute(
-            sample.time,
-            self._engagement,
-            DeviceMeasurement(device.measured_pose, device.measured_twist, device.hand_wrench),
-            PointMeasurement(
-                point.pose, point.twist, sample.external_wrench + sample.contact_wrench
-            ),
-            model,
-            self._way.in_flight,
+        environment = sample.external_wrench + sample.contact_wrench
+        seen = PointMeasurement(point.pose, point.twist, environment)
+        measured = np.concatenate((device.published[:13], sample.hand_wrench))
+        acting = self._loop.tick(
+            sample.time, self._engagement, measured, device.applied, seen, model
         )
-        to_device, to_mechanism = self._way.pass_on(
-            sample.time, self._engagement, model, sample.output, sample.hand_wrench
-        )
+        output = self._loop.output
         wrenches = np.zeros((self._points, 6))
-        wrenches[self._index] = to_mechanism
+        wrenches[self._index] = acting.mechanism
         moved = self._simulator.step(sample.mechanism, wrenches)
-        held = self._device.step(device, to_device, self._held, tick)
+        held = self._device.step(device, acting.device, self._held, tick)
         return {
             "evaluate": _terms_apart(self._kernels.evaluate(sample.mechanism), terms),
             "analyse": _analysis_apart(sample.analysis, analysis),

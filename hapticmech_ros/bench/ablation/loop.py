@@ -6,8 +6,8 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from hapticmech_ros.control import DeviceMeasurement, PointMeasurement, control_for
-from hapticmech_ros.control.on_the_way import OnTheWay
+from hapticmech_ros.control import PointMeasurement, control_for
+from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
@@ -39,7 +39,7 @@ class Loop:
         start = self.simulator.evaluate(self.state).points[self._index].pose
         self.device_state = self._held = self.device.at_rest(start, held=True)
         self.engagement = self.control.engage(0.0, start, start)
-        self._way = OnTheWay(self.control, self.simulator.period)
+        self._loop = RenderingLoop(scene, self.control)
         self._nothing = np.zeros(6)
         self._points = len(self.simulator.mechanism.point_names)
         self.ticks = 0
@@ -55,23 +55,15 @@ class Loop:
         analysed = perf_counter_ns()
         point, model = terms.points[self._index], rendering_model(analysis)
         time = self.ticks * self.simulator.period
-        output = self.control.compute(
-            time,
-            self.engagement,
-            DeviceMeasurement(device.measured_pose, device.measured_twist, device.hand_wrench),
-            PointMeasurement(point.pose, point.twist, self._nothing + contact),
-            model,
-            self._way.in_flight,
-        )
-        to_device, to_mechanism = self._way.pass_on(
-            time, self.engagement, model, output, device.hand_wrench
-        )
+        seen = PointMeasurement(point.pose, point.twist, self._nothing + contact)
+        sample = device.published[:19]
+        acting = self._loop.tick(time, self.engagement, sample, device.applied, seen, model)
         controlled = perf_counter_ns()
         wrenches = np.zeros((self._points, 6))
-        wrenches[self._index] = to_mechanism + self._nothing
+        wrenches[self._index] = acting.mechanism + self._nothing
         self.state = self.simulator.step(state, wrenches)
         stepped = perf_counter_ns()
-        self.device_state = self.device.step(device, to_device, self._held, self.ticks)
+        self.device_state = self.device.step(device, acting.device, self._held, self.ticks)
         ended = perf_counter_ns()
         self.ticks += 1
         taken_ns[0], taken_ns[1] = evaluated - begun, analysed - evaluated

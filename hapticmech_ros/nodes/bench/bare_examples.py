@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8, UInt8MultiArray
 
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control.local_model import NO_MODEL
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.mechanism.model import Array
@@ -34,18 +35,25 @@ from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire import topics as table
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energies import energy_of
+from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY, DEVICE_ENERGY, ENERGY
+from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, ServoGain, pack_gain
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import (
     DEVICE_FIELDS,
     ENERGY_FIELDS,
-    GAIN_FIELDS,
     RENDERING_FIELDS,
     DeviceSample,
     Rendering,
     pack_device,
     pack_energy,
-    pack_gain,
     pack_rendering,
+)
+from hapticmech_ros.wire.port_energies import (
+    CONTROLLER_ENERGY_FIELDS,
+    DEVICE_ENERGY_FIELDS,
+    DeviceEnergy,
+    pack_controller_energy,
+    pack_device_energy,
 )
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topic import ARRAY, POSE, TWIST, WRENCH, Topic
@@ -126,8 +134,18 @@ class Examples:
             ),
             table.STATE: StampedArray(FlatArray(layout.fields), layout.pack(wire)),
             table.RENDERING: StampedArray(FlatArray(RENDERING_FIELDS), pack_rendering(rendering)),
-            table.DEVICE_GAIN: StampedArray(FlatArray(GAIN_FIELDS), pack_gain(np.zeros((6, 6)), 0)),
-            table.ENERGY: StampedArray(FlatArray(ENERGY_FIELDS), pack_energy(energy)),
+            table.DEVICE_GAIN: StampedArray(
+                FlatArray(GAIN_FIELDS), pack_gain(ServoGain(0, 0, 0.0, NO_MODEL))
+            ),
+            DEVICE_ENERGY: StampedArray(
+                FlatArray(DEVICE_ENERGY_FIELDS),
+                pack_device_energy(DeviceEnergy(0, *[0.0] * 5)),
+            ),
+            CONTROLLER_ENERGY: StampedArray(
+                FlatArray(CONTROLLER_ENERGY_FIELDS),
+                pack_controller_energy(session.energies, 0),
+            ),
+            ENERGY: StampedArray(FlatArray(ENERGY_FIELDS), pack_energy(energy)),
         }
         wrenches = np.zeros((6, sample.count))
         flags, names = state.active, [closure.name for closure in mechanism.closures]

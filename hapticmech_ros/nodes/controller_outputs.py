@@ -1,0 +1,92 @@
+"""What the controller publishes: commands to both sides, how they depend, and their account."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from std_msgs.msg import Float64MultiArray
+
+from hapticmech_ros.control.controller_side import Answer
+from hapticmech_ros.control.energy_ledger import LedgerEntry
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.inputs import NEVER
+from hapticmech_ros.nodes.messages import write_wrench
+from hapticmech_ros.times import nanoseconds
+from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY
+from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, ServoGain, pack_gain
+from hapticmech_ros.wire.port_energies import CONTROLLER_ENERGY_FIELDS, pack_controller_energy
+from hapticmech_ros.wire.topics import (
+    CHANNEL_PART,
+    CONSTRAINT_PART,
+    DEVICE_COMMAND,
+    DEVICE_GAIN,
+    IMPEDANCE_PART,
+    POINT_COMMAND,
+)
+from hapticmech_ros.wire.wrench import encode_wrench
+
+NO_WRENCH = np.zeros(6)
+
+
+class ControllerOutputs:
+    """A controller's topics.
+
+    Args:
+        actor: the controller.
+
+    Attributes:
+        answers: commands sent to the device.
+    """
+
+    def __init__(self, actor: Actor[Any]) -> None:
+        self._actor = actor
+        self._message = WrenchStamped()
+        self._gain, self._energy = FlatArray(GAIN_FIELDS), FlatArray(CONTROLLER_ENERGY_FIELDS)
+        self._publish_device = actor.output(DEVICE_COMMAND, WrenchStamped)
+        self._publish_gain = actor.output(DEVICE_GAIN, Float64MultiArray)
+        self._publish_energy = actor.output(CONTROLLER_ENERGY, Float64MultiArray)
+        self._publish_point = actor.output(POINT_COMMAND, WrenchStamped)
+        self._publish_parts = [
+            actor.output(topic, WrenchStamped)
+            for topic in (IMPEDANCE_PART, CONSTRAINT_PART, CHANNEL_PART)
+        ]
+        self.answers = 0
+        self._gain_ns = NEVER
+
+    def wants_gain(self, stamp_ns: int) -> bool:
+        """Return whether ``servo_gain`` is due: at view rate, in lockstep with each command."""
+        # Less half a period: samples are not evenly apart.
+        every_ns = nanoseconds((self._actor.view_every - 0.5) * self._actor.period_s)
+        return self._actor.lockstep or stamp_ns - self._gain_ns >= every_ns
+
+    def gain(self, answer: Answer, stamp_ns: int) -> None:
+        """Publish how an answer depends on the device."""
+        self._gain_ns = stamp_ns
+        told = ServoGain(stamp_ns, answer.answered_ns, answer.to_mechanism, answer.model)
+        self._publish_gain.publish(self._gain.encode(pack_gain(told)))
+
+    def device(self, wrenches: Array, stamp_ns: int, energies: LedgerEntry) -> None:
+        """Publish row 0 of an answer (6, 6); at view rate also its parts, rows 2 to 4."""
+        self._publish_device.publish(encode_wrench(wrenches[0], stamp_ns))
+        if self.answers % self._actor.view_every == 0:
+            for publisher, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
+                write_wrench(self._message, wrench, stamp_ns)
+                publisher.publish(self._message)
+            values = pack_controller_energy(energies, stamp_ns)
+            self._publish_energy.publish(self._energy.encode(values))
+        self.answers += 1
+
+    def mechanism(self, wrench: Array, stamp_ns: int) -> None:
+        """Publish what the mechanism is told."""
+        self._publish_point.publish(encode_wrench(wrench, stamp_ns))
+
+    def zero(self, stamp_ns: int) -> None:
+        """Say zero to both sides."""
+        self._gain_ns = NEVER
+        message = encode_wrench(NO_WRENCH, stamp_ns)
+        self._publish_device.publish(message)
+        self._publish_point.publish(message)

@@ -1,0 +1,125 @@
+"""Gains of the controllers of Fig. 3, and of what guards them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from hapticmech_ros.scene.part import Flag, NonNegative, Part, Positive, Real
+
+# Of one of the six channels: 0 cuts it, 1 is the one that renders the mechanism as it is.
+Channel = Annotated[Real, Field(ge=0.0, le=1.0)]
+# Of local force feedback: what is felt is 1 / (1 + C) times as heavy.
+Feedback = Annotated[Real, Field(gt=-1.0, le=10.0)]
+
+
+class JointConstraintGains(Part):
+    """Finite stiffness that stands for rigid joints.
+
+    Along a constrained direction n, normalised in the metric, the gain is per unit of the metric's
+    mass: pure translation of the link meets ``stiffness`` N/m and ``damping`` N s/m.
+
+    Attributes:
+        stiffness, damping: N/m and N s/m.
+        force_limit, torque_limit: N and N m, of the controller's wrench.
+        feedforward: beta, the share of what the hand pushes along n that is cancelled ahead.
+        local: whether the device corrects each command by what it has moved along constrained
+            directions since the sample that the command answers; see docs/feel.md.
+    """
+
+    stiffness: NonNegative = 2000.0
+    damping: NonNegative = 40.0
+    force_limit: Positive = 15.0
+    torque_limit: Positive = 0.8
+    feedforward: Annotated[Real, Field(ge=0.0, le=1.0)] = 0.0
+    local: Flag = True
+
+
+class PositionChannelGains(Part):
+    """Local position controllers C_m = C_s of the four-channel architecture: spring and damper.
+
+    Attributes:
+        stiffness, damping, angular_stiffness, angular_damping: N/m, N s/m, N m/rad, N m s/rad.
+        to_mechanism: C1, share of it that pulls the mechanism after the device.
+        to_device: C4, share of it that pulls the device after the mechanism.
+    """
+
+    stiffness: NonNegative = 300.0
+    damping: NonNegative = 10.0
+    angular_stiffness: NonNegative = 0.3
+    angular_damping: NonNegative = 0.01
+    to_mechanism: Channel = 1.0
+    to_device: Channel = 1.0
+
+
+class ForceChannelGains(Part):
+    """Force channels.
+
+    Attributes:
+        contact: C2, contact to hand.
+        hand: C3, hand to mechanism.
+        mechanism_feedback: C5, local force feedback of the mechanism.
+        device_feedback: C6, local force feedback of the device.
+        local: whether the device corrects each command by what the hand's wrench has changed since
+            the sample that the command answers; see docs/feel.md.
+    """
+
+    contact: Channel = 1.0
+    hand: Channel = 1.0
+    mechanism_feedback: Feedback = 0.0
+    device_feedback: Feedback = 0.0
+    local: Flag = True
+
+
+class Passivity(Part):
+    """What the device may give back; see docs/passivity.md.
+
+    Attributes:
+        control: whether it is held to that; energies are told in any case.
+        allowance: J, that it may give without having got it.
+        slack: J, that it may have got, or still has to get, beside what the mechanism has got.
+    """
+
+    control: Flag = True
+    allowance: NonNegative = 5.0e-4
+    slack: Positive = 0.1
+
+
+class Controller(Part):
+    """Gains of the three controllers of Fig. 3, and how they come in.
+
+    Attributes:
+        engagement_ramp: s, over which the wrench comes in when rendering starts.
+        grasp_ramp: s, over which it passes from one grasp to another.
+        gain_ramp: s, over which gains pass to others while they render.
+    """
+
+    joint_constraint: JointConstraintGains = JointConstraintGains()
+    position_channel: PositionChannelGains = PositionChannelGains()
+    force_channel: ForceChannelGains = ForceChannelGains()
+    passivity: Passivity = Passivity()
+    engagement_ramp: NonNegative = 0.1
+    grasp_ramp: NonNegative = 0.3
+    gain_ramp: NonNegative = 0.3
+
+
+class Connection(Part):
+    """What lies between device and controller, beside the graph itself: none by default.
+
+    Attributes:
+        delay: s, each way.
+        jitter: share of it by which each message is earlier or later, evenly spread.
+        loss: share of the messages that do not arrive.
+        seed: of both; the same seed is the same connection.
+    """
+
+    delay: Annotated[NonNegative, Field(le=1.0)] = 0.0
+    jitter: Annotated[Real, Field(ge=0.0, le=1.0)] = 0.0
+    loss: Annotated[Real, Field(ge=0.0, lt=1.0)] = 0.0
+    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+
+    @property
+    def ideal(self) -> bool:
+        """Whether messages arrive at once, all of them."""
+        return self.delay == 0.0 and self.loss == 0.0

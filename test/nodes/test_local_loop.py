@@ -1,0 +1,91 @@
+"""Commands corrected by what the device has done since: which samples, which gains, how long."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.control.local_model import LocalModel
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.nodes.local_loop import FRESH_NS, REMEMBERED, LocalLoop
+from hapticmech_ros.wire.gain_wire import ServoGain, pack_gain, unpack_gain
+
+GAIN = np.diag([2.0, 0.0, 0.0, 0.0, 0.0, 3.0])
+NONE = np.zeros((6, 6))
+COMMAND = np.full(6, 0.5)
+
+
+def sample(push):
+    """Return a device's sample at rest, pushed by ``push`` along all coordinates."""
+    return np.concatenate((np.zeros(6), [1.0], np.zeros(6), np.full(6, float(push))))
+
+
+def message(stamp, times=1.0, answered=None, energy=0.25):
+    answered = stamp if answered is None else answered
+    return pack_gain(ServoGain(stamp, answered, energy, LocalModel(times * GAIN, NONE, NONE)))
+
+
+def filled(samples, lockstep=False):
+    """Return a loop that has measured F_h = k at each stamp k, and was given G at time 0."""
+    loop = LocalLoop()
+    for stamp in range(samples):
+        loop.measured(sample(stamp), stamp)
+    loop.take(message(7), 0, lockstep)
+    return loop
+
+
+def test_a_command_is_corrected_by_what_has_changed_since_its_sample():
+    found = filled(10).correct(COMMAND, 6, 100)
+    assert found.tolist() == [0.5 + 2.0 * 3.0, 0.5, 0.5, 0.5, 0.5, 0.5 + 3.0 * 3.0]
+    # The newest sample's own answer needs nothing.
+    assert filled(10).correct(COMMAND, 9, 100).tolist() == COMMAND.tolist()
+
+
+def test_without_gain_or_with_an_old_one_nothing_is_corrected():
+    loop = LocalLoop()
+    loop.measured(sample(1), 1)
+    assert loop.correct(COMMAND, 1, 5) is COMMAND
+    assert loop.to_mechanism is None
+    assert filled(10).correct(COMMAND, 6, FRESH_NS + 1) is COMMAND
+    forgetful = filled(10)
+    assert forgetful.to_mechanism == 0.25
+    forgetful.forget()
+    assert forgetful.correct(COMMAND, 6, 100) is COMMAND
+    assert forgetful.to_mechanism is None
+
+
+def test_samples_that_were_never_measured_or_long_ago_are_no_ground():
+    assert filled(10).correct(COMMAND, 12345, 100) is COMMAND
+    many = filled(REMEMBERED + 10)
+    assert many.correct(COMMAND, 9, 100) is COMMAND
+    assert many.correct(COMMAND, 10, 100) is not COMMAND
+
+
+def test_what_is_measured_may_be_overwritten():
+    loop, numbers = LocalLoop(), sample(0)
+    for stamp in range(3):
+        numbers[13:] = stamp
+        loop.measured(numbers, stamp)
+    loop.take(message(0), 0, lockstep=False)
+    assert loop.correct(COMMAND, 0, 1)[0] == 0.5 + 2.0 * 2.0
+
+
+def test_in_lockstep_the_gain_of_the_same_command_counts_and_names_its_sample():
+    loop = filled(10, lockstep=True)
+    loop.take(message(8, 2.0, answered=5, energy=0.5), 0, lockstep=True)
+    assert loop.correct_in_lockstep(COMMAND, 7)[0] == 0.5 + 2.0 * 2.0
+    assert loop.to_mechanism == 0.25
+    assert loop.correct_in_lockstep(COMMAND, 8)[0] == 0.5 + 4.0 * 4.0
+    assert loop.to_mechanism == 0.5
+
+
+def test_a_message_is_what_was_packed():
+    rng = np.random.default_rng(4)
+    told = ServoGain(1_234_567_890_123, 987_654_321, 0.125, LocalModel(*rng.normal(size=(3, 6, 6))))
+    read = unpack_gain(pack_gain(told))
+    assert read[:3] == told[:3]
+    assert all(np.array_equal(a, b) for a, b in zip(read.model, told.model, strict=True))
+
+
+@pytest.mark.parametrize("data", [np.zeros(112), np.full(113, np.nan)])
+def test_gains_that_are_none_are_refused(data):
+    with pytest.raises(InvalidInputError, match="gain message"):
+        LocalLoop().take(data, 0, lockstep=False)
