@@ -65,6 +65,11 @@ class ControlArchitecture:
         """Pass to other gains from ``time`` (s) on, in a straight line over their ``gain_ramp``."""
         self._passage = Passage(time, self.gains, gains)
 
+    @property
+    def aim(self) -> Controller:
+        """The gains that it has, or is passing to."""
+        return self.gains if self._passage is None else self._passage.new
+
     def pass_on_to(self, time: float) -> None:
         """Take the gains of ``time`` (s), if they are passing to others."""
         if self._passage is not None:

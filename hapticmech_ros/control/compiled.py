@@ -54,7 +54,10 @@ class CompiledControl(ControlArchitecture):
         )
         inertia, channels = np.diag(self.device_inertia), self.channels
         self._settings[:RAMP] = np.concatenate(
-            (self._task, inertia, channels.stiffness, channels.damping, scalars)
+            (
+                *(self._task, inertia, channels.stiffness, channels.damping),
+                *(channels.held_stiffness, channels.held_damping, scalars),
+            )
         )
         self._settings[RAMP + 1 : ENGAGED] = self.limits
 

@@ -13,6 +13,7 @@ from hapticmech_ros.control.engagement import Engagement
 from hapticmech_ros.control.flat import DEVICE_SIZE, model_of
 from hapticmech_ros.control.link import DelayLine
 from hapticmech_ros.control.local_model import NO_MODEL, LocalModel
+from hapticmech_ros.control.mechanism_port import MechanismPort
 from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.controller import Connection
@@ -86,14 +87,22 @@ class ControllerSide:
         self.last: Answer | None = None
         self._period = period
         self._told: deque[Array] = deque([_NO_WRENCH] * delay)
+        self.port = MechanismPort(np.diag(control.device_inertia).copy())
+        self._twist: Array = _NO_WRENCH
         self._lines: tuple[DelayLine[Reading], DelayLine[Answer]] | None = None
         if not connection.ideal:
             self._lines = DelayLine(connection, 0), DelayLine(connection, 1)
 
-    @property
-    def told(self) -> Array:
-        """What the mechanism is told now (6,)."""
-        return _NO_WRENCH if self.last is None else self.last.wrenches[1]
+    def _paid(self) -> Array:
+        """Return what the mechanism is told (6,): the last answer, as far as the hand pays."""
+        if self.last is None:
+            return _NO_WRENCH
+        wrench = self.last.wrenches[1]
+        passivity = self.control.gains.passivity
+        if not passivity.control:
+            return np.asarray(wrench)
+        short = self.ledger.entry.to_mechanism - self.port.from_hand - passivity.slack
+        return self.port.hold(wrench, self._twist) if short > 0.0 else wrench
 
     @property
     def lost(self) -> int:
@@ -117,7 +126,9 @@ class ControllerSide:
             self._lines[0].put(reading.stamp_ns, reading)
             seen = self._lines[0].take(reading.stamp_ns)
         answer = None
+        self._twist = reading.rendered[TWIST]
         if seen is not None:
+            self.port.see(seen.device)
             answer = self._answered(seen, reading, engagement, corrects, with_model)
             self.last = answer
         if self._lines is None:
@@ -126,12 +137,13 @@ class ControllerSide:
             self._lines[1].put(reading.stamp_ns, answer)
         return self._lines[1].take(reading.stamp_ns)
 
-    def tell(self) -> Array:
-        """Tell the mechanism, and return what acts on it (6,) from now on."""
-        self._told.append(self.told)
+    def tell(self) -> tuple[Array, Array]:
+        """Return what the mechanism is told, and what acts on it from now on, (6,) each."""
+        told = self._paid()
+        self._told.append(told)
         acting = self._told.popleft()
         self.ledger.acts(acting)
-        return acting
+        return told, acting
 
     def held_elsewhere(self) -> None:
         """Take back what the mechanism was told at the place where it was held."""

@@ -12,8 +12,9 @@ the rest. C1 and C4 are shares of C: a local controller goes with its channel. C
 force feedback. Both sides move alike, which is transparency, where C2 = 1 + C5 = C3 = 1 + C6 and
 C1 = C4 = 1; then the mechanism feels 1 / (1 + C6) times as heavy.
 
-With a connection that is late by τ both ways, C's bandwidth ω is held to ω τ <= 0.3: its stiffness
-is scaled by the square of a factor and its damping by the factor, so that it stays as damped.
+With a connection that is late by τ there and back, C's bandwidth ω on the device is held to
+ω τ <= 0.3: its stiffness is scaled by the square of a factor and its damping by the factor, so that
+it stays as damped. The mechanism's side closes its loop without the connection, and keeps C.
 """
 
 from __future__ import annotations
@@ -53,6 +54,7 @@ class FourChannel:
 
     Attributes:
         stiffness, damping: (6,) of C, N/m, N m/rad and N s/m, N m s/rad.
+        held_stiffness, held_damping: (6,) of it as it acts on the device.
     """
 
     def __init__(
@@ -66,7 +68,8 @@ class FourChannel:
         stiffness = np.array([position.stiffness] * 3 + [position.angular_stiffness] * 3)
         damping = np.array([position.damping] * 3 + [position.angular_damping] * 3)
         share = np.ones(6) if inertia is None else borne_share(stiffness, damping, inertia, lag)
-        self.stiffness, self.damping = share**2 * stiffness, share * damping
+        self.stiffness, self.damping = stiffness, damping
+        self.held_stiffness, self.held_damping = share**2 * stiffness, share * damping
 
     def wrenches(
         self,
@@ -86,7 +89,8 @@ class FourChannel:
             contact_wrench: (6,) F_c, by the environment on the mechanism at the operational point.
         """
         coupling = self.stiffness * error + self.damping * error_rate
-        in_range = self.position.to_device * (coupling - balanced_share @ coupling)
+        held = self.held_stiffness * error + self.held_damping * error_rate
+        in_range = self.position.to_device * (held - balanced_share @ held)
         told = self.force.hand * hand_wrench + self.force.mechanism_feedback * contact_wrench
         return ChannelWrenches(
             device=self.force.contact * contact_wrench - in_range,

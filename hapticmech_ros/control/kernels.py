@@ -1,14 +1,15 @@
 """The controllers of Fig. 3 as one kernel, from flat measurements to wrenches.
 
-What a scene and an engagement fix is in one array, ``settings`` (46,):
+What a scene and an engagement fix is in one array, ``settings`` (58,):
 
     :6    1 in the scene's task space, else 0
     :12   diagonal of Λ_d
     :24   stiffnesses 6 and dampings 6 of C_m
-    :29   β, stiffness, damping, force limit and torque limit of the joint constraint
-    :35   C1 to C6
-    :38   duration of the ramp, force limit and torque limit of the device
-    :46   time 1, displacement 3 and turn, as a quaternion of length 1, of the engagement
+    :36   the same of C as it acts on the device
+    :41   β, stiffness, damping, force limit and torque limit of the joint constraint
+    :47   C1 to C6
+    :50   duration of the ramp, force limit and torque limit of the device
+    :58   time 1, displacement 3 and turn, as a quaternion of length 1, of the engagement
 
 Measurements are laid out as :mod:`~hapticmech_ros.control.flat` says.
 """
@@ -24,8 +25,8 @@ from hapticmech_ros.mechanism.compiled.small_matrices import dot
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation_kernels import limit
 
-CHANNELS, RAMP, ENGAGED = 29, 35, 38
-SETTINGS_SIZE = 46
+CHANNELS, RAMP, ENGAGED = 41, 47, 50
+SETTINGS_SIZE = 58
 
 
 @inner
@@ -52,12 +53,13 @@ def parts(settings: Array, device: Array, rendered: Array, out: Array) -> None:
     """Fill rows 1 to 4 of ``out`` (6, 6), without ramp and limits, given e in row 5."""
     task, inertia = settings[:6], settings[6:12]
     stiffness, damping = settings[12:18], settings[18:24]
-    beta, spring, damper, force_limit, torque_limit = settings[24:29]
+    held_stiffness, held_damping = settings[24:30], settings[30:36]
+    beta, spring, damper, force_limit, torque_limit = settings[36:CHANNELS]
     c1, c2, c3, c4, c5, c6 = settings[CHANNELS:RAMP]
     x, p_c = rendered[:36].reshape(6, 6), rendered[36:72].reshape(6, 6)
     share, free = rendered[72:108].reshape(6, 6), rendered[108:114]
     twist, contact = rendered[121:127], rendered[127:133]
-    push, pull, coupling, drive = np.empty((4, 6))
+    push, pull, coupling, drive, held = np.empty((5, 6))
     error = out[5]
     for i in range(6):
         error[i] *= task[i]
@@ -67,13 +69,14 @@ def parts(settings: Array, device: Array, rendered: Array, out: Array) -> None:
         drive[i] = push[i] + c6 * hand
         pull[i] = spring * error[i] + damper * rate
         coupling[i] = stiffness[i] * error[i] + damping[i] * rate
+        held[i] = held_stiffness[i] * error[i] + held_damping[i] * rate
     for i in range(6):
         hand, touch = task[i] * device[13 + i], task[i] * contact[i]
         motion = inertia[i] * (dot(x[i], drive) + free[i])
         out[1, i] = c3 * hand + c5 * touch + c1 * coupling[i]
         out[2, i] = task[i] * (motion - push[i] + (1.0 - beta) * dot(share[i], push))
         out[3, i] = -dot(p_c[i], pull)
-        in_range = c4 * (coupling[i] - dot(share[i], coupling))
+        in_range = c4 * (held[i] - dot(share[i], held))
         out[4, i] = c2 * touch - in_range
     scale_within(out[3], force_limit, torque_limit)
 
@@ -88,7 +91,7 @@ def control_wrenches(
     """Fill ``out`` (6, 6) with a control period's wrenches: rows as in :class:`ControlOutput`.
 
     Args:
-        settings: (46,) what the scene and the engagement fix.
+        settings: (58,) what the scene and the engagement fix.
         device: (19,) the device's measurement.
         rendered: (133,) the analysis and the operational point's measurement.
         time: s.

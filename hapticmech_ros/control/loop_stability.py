@@ -72,18 +72,21 @@ def loop_terms(control: ControlArchitecture, model: RenderingModel, rows: Array)
     position = control.gains.position_channel
     to_mechanism, to_device = position.to_mechanism, position.to_device
     gains = control.gains.joint_constraint
-    stiffness, damping = control.channels.stiffness, control.channels.damping
+    channels = control.channels
     mobility = np.linalg.inv(control.device_inertia)
     free = np.eye(6) - model.balanced_share
     x, constraint = model.inverse_inertia, mobility @ model.constraint_projector
 
-    def coupling(gain: Array) -> Array:
-        return np.asarray(to_device * (mobility @ (free * gain)) + to_mechanism * (x * gain))
+    def coupling(gain: Array, held: Array) -> Array:
+        return np.asarray(to_device * (mobility @ (free * held)) + to_mechanism * (x * gain))
 
     def part(matrix: Array) -> Array:
         return np.asarray(matrix[np.ix_(rows, rows)])
 
-    late = part(coupling(stiffness)), part(coupling(damping))
+    late = (
+        part(coupling(channels.stiffness, channels.held_stiffness)),
+        part(coupling(channels.damping, channels.held_damping)),
+    )
     rigid = part(gains.stiffness * constraint), part(gains.damping * constraint)
     if gains.local:
         return LoopTerms(late, rigid)

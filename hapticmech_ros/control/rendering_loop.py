@@ -86,7 +86,7 @@ class RenderingLoop:
         arrived = self.side.tick(reading, engagement, corrects=True)
         self._arrived = self._arrived if arrived is None else arrived
         self._on_the_way.append(self._arrived)
-        mechanism = self.side.tell()
+        _, mechanism = self.side.tell()
         answer = self._on_the_way.popleft()
         self.passivity.see(device, applied)
         if answer is None:

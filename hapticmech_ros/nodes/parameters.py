@@ -11,6 +11,7 @@ from typing import Any, Literal, TypeVar, get_args
 from annotated_types import Ge, Le
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from hapticmech_ros.control.tuning import SCENES, TUNED
 from hapticmech_ros.errors import HapticMechError, shown
 
 # Never: given at the start. Unconfigured: only while nothing is built from it. Any: at any time.
@@ -49,6 +50,11 @@ def number(
         description=f"{description}, {unit}",
         json_schema_extra={"changes": changes},
     )
+
+
+def gain(description: str, unit: str, high: float) -> Any:
+    """Return a field for a gain, which passes to another without a bump."""
+    return number(SCENES, f"{description}; -1: the scene's own", unit, SCENES, high)
 
 
 class NodeParameters(BaseModel):
@@ -130,6 +136,24 @@ class ControllerParameters(NodeParameters):
     input_timeout: float = number(
         0.012, "an input older than this counts as lost: disengaged", "s", 0.001, 1.0
     )
+    constraint_stiffness: float = gain("k of the joint constraint", "N/m", 1000000.0)
+    constraint_damping: float = gain("b of the joint constraint", "N s/m", 10000.0)
+    constraint_feedforward: float = gain("beta of the joint constraint", "1", 1.0)
+    position_stiffness: float = gain("spring of C", "N/m", 1000000.0)
+    position_damping: float = gain("damper of C", "N s/m", 10000.0)
+    position_angular_stiffness: float = gain("angular spring of C", "N m/rad", 10000.0)
+    position_angular_damping: float = gain("angular damper of C", "N m s/rad", 1000.0)
+    c1: float = gain("C1, device's position to the mechanism", "1", 1.0)
+    c2: float = gain("C2, contact to the hand", "1", 1.0)
+    c3: float = gain("C3, hand to the mechanism", "1", 1.0)
+    c4: float = gain("C4, mechanism's position to the device", "1", 1.0)
+    c5: float = gain("C5, local force feedback of the mechanism", "1", 10.0)
+    c6: float = gain("C6, local force feedback of the device", "1", 10.0)
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """The gains among them, by name; -1 for the scene's."""
+        return {name: getattr(self, name) for name in TUNED}
 
 
 class ViewerParameters(NodeParameters):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 
-from hapticmech_ros.control import DeviceMeasurement, Engagement, control_for
+from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, Engagement, control_for
 from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
 from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.control.local_model import NO_MODEL
+from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
@@ -54,9 +56,9 @@ class TeleoperationController(Actor[ControllerParameters]):
     parameters_type = ControllerParameters
 
     def __init__(self, node: Host, parameters: ControllerParameters) -> None:
-        super().__init__(node, parameters)
-        self._control = control_for(self.scene)
         self._engagement: Engagement | None = None
+        self._epoch_ns = 0
+        super().__init__(node, parameters)
         self._grasp = b""
         self._side = self._new_side()
         self._arrived: Answer | None = None
@@ -72,7 +74,6 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._outputs = ControllerOutputs(self)
         self._devices: Stamped[Array] = Stamped()
         self._renderings: Stamped[RenderingReading] = Stamped()
-        self._epoch_ns = 0
         qos = CONTROL_SUBSCRIBER
         self.input_array(
             DEVICE_STATE.name, self.control_input, self._on_device_state, DEVICE_FIELDS
@@ -84,10 +85,26 @@ class TeleoperationController(Actor[ControllerParameters]):
         )
         self.input(DEVICE_POSE.name, PoseStamped, qos, self._on_device_pose)
 
+    @cached_property
+    def _control(self) -> ControlArchitecture:
+        return control_for(self.scene)
+
     def adopt(self, parameters: ControllerParameters) -> None:
-        """Take new parameters: the timeout counts from now on."""
+        """Take new parameters: the timeout counts from now on, gains pass to the new ones."""
         super().adopt(parameters)
         self.timeout_ns = nanoseconds(parameters.input_timeout)
+        gains = tuned(self.scene.controller, parameters.gains)
+        if self._engagement is None:
+            self._control.adopt(gains)
+        elif gains != self._control.aim:
+            self._control.tune(self._time_s(self.now_ns()), gains)
+
+    def vet(self, parameters: ControllerParameters) -> None:
+        """Refuse gains that are none."""
+        tuned(self.scene.controller, parameters.gains)
+
+    def _time_s(self, now_ns: int) -> float:
+        return (now_ns - self._epoch_ns) / NANOSECONDS
 
     def _new_side(self) -> ControllerSide:
         return ControllerSide(self._control, self.period_s, self.scene.connection)
@@ -186,7 +203,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         ahead = (stamp - rendering.stamp_ns) / NANOSECONDS
         ahead = min(max(ahead, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
         rendered = rendering.rendered
-        time_s = (now_ns - self._epoch_ns) / NANOSECONDS
+        time_s = self._time_s(now_ns)
         engagement = self._engagement
         if engagement is None:
             engagement = self._control.engage_flat(time_s, device, rendered, ahead)
@@ -230,8 +247,8 @@ class TeleoperationController(Actor[ControllerParameters]):
                 outputs.gain(answer, stamp_ns)
             answered_ns = stamp_ns if self.lockstep else answer.answered_ns
             outputs.device(answer.wrenches, answered_ns, side.ledger.entry)
-        outputs.mechanism(side.told, stamp_ns)
-        side.tell()
+        told, _ = side.tell()
+        outputs.mechanism(told, stamp_ns)
 
     def _disengage(self, lost: Sequence[str]) -> None:
         """Say zero to both sides at once, rather than let them find out by waiting."""

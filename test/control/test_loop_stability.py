@@ -97,6 +97,6 @@ def test_scene_check_warns_of_a_loop_that_bears_nothing():
     assert check_scene(scene).points[0].loop.periods == 21
     assert check_scene(scene).warnings == ()
     (warning,) = check_scene(with_gains(scene, 8.0)).warnings
-    assert "at handle the loop bears 0 ms" in warning
+    assert "at handle the loop bears no delay at all" in warning
     margin = check_scene(scene).points[0].loop.gain
     assert f"may be {margin / 8.0:.2g} times" in warning

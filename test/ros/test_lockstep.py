@@ -22,6 +22,7 @@ from hapticmech_ros.lockstep import LockstepError, LockstepRun, run_lockstep
 from hapticmech_ros.share import shared
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import unpack_device, unpack_rendering
+from hapticmech_ros.wire.port_energies import unpack_device_energy
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import TOPICS
 from ros.harness import Peer, next_domain, six
@@ -119,6 +120,40 @@ def test_a_run_is_the_session_tick_by_tick(runs: dict[str, Path], scene: str) ->
         # controllers turn into 1e-13 of the forces of a few tenths of a newton met here.
         assert np.abs(one - two).max() <= 5e-12 * np.abs(two).max()
         assert np.abs(two).max() > 0.0
+
+
+def test_a_late_uneven_and_lossy_connection_is_the_sessions(tmp_path: Path) -> None:
+    shipped = shared("config/scenes/spatial_arm.yaml")
+    assert shipped is not None
+    document = yaml.safe_load(shipped.read_text(encoding="utf-8"))
+    document["connection"] = {"delay": 0.02, "jitter": 0.2, "loss": 0.05, "seed": 3}
+    late = tmp_path / "late.yaml"
+    late.write_text(yaml.safe_dump(document), encoding="utf-8")
+    lockstep(str(late), tmp_path / "bag", duration=0.6)
+    bag = messages(tmp_path / "bag")
+    devices = [unpack_device(decode(data)) for data in bag["/device/state"]]
+    session = Session(load_scene(str(late)))
+    samples, energies = [], []
+    for _ in devices:
+        samples.append(session.tick())
+        energies.append((session.passivity.actuators, session.energies.to_mechanism))
+    for found, expected in (
+        ([d.measured.twist for d in devices], [s.device.twist for s in samples]),
+        ([d.measured.hand_wrench for d in devices], [s.hand_wrench for s in samples]),
+        ([d.applied for d in devices], [s.device.applied for s in samples]),
+    ):
+        one, two = np.array(found), np.array(expected)
+        # As without a connection.
+        assert np.abs(one - two).max() <= 5e-12 * np.abs(two).max()
+        assert np.abs(two).max() > 0.0
+    told = [unpack_device_energy(decode(data)) for data in bag["/device/energy"]]
+    ticks = [(one.stamp_ns - START_NS) // PERIOD_NS for one in told]
+    assert len(ticks) > 50
+    # The session has given the next command by the end of its tick; its own account is a tick old.
+    assert [one.taken_by_actuators for one in told[1:]] == pytest.approx(
+        [energies[tick - 1][0] for tick in ticks[1:]], rel=1e-9, abs=1e-15
+    )
+    assert told[-1].from_hand > 0.0
 
 
 def test_the_hands_wrenches_reproduce_the_run(runs: dict[str, Path], tmp_path: Path) -> None:

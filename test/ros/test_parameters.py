@@ -21,7 +21,8 @@ from hapticmech_ros.wire.layouts import unpack_device
 from ros.harness import Peer, running
 
 pytestmark = pytest.mark.ros
-UNITS = ("Hz", "s", "m", "N", "N m", "N/s", "N m/s")
+GAIN_UNITS = ("1", "N/m", "N s/m", "N m/rad", "N m s/rad")
+UNITS = ("Hz", "s", "m", "N", "N m", "N/s", "N m/s", *GAIN_UNITS)
 DEVICE = "haptic_device"
 
 
