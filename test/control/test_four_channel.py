@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from hapticmech_ros.control.four_channel import FourChannel
+from hapticmech_ros.control.four_channel import BORNE, FourChannel
+from hapticmech_ros.control.impedance import impedance_wrench
 from hapticmech_ros.scene.controller import ForceChannelGains, PositionChannelGains
 
 MASS, STIFFNESS, DAMPING, WALL = 0.5, 200.0, 6.0, 400.0
@@ -106,3 +107,47 @@ def test_force_channels_scale_what_they_carry():
     out = channels.wrenches(FREE, np.zeros(6), np.zeros(6), hand, contact)
     assert np.array_equal(out.device, 0.25 * contact)
     assert np.array_equal(out.mechanism, 0.5 * hand)
+
+
+def test_channels_can_be_cut_and_forces_fed_back():
+    rng = np.random.default_rng(6)
+    error, rate, hand, contact = rng.normal(size=(4, 6))
+    position = PositionChannelGains(to_mechanism=0.0, to_device=0.5)
+    force = ForceChannelGains(contact=0.0, hand=0.25, mechanism_feedback=0.5)
+    out = FourChannel(position, force).wrenches(FREE, error, rate, hand, contact)
+    whole = FourChannel(PositionChannelGains(), force).wrenches(FREE, error, rate, hand, contact)
+    assert np.array_equal(out.mechanism, 0.25 * hand + 0.5 * contact)
+    assert np.array_equal(out.device, 0.5 * whole.device)
+
+
+@pytest.mark.parametrize("feedback", [-0.5, 0.0, 1.5])
+def test_local_force_feedback_makes_both_sides_as_much_lighter(feedback):
+    """C2 = C3 = 1 + C5 = 1 + C6: the two sides move alike, 1 / (1 + C6) times as heavy."""
+    rng = np.random.default_rng(7)
+    root = rng.normal(size=(6, 6))
+    x, inertia = root @ root.T, np.diag(rng.uniform(0.1, 2.0, size=6))
+    hand, contact = rng.normal(size=(2, 6))
+    known = 1.0 + feedback
+    answer = impedance_wrench(
+        inertia, x, FREE, np.zeros(6), hand + known * contact, 0.0, np.zeros(6), feedback * hand
+    )
+    # What contact adds beyond C2 of the channel is in F; the channel gives C2 F_c itself.
+    device = np.linalg.solve(inertia, hand + answer + known * contact)
+    assert device == pytest.approx(x @ (known * hand + known * contact), rel=1e-9, abs=1e-9)
+    mechanism = x @ (known * hand + feedback * contact + contact)
+    assert mechanism == pytest.approx(device, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("lag", [0.0, 1.5e-3, 0.0215, 0.1015])
+def test_the_devices_side_keeps_within_what_a_late_loop_bears(lag):
+    inertia = np.array([0.3] * 3 + [3e-4] * 3)
+    channels = FourChannel(GAINS, ForceChannelGains(), inertia, lag)
+    full = FourChannel(GAINS, ForceChannelGains())
+    pace = np.sqrt(channels.held_stiffness / inertia)
+    assert (pace * lag <= BORNE * (1 + 1e-12)).all()
+    assert (channels.held_damping / inertia * lag <= BORNE * (1 + 1e-12)).all()
+    # As damped as before, and the mechanism's side is as it was.
+    ratio = channels.held_damping / np.sqrt(channels.held_stiffness)
+    assert ratio == pytest.approx(full.damping / np.sqrt(full.stiffness), rel=1e-12)
+    assert np.array_equal(channels.stiffness, full.stiffness)
+    assert lag > 0.002 or np.array_equal(channels.held_stiffness, full.stiffness)

@@ -1,0 +1,78 @@
+"""The controllers' account against integrals that are known."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.control.energy_ledger import EnergyLedger
+from hapticmech_ros.control.four_channel import FourChannel
+from hapticmech_ros.scene.controller import (
+    ForceChannelGains,
+    JointConstraintGains,
+    PositionChannelGains,
+)
+
+PERIOD = 1e-3
+CHANNELS = FourChannel(PositionChannelGains(), ForceChannelGains())
+
+
+def test_what_the_mechanism_got_is_its_own_work():
+    """Equal to the mechanism's account of work, but for the trapezoid's second order."""
+    session = Session(load_scene("five_bar"))
+    for _ in range(2000):
+        sample = session.tick()
+    ledger, own = session.energies.to_mechanism, sample.mechanism.account.work_in
+    assert own > 1e-3
+    assert ledger == pytest.approx(own, rel=1e-4)
+
+
+def test_what_came_in_is_held_or_lost():
+    """A hand pushes against joints that hold: all of it is in the springs, or went in the dampers."""
+    session = Session(load_scene("door"))
+    for _ in range(250):
+        session.tick()
+    for _ in range(2000):
+        sample = session.tick()
+    entry, account = session.energies, session.passivity
+    device = sample.device
+    kinetic = account.hand(np.concatenate((device.published[:13], np.zeros(6))))
+    balance = kinetic - entry.to_mechanism - entry.stored - entry.dissipated + entry.injected
+    # The device's own kinetic energy is felt as a part of the mechanism's.
+    assert abs(balance) < 0.1 * kinetic
+
+
+def test_a_direction_that_comes_while_there_is_an_error_brings_its_energy():
+    ledger, joint = EnergyLedger(), JointConstraintGains()
+    error = np.array([1e-3, 0, 0, 0, 0, 0])
+    none, one = np.zeros((6, 6)), np.diag([1.0, 0, 0, 0, 0, 0])
+    ledger.answered(error, none, joint, CHANNELS, PERIOD)
+    ledger.answered(error, one, joint, CHANNELS, PERIOD)
+    assert ledger.entry.injected == pytest.approx(0.5 * joint.stiffness * 1e-6)
+    ledger.answered(error, none, joint, CHANNELS, PERIOD)
+    assert ledger.entry.injected == pytest.approx(0.0, abs=1e-18)
+    assert ledger.entry.stored == pytest.approx(0.5 * 300.0 * 1e-6)
+
+
+def test_dampers_lose_what_their_force_does():
+    ledger, joint = EnergyLedger(), JointConstraintGains(damping=30.0)
+    projector, speed = np.diag([1.0, 0, 0, 0, 0, 0]), 0.02
+    for tick in range(501):
+        error = np.array([speed * tick * PERIOD, 0, 0, 0, 0, 0])
+        ledger.answered(error, projector, joint, CHANNELS, PERIOD)
+    assert ledger.entry.dissipated == pytest.approx((30.0 + 10.0) * speed**2 * 0.5)
+
+
+def test_held_elsewhere_nothing_is_made_up():
+    ledger, joint = EnergyLedger(), JointConstraintGains()
+    ledger.acts(np.ones(6))
+    ledger.moved(np.ones(6), PERIOD)
+    ledger.moved(np.ones(6), PERIOD)
+    given = ledger.entry.to_mechanism
+    assert given == pytest.approx(6.0 * PERIOD)
+    ledger.answered(np.full(6, 1e-3), np.eye(6), joint, CHANNELS, PERIOD)
+    before = ledger.entry.injected
+    ledger.held_elsewhere()
+    ledger.moved(np.full(6, -50.0), PERIOD)
+    ledger.answered(np.full(6, 5e-3), np.zeros((6, 6)), joint, CHANNELS, PERIOD)
+    assert ledger.entry.to_mechanism == given
+    assert ledger.entry.injected == before

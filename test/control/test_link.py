@@ -1,0 +1,73 @@
+"""A late, uneven and lossy connection: what arrives, when, and that it is the same each time."""
+
+import itertools
+
+import pytest
+
+from hapticmech_ros.control.link import DelayLine
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene.controller import Connection
+
+MS = 1_000_000
+
+
+def heard(connection, messages, direction=0):
+    """Return what a line hands out at each millisecond, for messages that are their own number."""
+    line = DelayLine(connection, direction)
+    found = []
+    for tick in range(messages):
+        line.put(tick * MS, tick)
+        found.append(line.take(tick * MS))
+    return found, line
+
+
+def test_without_delay_each_message_arrives_at_once():
+    found, _ = heard(Connection(), 20)
+    assert found == list(range(20))
+
+
+def test_an_even_delay_shifts_them_all():
+    found, _ = heard(Connection(delay=0.007), 40)
+    assert found == [None] * 7 + list(range(33))
+
+
+def test_jitter_spreads_them_evenly_and_the_newest_counts():
+    found, _ = heard(Connection(delay=0.05, jitter=0.2, seed=4), 5000)
+    delays = [tick - number for tick, number in enumerate(found) if number is not None]
+    # Rounded up to the tick at which they are asked for; late ones are overtaken.
+    assert 40 <= min(delays) <= 42
+    assert max(delays) <= 60
+    numbers = [number for number in found if number is not None]
+    assert all(later > earlier for earlier, later in itertools.pairwise(numbers))
+    # Overtaken ones are dropped: of those that arrive most are earlier than the mean.
+    assert 0.05 * len(found) < len(numbers) < 0.95 * len(found)
+
+
+def test_losses_are_as_frequent_as_said_and_without_pattern():
+    found, line = heard(Connection(loss=0.05, seed=1), 20_000)
+    lost = [number is None for number in found]
+    assert line.lost == sum(lost)
+    # A binomial of 20000 at 0.05 has a deviation of 31; four of them.
+    assert abs(sum(lost) - 1000) < 4 * 31
+    pairs = sum(a and b for a, b in itertools.pairwise(lost))
+    assert abs(pairs - 50) < 4 * 7.1
+
+
+def test_the_same_seed_is_the_same_connection_and_directions_differ():
+    uneven = Connection(delay=0.01, jitter=0.5, loss=0.1, seed=7)
+    assert heard(uneven, 500)[0] == heard(uneven, 500)[0]
+    assert heard(uneven, 500)[0] != heard(uneven, 500, direction=1)[0]
+    other = uneven.model_copy(update={"seed": 8})
+    assert heard(uneven, 500)[0] != heard(other, 500)[0]
+
+
+def test_what_is_on_the_way_can_be_forgotten():
+    line = DelayLine(Connection(delay=0.002), 0)
+    line.put(0, "lost")
+    line.clear()
+    assert line.take(10 * MS) is None
+
+
+def test_there_are_two_directions():
+    with pytest.raises(InvalidInputError, match=r"direction: must be 0 or 1 \(got 2\)"):
+        DelayLine(Connection(), 2)

@@ -1,0 +1,87 @@
+"""Loops closed in the device: the answer to the device as it is, found from an old one."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control.flat import flat_device
+from hapticmech_ros.control.local_model import NO_MODEL, corrected, displacement
+from hapticmech_ros.session import rendering_model
+
+
+def place(pose):
+    return np.asarray(pin.SE3ToXYZQUAT(pose))
+
+
+def random_pose(rng):
+    axis = rng.normal(size=3)
+    return pin.SE3(pin.exp3(rng.uniform(0, 3.0) * axis / np.linalg.norm(axis)), rng.normal(size=3))
+
+
+def test_displacement_is_the_way_from_pose_to_pose():
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        start = random_pose(rng)
+        turn = rng.normal(size=3)
+        turn *= rng.uniform(0.0, 3.0) / np.linalg.norm(turn)
+        end = pin.SE3(pin.exp3(turn) @ start.rotation, start.translation + rng.normal(size=3))
+        found = displacement(place(start), place(end))
+        assert found[3:] == pytest.approx(turn, abs=1e-12)
+        assert found[:3] == pytest.approx(end.translation - start.translation, abs=1e-15)
+        # q and -q are one rotation.
+        other = place(end) * np.array([1, 1, 1, -1, -1, -1, -1])
+        assert displacement(place(start), other) == pytest.approx(found, abs=1e-12)
+
+
+def test_nothing_moved_is_nothing_to_the_bit():
+    pose = place(random_pose(np.random.default_rng(2)))
+    assert not displacement(pose, pose).any()
+
+
+@pytest.mark.parametrize("name", ["five_bar", "spatial_arm", "door"])
+def test_along_constrained_directions_it_is_the_answer_to_the_other_pose(name):
+    scene = load_scene(name)
+    # Nothing but the joint constraint, so that nothing else answers to the motion.
+    channel = scene.controller.position_channel.model_copy(
+        update=dict.fromkeys(("stiffness", "damping", "angular_stiffness", "angular_damping"), 0.0)
+    )
+    controller = scene.controller.model_copy(update={"position_channel": channel})
+    control = ControlArchitecture(scene.model_copy(update={"controller": controller}))
+    sample = Session(scene).tick()
+    model, pose = rendering_model(sample.analysis), sample.point.pose
+    tie = control.engage(0.0, pose, pose)
+    rng = np.random.default_rng(3)
+    task = np.array([1, 1, 0, 0, 0, 1.0]) if scene.task_space == "planar" else np.ones(6)
+    ways = 1e-5 * task * rng.normal(size=(2, 6))
+    twists = 1e-3 * task * rng.normal(size=(2, 6))
+
+    def measured(way, twist):
+        moved = pin.SE3(pin.exp3(way[3:]) @ pose.rotation, pose.translation + way[:3])
+        return DeviceMeasurement(moved, twist, np.zeros(6))
+
+    seen = PointMeasurement(pose, np.zeros(6), np.zeros(6))
+    then, now = (measured(*state) for state in zip(ways, twists, strict=True))
+    old, new = (control.compute(5.0, tie, one, seen, model).device for one in (then, now))
+    gains = control.local_model(5.0, tie, model)
+    found = corrected(old, gains, flat_device(then), flat_device(now))
+    # log6's second order in steps of 1e-5 rad and m, on 2000 N/m.
+    assert np.abs(found - new).max() < 1e-6
+    assert scene.name == "spatial_arm" or np.abs(new - old).max() > 1e-3
+
+
+def test_what_is_not_local_is_not_corrected():
+    scene = load_scene("five_bar")
+    joint = scene.controller.joint_constraint.model_copy(update={"local": False})
+    force = scene.controller.force_channel.model_copy(update={"local": False})
+    gains = {"joint_constraint": joint, "force_channel": force}
+    controller = scene.controller.model_copy(update=gains)
+    control = ControlArchitecture(scene.model_copy(update={"controller": controller}))
+    assert not control.is_local
+    sample = Session(scene).tick()
+    tie = control.engage(0.0, sample.point.pose, sample.point.pose)
+    model = control.local_model(1.0, tie, rendering_model(sample.analysis))
+    assert all(not matrix.any() for matrix in model)
+    command = np.ones(6)
+    assert corrected(command, NO_MODEL, np.zeros(19), np.ones(19)) is command

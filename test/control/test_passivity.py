@@ -1,0 +1,182 @@
+"""Actuators give no more than there is: each sample's account, and loops that would diverge."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.control.passivity import PassivityController, passivity_for
+from hapticmech_ros.scene.controller import Passivity
+
+INERTIA = np.array([0.3] * 3 + [3e-4] * 3)
+PERIOD, SUBSTEPS = 1e-3, 4
+FAR = (1e9, 1e9)
+
+
+def controller(limits=FAR, **bounds):
+    return PassivityController(Passivity(**bounds), INERTIA, PERIOD, SUBSTEPS, limits)
+
+
+def at(position=(0, 0, 0), twist=(0,) * 6, push=(0,) * 6):
+    return np.array((*position, 0, 0, 0, 1, *twist, *push), dtype=float)
+
+
+def moved(sample, command):
+    """Return a free body's sample a period later, as the simulated device moves."""
+    place, twist, push = sample[:3].copy(), sample[7:13].copy(), sample[13:]
+    for _ in range(SUBSTEPS):
+        twist += PERIOD / SUBSTEPS * (command + push) / INERTIA
+        place += PERIOD / SUBSTEPS * twist[:3]
+    return at(place, twist, push)
+
+
+def test_work_of_held_commands_is_exact():
+    """u · ξ is ΔE and u² T² / (2 n m) more, by which n semi-implicit steps move a body too far."""
+    account, sample, rng = controller(), at(), np.random.default_rng(1)
+    applied, apart = np.zeros(6), 0.0
+    for _ in range(200):
+        account.see(sample, applied)
+        applied = np.array((*rng.normal(1.0, size=3), 0, 0, 0))
+        apart += 0.5 * PERIOD**2 / SUBSTEPS * float(applied @ (applied / INERTIA))
+        sample = moved(sample, applied)
+    account.see(sample, applied)
+    kinetic = 0.5 * sample[7:13] @ (INERTIA * sample[7:13])
+    assert kinetic > 0.1
+    # 200 sums of parts of up to 1e-2 J.
+    assert account.actuators == pytest.approx(-kinetic - apart, abs=1e-14)
+    assert account.hand(sample) == pytest.approx(-apart, abs=1e-14)
+
+
+def test_nothing_is_changed_while_there_is_enough_or_nothing_is_known():
+    account = controller(allowance=1.0)
+    command = np.array([5.0, 0, 0, 0, 0, 0])
+    fast = at(twist=(0.5, 0, 0, 0, 0, 0))
+    account.see(fast, np.zeros(6))
+    assert account.hold(100.0 * command, fast) is not None
+    assert account.available == np.inf
+    account.mechanism = 0.0
+    assert account.hold(command, fast) is command
+    assert account.changed == 0
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e-3, 0.05, 0.5])
+@pytest.mark.parametrize("push", [-4.0, 0.0, 3.0])
+def test_a_command_that_would_give_more_is_changed_to_give_what_there_is(speed, push):
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        allowance = 10.0 ** rng.uniform(-7, -3)
+        account = controller(allowance=allowance)
+        sample = at(twist=speed * rng.normal(size=6), push=push * rng.normal(size=6))
+        account.see(sample, np.zeros(6))
+        account.mechanism = 0.0
+        command = 10.0 * rng.normal(size=6) * ([1.0] * 3 + [0.02] * 3)
+        held = account.hold(command, sample)
+        given = account._given(held, sample[7:13], sample[13:])
+        if account._given(command, sample[7:13], sample[13:]) <= allowance:
+            assert held is command
+        else:
+            # Rounding of sums of some 1e-2 J.
+            assert given <= allowance * (1.0 + 1e-9) + 1e-15
+            assert account.changed == 1
+
+
+def test_a_static_force_is_left_alone():
+    """It does no work: what holds a wall up against a hand needs no energy."""
+    account = controller(allowance=1e-9)
+    push = np.array([5.0, -2.0, 0, 0, 0, 0.1])
+    sample = at(push=push)
+    account.see(sample, np.zeros(6))
+    account.mechanism = 0.0
+    assert np.array_equal(account.hold(-push, sample), -push)
+
+
+def test_damping_is_the_least_that_does_it_and_leaves_what_is_across():
+    account = controller(allowance=1e-4)
+    sample = at(twist=(0.1, 0, 0, 0, 0, 0))
+    account.see(sample, np.zeros(6))
+    account.mechanism = 0.0
+    held = account.hold(np.array([3.0, 2.0, 0, 0, 0, 0]), sample)
+    assert held[1] == 2.0
+    assert held[0] < 3.0
+    assert account._given(held, sample[7:13], sample[13:]) == pytest.approx(1e-4, rel=1e-9)
+
+
+def test_bounds_follow_what_the_mechanism_got():
+    account = controller(allowance=1e-3, slack=0.1)
+    account.mechanism = 0.05
+    assert account.available == pytest.approx(1e-3)
+    # It got more than slack allows: that much has to come from the hand first.
+    account.mechanism = 0.3
+    assert account.available == pytest.approx(-0.2)
+    # It gave: the hand may have that.
+    account.mechanism = -0.4
+    assert account.available == pytest.approx(0.401)
+    account.begin()
+    assert account.available == np.inf
+    off = controller(control=False)
+    off.mechanism = 5.0
+    assert off.available == np.inf
+
+
+def connected(name, delay, local=True, control=True):
+    scene = load_scene(name)
+    controller = scene.controller
+    gains = {
+        "passivity": controller.passivity.model_copy(update={"control": control}),
+        "joint_constraint": controller.joint_constraint.model_copy(update={"local": local}),
+        "force_channel": controller.force_channel.model_copy(update={"local": local}),
+    }
+    connection = {"delay": delay, "jitter": 0.2, "loss": 0.05, "seed": 2}
+    return scene.model_copy(
+        update={
+            "controller": controller.model_copy(update=gains),
+            "connection": scene.connection.model_copy(update=connection),
+        }
+    )
+
+
+def lowest(scene, seconds):
+    """Return the least of E_h, beyond what the mechanism gave of its own, J, and the worst force.
+
+    E_h is the simulated device's own: exact work of what its actuators applied.
+    """
+    session, least, force = Session(scene), 0.0, 0.0
+    inertia = passivity_for(scene)._inertia
+    work, before, gave = 0.0, None, 0.0
+    for _ in range(round(seconds / session.period)):
+        device = session.tick().device
+        if before is not None:
+            way = device.pose.translation - before.pose.translation
+            turn = device.pose.rotation @ before.pose.rotation.T
+            work -= device.applied[:3] @ way
+            work -= device.applied[3:] @ pin.log3(turn)
+        before = device
+        gave = max(gave, -session.energies.to_mechanism)
+        kinetic = 0.5 * device.twist @ (inertia * device.twist)
+        least = min(least, work + kinetic + gave)
+        force = max(force, float(np.linalg.norm(device.applied[:3])))
+    return least, force
+
+
+@pytest.mark.parametrize("delay", [0.002, 0.01, 0.05])
+@pytest.mark.parametrize("local", [True, False])
+@pytest.mark.parametrize("name", ["five_bar", "two_link", "door", "shared_payload"])
+def test_the_hand_gets_no_energy_out_whatever_the_delay(name, local, delay):
+    scene = connected(name, delay, local)
+    least, force = lowest(scene, 1.5)
+    assert least >= -1e-3
+    assert force <= scene.device.force_limit * (1 + 1e-12)
+
+
+def test_without_it_the_loop_that_is_closed_over_the_connection_diverges():
+    least, _ = lowest(connected("five_bar", 0.05, local=False, control=False), 1.5)
+    assert least < -0.1
+
+
+def test_without_delay_it_changes_nothing():
+    on, off = (Session(connected("five_bar", 0.0, control=control)) for control in (True, False))
+    for _ in range(600):
+        one, two = on.tick(), off.tick()
+    assert np.array_equal(one.device.published, two.device.published)
+    assert on.passivity.changed == 0
+    assert on.passivity.actuators == off.passivity.actuators != 0.0
