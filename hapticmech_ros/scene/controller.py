@@ -21,7 +21,8 @@ class JointConstraintGains(Part):
     mass: pure translation of the link meets ``stiffness`` N/m and ``damping`` N s/m.
 
     Attributes:
-        stiffness, damping: N/m and N s/m.
+        stiffness, damping: N/m and N s/m; where a scene gives none, by the rule of
+            :mod:`~hapticmech_ros.scene.gain_rule`.
         force_limit, torque_limit: N and N m, of the controller's wrench.
         feedforward: beta, the share of what the hand pushes along n that is cancelled ahead.
         local: whether the device corrects each command by what it has moved along constrained

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.contacts import ContactPair, Shape
 from hapticmech_ros.scene.controller import Connection, Controller
+from hapticmech_ros.scene.gain_rule import by_rule
 from hapticmech_ros.scene.mechanism import (
     Closure,
     Coupling,
@@ -52,6 +53,16 @@ class Scene(Part):
     controller: Controller = Controller()
     connection: Connection = Connection()
     experiment: Experiment = Experiment()
+
+    @model_validator(mode="after")
+    def _gains_by_rule(self) -> Scene:
+        """Fill in gains that were not given; see :mod:`~hapticmech_ros.scene.gain_rule`."""
+        joint = self.controller.joint_constraint
+        found = by_rule(joint, self.device, self.connection, self.simulation.period)
+        if found is not joint:
+            controller = self.controller.model_copy(update={"joint_constraint": found})
+            object.__setattr__(self, "controller", controller)  # frozen for everybody else
+        return self
 
     def operational_point(self, name: str = "") -> OperationalPoint:
         """Return the operational point ``name``; the first one if ``name`` is empty.

@@ -27,7 +27,7 @@ def test_what_the_mechanism_got_is_its_own_work():
 
 
 def test_what_came_in_is_held_or_lost():
-    """A hand pushes against joints that hold: all of it is in the springs, or went in the dampers."""
+    """A hand against joints that hold: all of it is in the springs, or went in the dampers."""
     session = Session(load_scene("door"))
     for _ in range(250):
         session.tick()

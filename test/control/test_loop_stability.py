@@ -70,13 +70,12 @@ def with_gains(scene, factor, local=True):
     return scene.model_copy(update={"controller": controller, "device": device})
 
 
-def growth(scene, delay):
-    """Return how much larger errors are at the end than soon after a touch."""
+def errors_after_a_touch(scene, delay):
+    """Return the size of the error, sample by sample."""
     session = Session(scene, command_delay=delay)
     touch = np.array([1e-4, 2e-4, 0.0, 0.0, 0.0, 1e-6])
-    samples = [session.tick(hand_wrench=touch if tick < 3 else None) for tick in range(500)]
-    errors = [np.abs(sample.output.error).max() for sample in samples]
-    return max(errors[400:]) / max(errors[50:150])
+    samples = [session.tick(hand_wrench=touch if tick < 3 else None) for tick in range(1000)]
+    return np.array([np.abs(sample.output.error).max() for sample in samples])
 
 
 @pytest.mark.parametrize("local", [False, True])
@@ -87,9 +86,12 @@ def test_sessions_diverge_where_it_says(name, delay, local):
     analysis = Session(scene).tick().analysis
     control, model = control_for(scene), rendering_model(analysis)
     margin = loop_margins(control, model, analysis.rows, scene.simulation.period, delay).gain
-    assert growth(with_gains(scene, 0.95 * margin, local), delay) < 0.1
-    # What grows are modes of tens of periods: not by much in half a second.
-    assert growth(with_gains(scene, 1.05 * margin, local), delay) > 2.0
+    calm = errors_after_a_touch(with_gains(scene, 0.95 * margin, local), delay)
+    wild = errors_after_a_touch(with_gains(scene, 1.05 * margin, local), delay)
+    assert calm[800:].max() < 0.1 * calm.max()
+    # Until limits hold it: some modes grow by little in a second, others reach the limits at once.
+    assert wild.max() > 2.0 * calm.max()
+    assert wild[800:].max() > 10.0 * calm[800:].max()
 
 
 def test_scene_check_warns_of_a_loop_that_bears_nothing():
