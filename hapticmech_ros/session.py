@@ -14,12 +14,12 @@ from hapticmech_ros.control import (
     DeviceMeasurement,
     Engagement,
     PointMeasurement,
-    RenderingModel,
     control_for,
 )
 from hapticmech_ros.control.energy_ledger import LedgerEntry
 from hapticmech_ros.control.passivity import PassivityController
 from hapticmech_ros.control.rendering_loop import RenderingLoop
+from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
@@ -206,13 +206,3 @@ class Session:
         if self._count is None:
             return first_count(s, perception)
         return next_count(self._count, s, time, perception)
-
-
-def rendering_model(analysis: OperationalAnalysis) -> RenderingModel:
-    """Return the part of an analysis that the controllers use."""
-    return RenderingModel(
-        analysis.inverse_inertia,
-        analysis.constraint_projector,
-        analysis.balanced_share,
-        analysis.free_acceleration,
-    )

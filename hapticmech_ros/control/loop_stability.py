@@ -14,6 +14,7 @@ damp, unless it is stiff itself.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -22,10 +23,13 @@ import numpy as np
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.measurements import RenderingModel
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.document import Scene
 
 # More periods, or more gain, than anybody asks for.
 MOST_PERIODS = 64
 MOST_GAIN = 1024.0
+# That a loop should bear: one is always there, and a graph is late now and then.
+ENOUGH_PERIODS = 2
 # Eigenvalues of rigid motions lie on the circle, up to rounding of their double roots.
 ON_CIRCLE = 1e-6
 
@@ -43,6 +47,23 @@ class LoopMargins:
     periods: int
     gain: float
 
+    def warning(self, point: str, period: float, needed: int) -> str | None:
+        """Return what is wrong with a loop that bears fewer than the periods needed, or None.
+
+        Args:
+            point: its name.
+            period: s.
+            needed: periods.
+        """
+        if self.periods >= needed:
+            return None
+        period_ms = 1e3 * period
+        borne = f"{self.periods * period_ms:g} ms" if self.periods >= 0 else "no delay at all"
+        return (
+            f"at {point} the loop bears {borne}: with one period of {period_ms:g} ms the "
+            f"controller's stiffness and damping may be {self.gain:.2g} times as large, no more"
+        )
+
 
 class LoopTerms(NamedTuple):
     """Springs, 1/s², and dampers, 1/s, of a loop, (n, n) each.
@@ -59,6 +80,12 @@ class LoopTerms(NamedTuple):
         """Return all of it, so many times as strong."""
         (a, b), (c, d) = self
         return LoopTerms((gain * a, gain * b), (gain * c, gain * d))
+
+
+def needed_periods(scene: Scene) -> int:
+    """Return how many periods of delay a scene's loop should bear: two, and its connection's."""
+    late = 2.0 * scene.connection.delay * (1.0 + scene.connection.jitter)
+    return ENOUGH_PERIODS + math.ceil(late / scene.simulation.period)
 
 
 def loop_terms(control: ControlArchitecture, model: RenderingModel, rows: Array) -> LoopTerms:
@@ -130,7 +157,12 @@ def _acting(answer: Array, moved: float, period: float) -> Array:
 
 
 def loop_margins(
-    control: ControlArchitecture, model: RenderingModel, rows: Array, period: float, delay: int = 1
+    control: ControlArchitecture,
+    model: RenderingModel,
+    rows: Array,
+    period: float,
+    delay: int = 1,
+    most_periods: int = MOST_PERIODS,
 ) -> LoopMargins:
     """Return how far the loop of a scene is from being unstable at a position.
 
@@ -140,6 +172,7 @@ def loop_margins(
         rows: of a six-vector that the task space has.
         period: s.
         delay: whole periods from measuring to acting.
+        most_periods: at which the search for delays that are borne ends.
     """
     terms = loop_terms(control, model, rows)
 
@@ -148,7 +181,7 @@ def loop_margins(
         return radius < 1.0 + ON_CIRCLE
 
     periods = -1
-    while periods < MOST_PERIODS and stable(1.0, periods + 1):
+    while periods < most_periods and stable(1.0, periods + 1):
         periods += 1
     low, high = 1.0 / MOST_GAIN, MOST_GAIN
     if stable(high, delay):

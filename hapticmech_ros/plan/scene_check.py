@@ -8,14 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.loop_stability import LoopMargins, loop_margins
+from hapticmech_ros.control.loop_stability import (
+    MOST_PERIODS,
+    LoopMargins,
+    loop_margins,
+    needed_periods,
+)
+from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import first_count
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.session import rendering_model
 
 # Relative σ below which a start is next to a singular position: directions change within degrees.
 NEAR_SINGULAR = 1e-2
@@ -23,8 +28,6 @@ NEAR_SINGULAR = 1e-2
 FAR = 1e-3
 # Explicit rules bear k T² / m up to about 7.7 (rk4) and 4 (rk2, semi-implicit Euler).
 STIFF = 4.0
-# Periods of delay that a loop should bear: one is always there, and a graph is late now and then.
-ENOUGH_PERIODS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,21 +119,23 @@ def _points(simulator: Simulator, state: MechanismState) -> Iterator[PointCheck]
         masses = (1.0 / float(moved[-1]), 1.0 / float(moved[0])) if moved.size else None
         count = first_count(analysis.spectrum.s, scene.perception).count
         model = rendering_model(analysis)
-        margins = loop_margins(control, model, analysis.rows, scene.simulation.period)
+        margins = loop_margins(
+            control,
+            model,
+            analysis.rows,
+            scene.simulation.period,
+            most_periods=max(MOST_PERIODS, needed_periods(scene)),
+        )
         yield PointCheck(point.name, point.link, analysis.rank, count, masses, margins)
 
 
 def _loops(points: Sequence[PointCheck], scene: Scene) -> Iterator[str]:
     """Yield points at which the springs and dampers of the rendering bear little delay."""
-    period_ms = 1e3 * scene.simulation.period
+    period, needed = scene.simulation.period, needed_periods(scene)
     for point in points:
-        loop = point.loop
-        if loop.periods < ENOUGH_PERIODS:
-            borne = f"{loop.periods * period_ms:g} ms" if loop.periods >= 0 else "no delay at all"
-            yield (
-                f"at {point.name} the loop bears {borne}: with one period of {period_ms:g} ms the "
-                f"controller's stiffness and damping may be {loop.gain:.2g} times as large, no more"
-            )
+        warning = point.loop.warning(point.name, period, needed)
+        if warning is not None:
+            yield warning
 
 
 def _warnings(simulator: Simulator, state: MechanismState, rows: Redundancy) -> Iterator[str]:

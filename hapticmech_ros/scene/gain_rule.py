@@ -3,9 +3,10 @@
     k = min(2000 N/m, m (0.3 / τ)²),      b = 2 ζ √(k m),      ζ = 0.8
 
 Along a constrained direction a hand feels the device's own mass m, on a spring that is closed after
-τ: a period of sampling and hold, the lag of the velocity filter where encoders are stepped, and, where the
-device does not close it itself, one more and the connection there and back. ω τ = 0.3 leaves a
-margin of three to where such a loop becomes unstable; 2000 N/m gives way by a millimetre under 2 N.
+τ: a period of sampling and hold, the lag of the velocity filter where encoders are stepped, and,
+where the device does not close it itself, one more and the connection there and back. ω τ = 0.3
+leaves a margin of three to where such a loop becomes unstable; 2000 N/m gives way by a millimetre
+under 2 N.
 
 Spring and damper scale alike with the metric's lengths, so where the device turns, its felt inertia
 and with it the critical damping are smaller: of the scenes that are shipped, ζ = 0.8 in translation

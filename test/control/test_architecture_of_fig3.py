@@ -6,8 +6,8 @@ import pytest
 
 from hapticmech_ros import Simulator, analyse, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.scene import document_of, scene_from_document
-from hapticmech_ros.session import rendering_model
 
 PLANE = np.array([1.0, 1.0, 0, 0, 0, 1.0])
 

@@ -8,7 +8,7 @@ from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, Point
 from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.control.local_model import corrected
 from hapticmech_ros.control.prediction import InFlight, foreseen
-from hapticmech_ros.session import rendering_model
+from hapticmech_ros.control.rendering_model import rendering_model
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.4, 1.0])

@@ -8,7 +8,7 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.control.local_model import NO_MODEL, corrected, displacement
-from hapticmech_ros.session import rendering_model
+from hapticmech_ros.control.rendering_model import rendering_model
 
 
 def place(pose):

@@ -12,9 +12,10 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.experiment import ExperimentRecord, run_session
 from hapticmech_ros.scene import Scene, load_scene
-from hapticmech_ros.session import Sample, Session, rendering_model
+from hapticmech_ros.session import Sample, Session
 from hapticmech_ros.wire.layouts import (
     DeviceSample,
     Energy,

@@ -11,9 +11,9 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.prediction import InFlight
+from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.messages import write_array, write_pose
-from hapticmech_ros.session import rendering_model
 from hapticmech_ros.wire.layouts import DeviceSample, Rendering, pack_device, pack_rendering
 from ros.harness import Peer, refuses, running, six
 

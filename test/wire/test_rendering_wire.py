@@ -5,12 +5,12 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.control import PointMeasurement
+from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.mechanism import build
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import shipped_scenes
-from hapticmech_ros.session import rendering_model
 from hapticmech_ros.wire.layouts import Rendering, pack_rendering
 from hapticmech_ros.wire.rendering_wire import RenderingWriter
 from hapticmech_ros.wire.state import WireState

@@ -9,13 +9,14 @@ import numpy as np
 from hapticmech_ros.bench.ablation.loop import PARTS
 from hapticmech_ros.control import PointMeasurement, control_for
 from hapticmech_ros.control.rendering_loop import RenderingLoop
+from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.device import DeviceState, device_for
 from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.session import Sample, Session, rendering_model
+from hapticmech_ros.session import Sample, Session
 
 # Relative to a field's size. Rounding is 1e-16; conditions of D and W, and differences of
 # velocities over a period of 1 ms, take the rest.

@@ -17,6 +17,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8, UInt8Mul
 
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.local_model import NO_MODEL
+from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.mechanism.model import Array
@@ -30,7 +31,7 @@ from hapticmech_ros.nodes.messages import (
     write_wrench,
 )
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.session import Session, rendering_model
+from hapticmech_ros.session import Session
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire import topics as table
 from hapticmech_ros.wire.cdr import FlatArray
