@@ -38,7 +38,7 @@ class Sample:
         time: s since the session's start; the device is engaged at time 0.
         device, mechanism: states at ``time``.
         point: the operational point's kinematics.
-        hand_wrench: (6,) F_h on the device, by the hand and by others.
+        hand_wrench: (6,) F_h on the device, by the hand and by others, as the device reports it.
         external_wrench: (6,) on the mechanism at the operational point, by others.
         contact_wrench: (6,) F_c of virtual objects there, of the step that led here; zero without.
         analysis: Λ_h⁻¹ and what follows.
@@ -113,7 +113,7 @@ class Session:
         external = np.zeros(6) if external_wrench is None else np.asarray(external_wrench, float)
         push = NO_WRENCH if hand_wrench is None else np.asarray(hand_wrench, float)
         device, mechanism = self._device_state, self._mechanism_state
-        held = device.hand_wrench + push
+        held = device.reported + self._device.sensed(push)
         terms = self.simulator.evaluate(mechanism)
         point = terms.points[self._index]
         analysis = self._analyser.analyse(terms)
