@@ -14,13 +14,20 @@ def session(scene, arm):
     """Return a scene with a heavy device that nothing limits, held by a slack arm (kg)."""
     document = document_of(load_scene(scene))
     document["device"] = {
-        **{"mass": MASS, "inertia": INERTIA},
-        **{"force_limit": 1e6, "torque_limit": 1e6},
+        "mass": MASS,
+        "inertia": INERTIA,
+        "force_limit": 1e6,
+        "torque_limit": 1e6,
     }
     document["controller"]["engagement_ramp"] = 0.0
     document["hand"] = {
-        **{"kind": "arm", "mass": arm, "angular_inertia": 0.0, "stiffness": 1.0, "damping": 0.0},
-        **{"start_delay": 0.0, "waypoints": [{"time": 0.0, "xyz": [1e-3, 5e-4, 0.0]}]},
+        "kind": "arm",
+        "mass": arm,
+        "angular_inertia": 0.0,
+        "stiffness": 1.0,
+        "damping": 0.0,
+        "start_delay": 0.0,
+        "waypoints": [{"time": 0.0, "xyz": [1e-3, 5e-4, 0.0]}],
     }
     return Session(scene_from_document(document))
 
@@ -46,6 +53,6 @@ def test_what_the_sensor_reads_grows_by_the_predicted_factor(scene, wanted):
     running = session(scene, low)
     read = np.array([running.tick().hand_wrench[:2] for _ in range(40)])
     change = np.linalg.norm(np.diff(read, axis=0), axis=1)
-    # From the sixth period on, over 20: other factors of the loop fade as their powers, the couplings
-    # of the position channel are some 0.1 % of m / T² beside.
+    # From the sixth period on, over 20: other factors of the loop fade as their powers, and what the
+    # position channel couples is some 0.1 % of m / T² beside.
     assert (change[25] / change[5]) ** (1 / 20) == pytest.approx(wanted, rel=0.01)
