@@ -53,6 +53,6 @@ def test_what_the_sensor_reads_grows_by_the_predicted_factor(scene, wanted):
     running = session(scene, low)
     read = np.array([running.tick().hand_wrench[:2] for _ in range(40)])
     change = np.linalg.norm(np.diff(read, axis=0), axis=1)
-    # From the sixth period on, over 20: other factors of the loop fade as their powers, and what the
-    # position channel couples is some 0.1 % of m / T² beside.
+    # From the sixth period on, over 20: other factors of the loop fade as their powers, and what
+    # the position channel couples is some 0.1 % of m / T² beside.
     assert (change[25] / change[5]) ** (1 / 20) == pytest.approx(wanted, rel=0.01)

@@ -31,11 +31,10 @@ def run(body, ticks, command=NOTHING, push=NOTHING, start=None):
 
 
 def moving(body, twist):
-    """Return a state at ``START`` that moves: one hard push of a period, then put back there.
+    """Return a state next to ``START`` that moves with nearly this twist, after one hard push.
 
-    Friction and damping take a little of the twist; its direction is kept.
+    Friction and damping have taken a little of it; its direction is kept.
     """
     device = body.device
     mass = np.repeat((device.mass, device.inertia), 3)
-    state = body.step(body.at_rest(START), NOTHING, None, 0, mass * twist / body.period)
-    return state
+    return body.step(body.at_rest(START), NOTHING, None, 0, mass * twist / body.period)
