@@ -141,9 +141,9 @@ class ImpedanceDevice:
         reported = own
         if self._driver.senses_itself:
             reported = self._driver.reported(state, estimated, asked)
+        home = state.home
         return DeviceState(
-            *(pose, twist, measured, estimated, own, applied, reported),
-            *(state.home, anchor, window),
+            pose, twist, measured, estimated, own, applied, reported, home, anchor, window
         )
 
     def _taken(
