@@ -41,7 +41,7 @@ class Sample:
         time: s since the session's start; the device is engaged at time 0.
         device, mechanism: states at ``time``.
         point: the operational point's kinematics.
-        hand_wrench: (6,) F_h on the device, by the hand and by others.
+        hand_wrench: (6,) F_h on the device, by the hand and by others, as the device reports it.
         external_wrench: (6,) on the mechanism at the operational point, by others.
         contact_wrench: (6,) F_c of virtual objects there, of the step that led here; zero without.
         analysis: Λ_h⁻¹ and what follows.
@@ -130,7 +130,7 @@ class Session:
         external = np.zeros(6) if external_wrench is None else np.asarray(external_wrench, float)
         push = NO_WRENCH if hand_wrench is None else np.asarray(hand_wrench, float)
         device, mechanism = self._device_state, self._mechanism_state
-        held = device.hand_wrench + push
+        held = device.reported + self._device.sensed(push)
         terms = self.simulator.evaluate(mechanism)
         point = terms.points[self._index]
         analysis = self._analyser.analyse(terms)
@@ -140,9 +140,10 @@ class Session:
         self._tie(time, measured, point)
         model = rendering_model(analysis)
         seen = PointMeasurement(point.pose, point.twist, external + contact)
-        numbers = device.published
-        numbers = np.concatenate((numbers[:13], held))
-        acting = self._loop.tick(time, self._engagement, numbers, device.applied, seen, model)
+        numbers = np.concatenate((device.published[:13], held))
+        added = self._device.compensation(device)
+        applied = device.applied
+        acting = self._loop.tick(time, self._engagement, numbers, applied, seen, model, added)
         output = self._loop.output
         sample = Sample(
             time,

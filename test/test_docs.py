@@ -81,7 +81,8 @@ def test_every_hapticmech_command_of_the_documents_is_understood(line: str) -> N
 
 
 @pytest.mark.parametrize(
-    "command", ["demo", "experiment", "run", "topics", "parameters", "bag", "bench", "scene"]
+    "command",
+    ["demo", "experiment", "run", "topics", "parameters", "bag", "bench", "scene", "device"],
 )
 def test_subcommands_explain_themselves(command: str) -> None:
     run = subprocess.run(

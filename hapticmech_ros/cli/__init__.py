@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from hapticmech_ros.cli import analyse, bag, bench, experiment, graph, replay, scene
+from hapticmech_ros.cli import analyse, bag, bench, device, experiment, graph, replay, scene
 from hapticmech_ros.cli.console import console, errors
 from hapticmech_ros.errors import HapticMechError
 
@@ -44,6 +44,7 @@ app.add_typer(bench.app, name="bench")
 bag.app.command()(replay.replay)
 app.add_typer(bag.app, name="bag")
 app.add_typer(scene.app, name="scene")
+app.add_typer(device.app, name="device")
 
 
 def main() -> None:

@@ -47,6 +47,7 @@ class ControlArchitecture:
         self.limits = (scene.device.force_limit, scene.device.torque_limit)
         self.device_inertia = device_inertia(scene.device)
         self.substeps = scene.device.substeps
+        self.acts = np.array(scene.device.acts)
         self._lag = 2.0 * scene.connection.delay + 1.5 * scene.simulation.period
         self._task = np.ones(6)
         if scene.task_space == "planar":

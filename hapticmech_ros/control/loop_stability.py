@@ -100,7 +100,7 @@ def loop_terms(control: ControlArchitecture, model: RenderingModel, rows: Array)
     to_mechanism, to_device = position.to_mechanism, position.to_device
     gains = control.gains.joint_constraint
     channels = control.channels
-    mobility = np.linalg.inv(control.device_inertia)
+    mobility = np.linalg.inv(control.device_inertia) * control.acts
     free = np.eye(6) - model.balanced_share
     x, constraint = model.inverse_inertia, mobility @ model.constraint_projector
 

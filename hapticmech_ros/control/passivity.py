@@ -32,6 +32,8 @@ from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.controller import Passivity
 from hapticmech_ros.scene.document import Scene
 
+NO_WRENCH = np.zeros(6)
+NO_WRENCH.flags.writeable = False
 # Most damping, as a share of what stops the device within a sample.
 MOST_DAMPING = 0.4
 
@@ -45,6 +47,7 @@ class PassivityController:
         period: s, over which a command is held.
         substeps: of the device in a period.
         limits: force and torque that the actuators have, N and N m.
+        acts: (6,) 1 where there are actuators; everywhere if left out.
 
     Attributes:
         actuators: W, J, since the last :meth:`begin`.
@@ -60,10 +63,12 @@ class PassivityController:
         period: float,
         substeps: int,
         limits: tuple[float, float],
+        acts: Array | None = None,
     ) -> None:
         self.bounds = bounds
         self.changed = 0
         self._limits = limits
+        self._acts = np.ones(6) if acts is None else acts
         self._inertia, self._period = inertia, period
         # What a held wrench moves in a period, per acceleration, over semi-implicit steps.
         self._moved = 0.5 * period**2 * (1.0 + 1.0 / substeps)
@@ -75,6 +80,7 @@ class PassivityController:
         self.actuators = self.dissipated = 0.0
         self.mechanism: float | None = None
         self._place: Array | None = None
+        self._added = NO_WRENCH
 
     def hand(self, sample: Array) -> float:
         """Return E_h at a sample (19,), J, without what friction took."""
@@ -97,21 +103,25 @@ class PassivityController:
             applied: (6,) by the actuators on the device, held until now.
         """
         if self._place is not None:
-            self.actuators -= float(applied @ displacement(self._place, sample))
+            way = displacement(self._place, sample)
+            self.actuators -= float(applied @ way) - float(self._added @ way)
         self._place = sample[:7].copy()
 
-    def hold(self, command: Array, sample: Array) -> Array:
+    def hold(self, command: Array, sample: Array, added: Array = NO_WRENCH) -> Array:
         """Return the command (6,), changed where it would give more than there is.
 
         Args:
             command: (6,) on the hand, by the device, for the next period.
             sample: (19,) of the device now.
+            added: (6,) by the device's driver, for its weight and friction: what it gives stays in
+                the device, and does not count.
         """
+        self._added = added
         available = self.available
         if available == math.inf:
             return command
         twist, hand = sample[TWIST], sample[FORCE]
-        acting = limited(command, *self._limits)
+        acting = limited(self._acts * command, *self._limits)
         given = self._given(acting, twist, hand)
         if given <= available:
             return command
@@ -159,7 +169,8 @@ def passivity_for(scene: Scene) -> PassivityController:
     inertia = np.array([device.mass] * 3 + [device.inertia] * 3)
     limits = device.force_limit, device.torque_limit
     bounds, period = scene.controller.passivity, scene.simulation.period
-    return PassivityController(bounds, inertia, period, device.substeps, limits)
+    acts = np.array(device.acts)
+    return PassivityController(bounds, inertia, period, device.substeps, limits, acts)
 
 
 def _least_root(square: float, slope: float, constant: float) -> float:

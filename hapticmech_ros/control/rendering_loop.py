@@ -13,12 +13,10 @@ from hapticmech_ros.control.engagement import Engagement
 from hapticmech_ros.control.flat import flat_rendered
 from hapticmech_ros.control.local_model import corrected
 from hapticmech_ros.control.measurements import ControlOutput, PointMeasurement, RenderingModel
-from hapticmech_ros.control.passivity import PassivityController, passivity_for
+from hapticmech_ros.control.passivity import NO_WRENCH, PassivityController, passivity_for
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.times import nanoseconds
-
-_NO_WRENCH = np.zeros(6)
 
 
 class Acting(NamedTuple):
@@ -69,6 +67,7 @@ class RenderingLoop:
         applied: Array,
         point: PointMeasurement,
         model: RenderingModel,
+        added: Array = NO_WRENCH,
     ) -> Acting:
         """Answer, and return what acts from now on.
 
@@ -79,6 +78,7 @@ class RenderingLoop:
             applied: (6,) by the actuators until now.
             point: what the mechanism reports.
             model: what the analysis reports.
+            added: (6,) by the device's driver, to the next command.
         """
         rendered, stamp_ns = flat_rendered(model, point), self._tick * self._period_ns
         self._tick += 1
@@ -90,7 +90,7 @@ class RenderingLoop:
         answer = self._on_the_way.popleft()
         self.passivity.see(device, applied)
         if answer is None:
-            return Acting(_NO_WRENCH, mechanism)
+            return Acting(NO_WRENCH, mechanism)
         self.passivity.mechanism = answer.to_mechanism
         wrench = corrected(answer.wrenches[0], answer.model, answer.answered, device)
-        return Acting(self.passivity.hold(wrench, device), mechanism)
+        return Acting(self.passivity.hold(wrench, device, added), mechanism)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.device.hand import hand_law, no_hand
+from hapticmech_ros.device.grip import grip_of
+from hapticmech_ros.device.hand import hand_law
 from hapticmech_ros.device.impedance_device import ImpedanceDevice
 from hapticmech_ros.scene.document import Scene
 
@@ -19,8 +20,9 @@ def device_for(scene: Scene, with_hand: bool = True, compiled: bool = True) -> I
     period, planar = scene.simulation.period, scene.task_space == "planar"
     hand = scene.hand if with_hand else None
     if not compiled:
-        law = no_hand if hand is None else hand_law(hand)
-        return ImpedanceDevice(scene.device, period, planar, law)
+        if hand is None:
+            return ImpedanceDevice(scene.device, period, planar)
+        return ImpedanceDevice(scene.device, period, planar, hand_law(hand), grip_of(hand))
     # Here, so that only what runs a device waits for Numba.
     from hapticmech_ros.device.compiled import CompiledDevice
 

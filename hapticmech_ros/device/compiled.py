@@ -7,14 +7,18 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.device import hand_kernels as laws
 from hapticmech_ros.device import kernels
 from hapticmech_ros.device.compiled_state import CompiledState
+from hapticmech_ros.device.driver import NO_WRENCH
+from hapticmech_ros.device.grip import ALWAYS, Grip, grip_of
 from hapticmech_ros.device.hand import hand_law, no_hand, spring_gains, target_table
-from hapticmech_ros.device.hand_kernels import CONSTANT, NOBODY, SPRING, WAYPOINTS
-from hapticmech_ros.device.impedance_device import NO_WRENCH, ImpedanceDevice
+from hapticmech_ros.device.impedance_device import ImpedanceDevice
 from hapticmech_ros.device.state import DeviceState
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene.rendering import ConstantWrenchHand, Device, Hand
+from hapticmech_ros.scene.device import Device
+from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, ScriptedHand
+from hapticmech_ros.scene.script import read_script
 
 
 class CompiledDevice(ImpedanceDevice):
@@ -32,26 +36,33 @@ class CompiledDevice(ImpedanceDevice):
     compiled: ClassVar[bool] = True
 
     def __init__(self, device: Device, period: float, planar: bool, hand: Hand | None) -> None:
-        super().__init__(device, period, planar, no_hand if hand is None else hand_law(hand))
+        law, grip = (no_hand, ALWAYS) if hand is None else (hand_law(hand), grip_of(hand))
+        super().__init__(device, period, planar, law, grip)
         scalars = (
             *(self._step, period, device.substeps, self._filter_gain),
             *(device.force_limit, device.torque_limit),
             *(device.position_resolution, device.angle_resolution),
+            *self._lag,
+            *self._resistance.friction,
+            *(value for stop in self._resistance.stops for value in stop.numbers),
         )
+        arrays = (self._damping, self._gain, self._held_gain, self._arm)
         acting = np.zeros(kernels.HAND - kernels.COMMAND)
-        self._data = np.concatenate((scalars, self._damping, self._gain, acting, _flat(hand)))
+        self._data = np.concatenate((scalars, *arrays, acting, _flat(hand, self._grip)))
         self._command = self._data[kernels.COMMAND : kernels.PUSH]
         self._push = self._data[kernels.PUSH : kernels.HELD]
         self._held: DeviceState | None = None
 
-    def at_rest(self, pose: pin.SE3, held: bool = False) -> CompiledState:
+    def at_rest(
+        self, pose: pin.SE3, held: bool = False, home: pin.SE3 | None = None
+    ) -> CompiledState:
         """Return the device standing still; see :meth:`ImpedanceDevice.at_rest`."""
-        return CompiledState.of(super().at_rest(pose, held))
+        return CompiledState.of(super().at_rest(pose, held, home))
 
     def step(
         self,
         state: DeviceState,
-        command: Array,
+        command: Array | None,
         held: DeviceState | None,
         ticks: int,
         push: Array = NO_WRENCH,
@@ -63,11 +74,15 @@ class CompiledDevice(ImpedanceDevice):
             ticks = -1
         elif held is not self._held:
             self._take_hold(held)
-        self._command[:] = command
-        self._push[:] = push
+        asked = self._driver.asked(state, command)
+        self._command[:] = asked
+        self._push[:] = self._weighed(push)
         flat = np.empty(kernels.STATE_SIZE)
         kernels.advance(self._data, state.flat, ticks, flat)
-        return CompiledState(flat)
+        after = CompiledState(flat)
+        if self._driver.senses_itself:
+            after.reported[:] = self._driver.reported(state, after.measured_twist, asked)
+        return after
 
     def _take_hold(self, held: DeviceState) -> None:
         pose = held.pose
@@ -76,14 +91,25 @@ class CompiledDevice(ImpedanceDevice):
         self._held = held
 
 
-def _flat(hand: Hand | None) -> Array:
+def _flat(hand: Hand | None, grip: Grip) -> Array:
     """Return a hand as :mod:`~hapticmech_ros.device.hand_kernels` reads it."""
-    if hand is None:
-        return np.full(WAYPOINTS, NOBODY)
+    head = np.zeros(laws.TIMES)
+    head[laws.KIND], head[laws.START] = laws.NOBODY, grip.start
+    head[laws.HOLDS_FIRST], head[laws.SWITCHES] = grip.holds_first, len(grip.switches)
+    rows = np.empty(0)
     if isinstance(hand, ConstantWrenchHand):
-        wrench = (*hand.force, *hand.torque)
-        return np.array((CONSTANT, hand.start_delay, *wrench, *NO_WRENCH))
-    times, offsets = target_table(hand)
-    table = np.column_stack((times, offsets))
-    head = (SPRING, hand.start_delay)
-    return np.concatenate((head, *spring_gains(hand), table.ravel()))
+        head[laws.KIND] = laws.CONSTANT
+        head[laws.STIFFNESS : laws.DAMPING] = (*hand.force, *hand.torque)
+    elif isinstance(hand, ScriptedHand):
+        head[laws.KIND] = laws.STAIRS if hand.interpolation == "held" else laws.SCRIPT
+        rows = read_script(hand.file)
+    elif hand is not None:
+        head[laws.KIND] = laws.SPRING
+        head[laws.STIFFNESS : laws.TREMBLING] = np.concatenate(spring_gains(hand))
+        rows = np.column_stack(target_table(hand))
+    tremor = None if hand is None else hand.tremor
+    if tremor is not None:
+        head[laws.SPEED] = 2.0 * np.pi * tremor.frequency
+        head[laws.TREMBLING : laws.SWAY] = (*tremor.force, *tremor.torque)
+        head[laws.SWAY : laws.SPEED] = (*tremor.xyz, *tremor.rotation)
+    return np.concatenate((head, grip.switches, rows.ravel()))

@@ -5,7 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.device.kernels import BODY, PUBLISHED_SIZE, SEEN
+from hapticmech_ros.device.kernels import (
+    ANCHOR,
+    APPLIED,
+    BODY,
+    HOME,
+    OWN,
+    PUBLISHED_SIZE,
+    REPORTED,
+    SEEN,
+    WINDOW,
+)
 from hapticmech_ros.device.state import DeviceState
 from hapticmech_ros.mechanism.model import Array
 
@@ -14,7 +24,7 @@ class CompiledState(DeviceState):
     """A :class:`DeviceState` in one array; its parts are made when asked for.
 
     Attributes:
-        flat: (52,) see :mod:`~hapticmech_ros.device.kernels`.
+        flat: (83,) see :mod:`~hapticmech_ros.device.kernels`.
     """
 
     __slots__ = ("flat",)
@@ -28,12 +38,13 @@ class CompiledState(DeviceState):
         """Return a state of any kind as an array."""
         pose, seen = state.pose, state.measured_pose
         body = (pose.translation, pose.rotation.ravel(), state.twist)
-        return cls(np.concatenate((state.published, *body, seen.rotation.ravel())))
+        holding = (*_place(state.home), *_place(state.anchor), (state.window,), state.hand_wrench)
+        return cls(np.concatenate((state.published, *body, seen.rotation.ravel(), *holding)))
 
     @property
     def pose(self) -> pin.SE3:
         """Pose of the point held, in the world."""
-        return pin.SE3(self.flat[BODY + 3 : BODY + 12].reshape(3, 3), self.flat[BODY : BODY + 3])
+        return self._pose_at(BODY)
 
     @property
     def twist(self) -> Array:
@@ -43,7 +54,7 @@ class CompiledState(DeviceState):
     @property
     def measured_pose(self) -> pin.SE3:
         """Pose rounded to encoder steps."""
-        return pin.SE3(self.flat[SEEN:].reshape(3, 3), self.flat[:3])
+        return pin.SE3(self.flat[SEEN:HOME].reshape(3, 3), self.flat[:3])
 
     @property
     def measured_twist(self) -> Array:
@@ -52,15 +63,44 @@ class CompiledState(DeviceState):
 
     @property
     def hand_wrench(self) -> Array:
-        """(6,) F_h of the hand's own law."""
-        return self.flat[13:19]
+        """(6,) F_h by the hand."""
+        return self.flat[OWN:]
 
     @property
     def applied(self) -> Array:
         """(6,) by the actuators until now."""
-        return self.flat[19:PUBLISHED_SIZE]
+        return self.flat[APPLIED:PUBLISHED_SIZE]
+
+    @property
+    def reported(self) -> Array:
+        """(6,) what the device says of F_h."""
+        return self.flat[REPORTED:APPLIED]
+
+    @property
+    def home(self) -> pin.SE3:
+        """Pose about which the workspace is."""
+        return self._pose_at(HOME)
+
+    @property
+    def anchor(self) -> pin.SE3:
+        """Pose of the point held when the hand took hold."""
+        return self._pose_at(ANCHOR)
+
+    @property
+    def window(self) -> int:
+        """In which the hand holds."""
+        return int(self.flat[WINDOW])
 
     @property
     def published(self) -> Array:
         """What is published of it, (25,)."""
         return self.flat[:PUBLISHED_SIZE]
+
+    def _pose_at(self, start: int) -> pin.SE3:
+        rotation = self.flat[start + 3 : start + 12].reshape(3, 3)
+        return pin.SE3(rotation, self.flat[start : start + 3])
+
+
+def _place(pose: pin.SE3) -> tuple[Array, Array]:
+    """Return position (3,) and rotation (9,), row by row."""
+    return pose.translation, pose.rotation.ravel()

@@ -1,4 +1,7 @@
-"""The hand that holds the device: a constant wrench, or a spring and damper to a moving target."""
+"""The hand that holds the device: pushes, or a spring and damper to a moving target.
+
+When it holds, and its own mass, are in :mod:`~hapticmech_ros.device.grip`.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,19 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.device.grip import START_TOLERANCE
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene.rendering import ConstantWrenchHand, Hand, SpringDamperHand
+from hapticmech_ros.scene.hand import (
+    ConstantWrenchHand,
+    Hand,
+    ScriptedHand,
+    TargetHand,
+    Tremor,
+)
+from hapticmech_ros.scene.script import read_script
 
 # (elapsed s, pose, twist, pose when the hand took hold) -> wrench on the device, world axes.
 HandLaw = Callable[[float, pin.SE3, Array, pin.SE3], Array]
-# Half a nanosecond, s, absorbs the rounding of times that are sums of periods.
-START_TOLERANCE = 5e-10
 
 
 def hand_law(hand: Hand) -> HandLaw:
@@ -21,9 +30,10 @@ def hand_law(hand: Hand) -> HandLaw:
 
     The law takes s since engagement, the device's pose and twist, and its pose when the hand took
     hold; it returns F_h (6,), by the hand on the device, world axes, N and N m. Before the hand's
-    ``start_delay`` it is zero.
+    ``start_delay`` it is zero. What the hand's own mass takes of it is not in it.
     """
-    return _constant(hand) if isinstance(hand, ConstantWrenchHand) else _spring_damper(hand)
+    law = _steady(hand)
+    return law if hand.tremor is None else _trembling(law, hand.tremor, hand.start_delay)
 
 
 def no_hand(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
@@ -32,14 +42,14 @@ def no_hand(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array
     return np.zeros(6)
 
 
-def spring_gains(hand: SpringDamperHand) -> tuple[Array, Array]:
+def spring_gains(hand: TargetHand) -> tuple[Array, Array]:
     """Return stiffnesses and dampings (6,), N/m, N m/rad and N s/m, N m s/rad."""
     stiffness = np.array([hand.stiffness] * 3 + [hand.angular_stiffness] * 3)
     damping = np.array([hand.damping] * 3 + [hand.angular_damping] * 3)
     return stiffness, damping
 
 
-def target_table(hand: SpringDamperHand) -> tuple[Array, Array]:
+def target_table(hand: TargetHand) -> tuple[Array, Array]:
     """Return times (n,), s, the first one 0, and offsets (n, 6) of the target, m and rad."""
     times = np.array([waypoint.time for waypoint in hand.waypoints])
     offsets = np.array([waypoint.xyz + waypoint.rotation for waypoint in hand.waypoints])
@@ -47,6 +57,13 @@ def target_table(hand: SpringDamperHand) -> tuple[Array, Array]:
         times = np.concatenate(([0.0], times))
         offsets = np.vstack((np.zeros(6), offsets))
     return times, offsets
+
+
+def _steady(hand: Hand) -> HandLaw:
+    """Return the law without what tremor pushes."""
+    if isinstance(hand, ConstantWrenchHand):
+        return _constant(hand)
+    return _scripted(hand) if isinstance(hand, ScriptedHand) else _spring_damper(hand)
 
 
 def _constant(hand: ConstantWrenchHand) -> HandLaw:
@@ -61,7 +78,42 @@ def _constant(hand: ConstantWrenchHand) -> HandLaw:
     return law
 
 
-def _spring_damper(hand: SpringDamperHand) -> HandLaw:
+def _scripted(hand: ScriptedHand) -> HandLaw:
+    rows = read_script(hand.file)
+    times, wrenches = rows[:, 0], rows[:, 1:]
+
+    def law(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
+        del pose, twist, held
+        moving = elapsed - hand.start_delay
+        if moving < -START_TOLERANCE:
+            return np.zeros(6)
+        # What is on a row's time but for rounding has reached it.
+        at = int(np.searchsorted(times, moving + START_TOLERANCE, side="right")) - 1
+        if at < 0:
+            return np.zeros(6)
+        if hand.interpolation == "held" or at == times.size - 1:
+            return np.array(wrenches[at])
+        share = (moving - times[at]) / (times[at + 1] - times[at])
+        return np.asarray(wrenches[at] + share * (wrenches[at + 1] - wrenches[at]))
+
+    return law
+
+
+def _trembling(law: HandLaw, tremor: Tremor, start: float) -> HandLaw:
+    """Return a law with A sin(2 π f t) added, t since the start."""
+    amplitude = np.array(tremor.force + tremor.torque)
+
+    def trembling(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
+        steady, moving = law(elapsed, pose, twist, held), elapsed - start
+        if moving < -START_TOLERANCE:
+            return steady
+        phase = 2.0 * np.pi * tremor.frequency * max(moving, 0.0)
+        return np.asarray(steady + np.sin(phase) * amplitude)
+
+    return trembling
+
+
+def _spring_damper(hand: TargetHand) -> HandLaw:
     stiffness, damping = spring_gains(hand)
     times, offsets = target_table(hand)
     idle = np.zeros(6)
@@ -71,6 +123,8 @@ def _spring_damper(hand: SpringDamperHand) -> HandLaw:
         if moving < -START_TOLERANCE:
             return idle
         offset, rate = _target(times, offsets, max(moving, 0.0))
+        if hand.tremor is not None:
+            offset, rate = _swayed(offset, rate, hand.tremor, max(moving, 0.0))
         goal = held.translation + offset[:3]
         turned = pin.exp3(offset[3:]) @ held.rotation
         # Left Jacobian of exp: from the rate of a rotation vector to angular velocity, world axes.
@@ -79,6 +133,14 @@ def _spring_damper(hand: SpringDamperHand) -> HandLaw:
         return np.asarray(stiffness * stretch + damping * (rate - twist))
 
     return law
+
+
+def _swayed(offset: Array, rate: Array, tremor: Tremor, time: float) -> tuple[Array, Array]:
+    """Return offset and rate of the target with a tremor's displacement added."""
+    speed = 2.0 * np.pi * tremor.frequency
+    amplitude = np.array(tremor.xyz + tremor.rotation)
+    sine, cosine = np.sin(speed * time), np.cos(speed * time)
+    return offset + sine * amplitude, rate + speed * cosine * amplitude
 
 
 def _target(times: Array, offsets: Array, time: float) -> tuple[Array, Array]:

@@ -1,14 +1,27 @@
 """The hand's laws inside kernels; :mod:`~hapticmech_ros.device.hand` says what they compute.
 
-A hand is one array: KIND, START (s, its delay), STIFFNESS 6 or the constant wrench, DAMPING 6, and
-from WAYPOINTS a row of 7 per waypoint: time (s), displacement (m), rotation vector (rad).
+A hand is one array:
+
+    KIND, START   which law; s, its delay
+    STIFFNESS     6, or the constant wrench
+    DAMPING       6
+    TREMBLING     6, amplitude of the wrench that tremor adds
+    SWAY          6, amplitude of what it adds to the target
+    SPEED         rad/s, of tremor; 0 for none
+    HOLDS_FIRST   1 if it holds before it first switches
+    SWITCHES      how often it lets go and takes hold; from TIMES on, when, s after the start
+
+and behind those times a table of rows of 7: a waypoint's time (s), displacement (m) and rotation
+vector (rad), or a script's time, force and torque.
 A body is 18 numbers: position 3, rotation 9 row by row, twist 6, world axes.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
 from hapticmech_ros.compilation import inner
-from hapticmech_ros.device.hand import START_TOLERANCE
+from hapticmech_ros.device.grip import OPEN, START_TOLERANCE
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.rotation_kernels import (
     angular_rate,
@@ -18,12 +31,27 @@ from hapticmech_ros.rotation_kernels import (
     multiply_transposed,
 )
 
-NOBODY, CONSTANT, SPRING = 0.0, 1.0, 2.0
-KIND, START, STIFFNESS, DAMPING, WAYPOINTS = 0, 1, 2, 8, 14
-WAYPOINT_SIZE = 7
+NOBODY, CONSTANT, SPRING, SCRIPT, STAIRS = 0.0, 1.0, 2.0, 3.0, 4.0
+KIND, START, STIFFNESS, DAMPING, TREMBLING, SWAY = 0, 1, 2, 8, 14, 20
+SPEED, HOLDS_FIRST, SWITCHES, TIMES = 26, 27, 28, 29
+ROW_SIZE = 7
 BODY_SIZE = 18
 # Numbers that the laws need for what they compute on the way.
 WORK_SIZE = 36
+
+
+@inner
+def grip_window(hand: Array, elapsed: float) -> int:
+    """Return the number of switches passed if the hand holds, else -1; see ``Grip``."""
+    moving = elapsed - hand[START]
+    if moving < -START_TOLERANCE:
+        return OPEN
+    passed = 0
+    for i in range(int(hand[SWITCHES])):
+        if moving - hand[TIMES + i] >= -START_TOLERANCE:
+            passed += 1
+    holds = hand[HOLDS_FIRST] == 1.0 if passed % 2 == 0 else hand[HOLDS_FIRST] == 0.0
+    return passed if holds else OPEN
 
 
 @inner
@@ -34,7 +62,7 @@ def hand_wrench(
 
     Args:
         hand: its numbers.
-        elapsed: s since it took hold.
+        elapsed: s since it could take hold.
         body: (18,) the device.
         held: (12,) position and rotation when the hand took hold.
         wrench: to fill, N and N m.
@@ -48,14 +76,25 @@ def hand_wrench(
         wrench[:] = hand[STIFFNESS:DAMPING]
     elif hand[KIND] == SPRING:
         _spring(hand, max(moving, 0.0), body, held, wrench, work)
+    elif hand[KIND] != NOBODY:
+        _script(hand, moving, wrench)
+    if hand[SPEED] > 0.0:
+        sine = np.sin(hand[SPEED] * max(moving, 0.0))
+        for i in range(6):
+            wrench[i] += sine * hand[TREMBLING + i]
 
 
 @inner
 def _spring(hand: Array, time: float, body: Array, held: Array, wrench: Array, work: Array) -> None:
     offset, rate, stretch, spin = work[:6], work[6:12], work[12:15], work[15:18]
     turn, goal = work[18:27].reshape(3, 3), work[27:36].reshape(3, 3)
-    stiffness, damping = hand[STIFFNESS:DAMPING], hand[DAMPING:WAYPOINTS]
-    _target(hand[WAYPOINTS:], time, offset, rate)
+    stiffness, damping = hand[STIFFNESS:DAMPING], hand[DAMPING:TREMBLING]
+    _target(hand[TIMES + int(hand[SWITCHES]) :], time, offset, rate)
+    if hand[SPEED] > 0.0:
+        sine, cosine = np.sin(hand[SPEED] * time), np.cos(hand[SPEED] * time)
+        for i in range(6):
+            offset[i] += sine * hand[SWAY + i]
+            rate[i] += hand[SPEED] * cosine * hand[SWAY + i]
     exp3(offset[3:], turn)
     multiply(turn, held[3:12].reshape(3, 3), goal)
     multiply_transposed(goal, body[3:12].reshape(3, 3), turn)
@@ -71,20 +110,44 @@ def _spring(hand: Array, time: float, body: Array, held: Array, wrench: Array, w
 @inner
 def _target(table: Array, time: float, offset: Array, rate: Array) -> None:
     """Fill offset and rate (6,) of the target ``time`` (s) after the start."""
-    last = table.size - WAYPOINT_SIZE
+    last = table.size - ROW_SIZE
     at = 0
-    while at < last and table[at + WAYPOINT_SIZE] <= time:
-        at += WAYPOINT_SIZE
+    while at < last and table[at + ROW_SIZE] <= time:
+        at += ROW_SIZE
     if at == last:
         offset[:] = table[at + 1 :]
         rate[:] = 0.0
         return
-    after = at + WAYPOINT_SIZE
+    after = at + ROW_SIZE
     span = table[after] - table[at]
     u = (time - table[at]) / span
     share = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
     speed = 30.0 * u * u * (1.0 - u) * (1.0 - u) / span
-    for i in range(1, WAYPOINT_SIZE):
+    for i in range(1, ROW_SIZE):
         way = table[after + i] - table[at + i]
         offset[i - 1] = table[at + i] + share * way
         rate[i - 1] = speed * way
+
+
+@inner
+def _script(hand: Array, time: float, wrench: Array) -> None:
+    """Fill the wrench of a script ``time`` (s) after the start."""
+    table = hand[TIMES + int(hand[SWITCHES]) :]
+    # Rows before ``first`` are past; those from ``last`` on are not.
+    first, last = 0, table.size // ROW_SIZE
+    while first < last:
+        middle = (first + last) // 2
+        if table[middle * ROW_SIZE] <= time + START_TOLERANCE:
+            first = middle + 1
+        else:
+            last = middle
+    if first == 0:
+        return
+    at, after = (first - 1) * ROW_SIZE, first * ROW_SIZE
+    share = 0.0
+    if hand[KIND] == SCRIPT and after < table.size:
+        share = (time - table[at]) / (table[after] - table[at])
+    for i in range(6):
+        wrench[i] = table[at + 1 + i]
+        if share != 0.0:
+            wrench[i] += share * (table[after + 1 + i] - table[at + 1 + i])

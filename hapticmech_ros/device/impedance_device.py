@@ -1,26 +1,29 @@
 """Simulated impedance-type device: a rigid body between hand and actuators, sampled and held.
 
-    Λ_d ẍ = F_h + F_o + u - b ẋ
+    (Λ_d + Λ_a) ẍ = F_s + F_o + u + w - b ẋ - f
 
-u is the command, limited by the actuators and held over a sample period (zero-order hold); so is
-F_o, by others than the hand. The hand's own law F_h acts all through the period.
+u follows the command, limited by the actuators and held over a sample period (zero-order hold),
+with the actuators' lag; F_o, by others than the hand, is held as well. The hand's own law F_s acts
+all through the period, and its own mass Λ_a while it holds. w is weight, f end stops and Coulomb
+friction (:mod:`~hapticmech_ros.device.resistance`). F_h, between device and hand, is F_s - Λ_a ẍ.
 """
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.device.driver import NO_WRENCH, DeviceDriver
+from hapticmech_ros.device.grip import ALWAYS, OPEN, Grip
 from hapticmech_ros.device.hand import HandLaw, no_hand
+from hapticmech_ros.device.resistance import Resistance
 from hapticmech_ros.device.state import DeviceState
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation import limited
-from hapticmech_ros.scene.rendering import Device
-
-NO_WRENCH = np.zeros(6)
-NO_WRENCH.flags.writeable = False
+from hapticmech_ros.scene.device import Device
 
 
 class ImpedanceDevice:
@@ -31,6 +34,7 @@ class ImpedanceDevice:
         period: s.
         planar: whether it moves in x, y and about z only.
         law: of the hand.
+        grip: when it holds.
 
     Attributes:
         compiled: whether a kernel computes; see :func:`~hapticmech_ros.device.build.device_for`.
@@ -38,29 +42,67 @@ class ImpedanceDevice:
 
     compiled: ClassVar[bool] = False
 
-    def __init__(self, device: Device, period: float, planar: bool, law: HandLaw = no_hand) -> None:
+    def __init__(
+        self,
+        device: Device,
+        period: float,
+        planar: bool,
+        law: HandLaw = no_hand,
+        grip: Grip = ALWAYS,
+    ) -> None:
         self.device = device
         self.period = period
         self._law = law
+        self._grip = grip
         self._step = period / device.substeps
         self._damping = np.array([device.damping] * 3 + [device.angular_damping] * 3)
         task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
         # Change of the twist per wrench and step, in the directions that the scene has.
-        self._gain = self._step * task / np.array([device.mass] * 3 + [device.inertia] * 3)
+        body = np.array([device.mass] * 3 + [device.inertia] * 3)
+        self._arm = np.array([grip.mass] * 3 + [grip.inertia] * 3)
+        self._gain = self._step * task / body
+        self._held_gain = self._step * task / (body + self._arm)
+        self._lag = _lag(device.actuator_bandwidth, self._step)
+        self._resistance = Resistance(device, self._step)
+        self._driver = DeviceDriver(device, period, task)
         self._ideal = device.position_resolution == 0.0 and device.angle_resolution == 0.0
         cut_off = 2.0 * np.pi * device.velocity_filter * period
         self._filter_gain = cut_off / (1.0 + cut_off)
 
-    def at_rest(self, pose: pin.SE3, held: bool = False) -> DeviceState:
-        """Return the device standing still at ``pose``, where the hand takes hold now or not."""
-        own = self._law(0.0, pose, NO_WRENCH, pose) if held else NO_WRENCH
-        measured = self._quantised(pose)
-        return DeviceState(pose, np.zeros(6), measured, np.zeros(6), own, np.zeros(6))
+    def at_rest(
+        self, pose: pin.SE3, held: bool = False, home: pin.SE3 | None = None
+    ) -> DeviceState:
+        """Return the device standing still.
+
+        Args:
+            pose: where.
+            held: whether the hand can take hold now.
+            home: pose about which the workspace is; ``pose`` if left out.
+        """
+        window = self._grip.window(0.0) if held else OPEN
+        own = self._hand_wrench(0.0, pose, NO_WRENCH, pose, window)
+        reported = NO_WRENCH if self._driver.senses_itself else own
+        still, measured = np.zeros(6), self._quantised(pose)
+        home = pose if home is None else home
+        return DeviceState(
+            pose, still, measured, still, own, np.zeros(6), reported, home, pose, window
+        )
+
+    def compensation(self, state: DeviceState) -> Array:
+        """Return what the driver adds to a command over the next period (6,)."""
+        return self._driver.added(state)
+
+    def sensed(self, push: Array) -> Array:
+        """Return what a force sensor, if any, reads of others' ``push`` (6,) besides the hand's.
+
+        An estimate has it in it already, later.
+        """
+        return NO_WRENCH if self._driver.senses_itself else push
 
     def step(
         self,
         state: DeviceState,
-        command: Array,
+        command: Array | None,
         held: DeviceState | None,
         ticks: int,
         push: Array = NO_WRENCH,
@@ -69,32 +111,72 @@ class ImpedanceDevice:
 
         Args:
             state: where to start.
-            command: (6,) servo_cf, on the hand by the device, held over the period.
-            held: state in which the hand took hold; None if nobody holds.
+            command: (6,) servo_cf, on the hand by the device, held over the period; None for
+                actuators off, compensation included.
+            held: state in which the hand could take hold; None if nobody is there.
             ticks: whole periods since then, until ``state``.
             push: (6,) by others than the hand, on the device, world axes.
         """
-        actuators = limited(command, self.device.force_limit, self.device.torque_limit)
-        step, gain = self._step, self._gain
-        pose, twist = state.pose, state.twist
+        asked = self._driver.asked(state, command)
+        actuators = limited(asked, self.device.force_limit, self.device.torque_limit)
+        step, push = self._step, self._weighed(push)
+        pose, twist, applied = state.pose, state.twist, state.applied
+        window, anchor, before = OPEN, state.anchor, state.twist
         for index in range(self.device.substeps):
-            own = self._hand_wrench(ticks * self.period + index * step, pose, twist, held)
-            force = push + own + actuators - self._damping * twist
-            twist = twist + gain * force
+            elapsed = ticks * self.period + index * step
+            old = state.window if index == 0 else window
+            window, anchor = self._taken(elapsed, pose, held, old, anchor)
+            own = self._hand_wrench(elapsed, pose, twist, anchor, window)
+            given, applied = self._given(applied, actuators)
+            gain = self._gain if window == OPEN else self._held_gain
+            force = push + own + given - self._damping * twist
+            before = twist
+            twist = self._resistance.resisted(state.home, pose, twist + gain * force, gain)
             pose = pin.SE3(
                 pin.exp3(step * twist[3:]) @ pose.rotation, pose.translation + step * twist[:3]
             )
-        own = self._hand_wrench((ticks + 1) * self.period, pose, twist, held)
-        if self._ideal:
-            return DeviceState(pose, twist, pose, twist, own, actuators)
+        elapsed, carried = (ticks + 1) * self.period, window != OPEN
+        window, anchor = self._taken(elapsed, pose, held, window, anchor)
+        own = self._hand_wrench(elapsed, pose, twist, anchor, window)
+        if self._arm.any() and carried and window != OPEN:
+            own = own - self._arm * ((twist - before) / step)
         measured = self._quantised(pose)
-        estimated = self._estimated(state, measured)
-        return DeviceState(pose, twist, measured, estimated, own, actuators)
+        estimated = twist if self._ideal else self._estimated(state, measured)
+        reported = own
+        if self._driver.senses_itself:
+            reported = self._driver.reported(state, estimated, asked)
+        home = state.home
+        return DeviceState(
+            pose, twist, measured, estimated, own, applied, reported, home, anchor, window
+        )
+
+    def _taken(
+        self, elapsed: float, pose: pin.SE3, held: DeviceState | None, window: int, anchor: pin.SE3
+    ) -> tuple[int, pin.SE3]:
+        """Return the window of the grip at a time (s), and the pose in which it was taken."""
+        if held is None:
+            return OPEN, anchor
+        now = self._grip.window(elapsed)
+        if now == 0:
+            return now, held.pose
+        return now, pose if now not in (OPEN, window) else anchor
 
     def _hand_wrench(
-        self, elapsed: float, pose: pin.SE3, twist: Array, held: DeviceState | None
+        self, elapsed: float, pose: pin.SE3, twist: Array, anchor: pin.SE3, window: int
     ) -> Array:
-        return NO_WRENCH if held is None else self._law(elapsed, pose, twist, held.pose)
+        return NO_WRENCH if window == OPEN else self._law(elapsed, pose, twist, anchor)
+
+    def _given(self, applied: Array, asked: Array) -> tuple[Array, Array]:
+        """Return the actuators' wrench over a substep, its mean, and at the substep's end."""
+        left, mean = self._lag
+        if mean == 0.0:
+            return asked, asked
+        behind = applied - asked
+        return asked + mean * behind, asked + left * behind
+
+    def _weighed(self, push: Array) -> Array:
+        weight = self._driver.weight
+        return push if weight is None else push + weight
 
     def _quantised(self, pose: pin.SE3) -> pin.SE3:
         if self._ideal:
@@ -116,3 +198,11 @@ class ImpedanceDevice:
         )
         change = difference / self.period - before.measured_twist
         return np.asarray(before.measured_twist + self._filter_gain * change)
+
+
+def _lag(bandwidth: float, step: float) -> tuple[float, float]:
+    """Return what is left of a lag's error after a step (s), and its mean over it; 0 for none."""
+    if bandwidth == 0.0:
+        return 0.0, 0.0
+    rate = 2.0 * math.pi * bandwidth * step
+    return math.exp(-rate), -math.expm1(-rate) / rate

@@ -5,16 +5,23 @@ What the device is, and what acts on it, is in one array, ``data``:
     STEP, PERIOD, SUBSTEPS, FILTER  s, s, number, gain of the velocity filter
     MOST_FORCE, MOST_TORQUE         of the actuators, N and N m
     POSITION_STEP, ANGLE_STEP       of the encoders, m and rad, 0 if ideal
-    DAMPING  6, N s/m and N m s/rad
-    GAIN     6, change of the twist per wrench and substep, 0 where the scene has no direction
-    COMMAND  6, to the actuators
-    PUSH     6, by others than the hand
-    HELD     12, position and rotation when the hand took hold
-    HAND     as :mod:`~hapticmech_ros.device.hand_kernels` says
+    LAG, LAG_MEAN                   of the actuators' error: what is left of it after a substep, and
+                                    its mean over one, per unit; LAG_MEAN is 0 if there is none
+    FRICTION, TURN_FRICTION         Coulomb's, N and N m
+    STOP, TURN_STOP                 end stops, 3 numbers each
+    DAMPING    6, N s/m and N m s/rad
+    GAIN       6, change of the twist per wrench and substep, 0 where the scene has no direction
+    HELD_GAIN  6, the same with the hand's own mass
+    ARM        6, the hand's own mass (kg) and inertia (kg m^2)
+    COMMAND    6, to the actuators
+    PUSH       6, by others than the hand
+    HELD       12, position and rotation when the hand could take hold
+    HAND       as :mod:`~hapticmech_ros.device.hand_kernels` says
 
-A state is one array of 52: measured position 3, quaternion x y z w 4 and twist 6, hand's wrench 6,
-wrench applied 6; then what is not published: position 3, rotation 9, twist 6, measured rotation 9.
-Rotations go row by row.
+A state is one array of 83: measured position 3, quaternion x y z w 4 and twist 6, reported wrench
+of the hand 6, wrench applied 6; then what is not published: position 3, rotation 9, twist 6,
+measured rotation 9, where the device started 12, where the hand took hold 12, the window in which
+it holds 1, its wrench 6. Rotations go row by row.
 """
 
 from __future__ import annotations
@@ -22,7 +29,9 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel
-from hapticmech_ros.device.hand_kernels import BODY_SIZE, WORK_SIZE, hand_wrench
+from hapticmech_ros.device.grip import OPEN
+from hapticmech_ros.device.hand_kernels import BODY_SIZE, WORK_SIZE, grip_window, hand_wrench
+from hapticmech_ros.device.resistance_kernels import rub, stop
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.rotation_kernels import (
     exp3,
@@ -35,26 +44,78 @@ from hapticmech_ros.saturation_kernels import limit
 
 STEP, PERIOD, SUBSTEPS, FILTER = 0, 1, 2, 3
 MOST_FORCE, MOST_TORQUE, POSITION_STEP, ANGLE_STEP = 4, 5, 6, 7
-DAMPING, GAIN, COMMAND, PUSH, HELD, HAND = 8, 14, 20, 26, 32, 44
-PUBLISHED_SIZE = 25
+LAG, LAG_MEAN, FRICTION, TURN_FRICTION, STOP, TURN_STOP = 8, 9, 10, 11, 12, 15
+DAMPING, GAIN, HELD_GAIN, ARM, COMMAND, PUSH, HELD, HAND = 18, 24, 30, 36, 42, 48, 54, 66
+REPORTED, APPLIED, PUBLISHED_SIZE = 13, 19, 25
 BODY, SEEN = PUBLISHED_SIZE, PUBLISHED_SIZE + BODY_SIZE
-STATE_SIZE = SEEN + 9
+HOME = SEEN + 9
+ANCHOR, WINDOW, OWN = HOME + 12, HOME + 24, HOME + 25
+STATE_SIZE = OWN + 6
 
 
 @inner
-def _move(data: Array, force: Array, body: Array, work: Array) -> None:
+def _move(data: Array, gain: Array, force: Array, home: Array, body: Array, work: Array) -> None:
     """Advance a body (18,) by one substep under hand and actuators: ``force`` (6,)."""
     turn, turned = work[3:12].reshape(3, 3), work[12:21].reshape(3, 3)
     step, twist = data[STEP], body[12:]
     for i in range(6):
         net = force[i] - data[DAMPING + i] * twist[i]
-        twist[i] += data[GAIN + i] * net
+        twist[i] += gain[i] * net
+    _resist(data, gain, home, body, work)
     for i in range(3):
         body[i] += step * twist[i]
         work[i] = step * twist[3 + i]
     exp3(work[:3], turn)
     multiply(turn, body[3:12].reshape(3, 3), turned)
     body[3:12] = work[12:21]
+
+
+@inner
+def _resist(data: Array, gain: Array, home: Array, body: Array, work: Array) -> None:
+    """Let end stops and friction act on a body's twist."""
+    step, rate, spin = data[STEP], body[12:15], body[15:18]
+    if data[STOP] > 0.0:
+        for i in range(3):
+            work[i] = body[i] - home[i]
+        stop(data[STOP:TURN_STOP], work[:3], rate, gain[0], step)
+    if data[TURN_STOP] > 0.0:
+        turn = work[3:12].reshape(3, 3)
+        multiply_transposed(body[3:12].reshape(3, 3), home[3:12].reshape(3, 3), turn)
+        log3(turn, work[:3])
+        stop(data[TURN_STOP:DAMPING], work[:3], spin, gain[5], step)
+    if data[FRICTION] > 0.0:
+        rub(rate, gain[0] * data[FRICTION])
+    if data[TURN_FRICTION] > 0.0:
+        rub(spin, gain[5] * data[TURN_FRICTION])
+
+
+@inner
+def _give(data: Array, asked: Array, applied: Array, given: Array) -> None:
+    """Advance what actuators apply by a substep, and fill its mean over that."""
+    if data[LAG_MEAN] == 0.0:
+        given[:] = asked
+        applied[:] = asked
+        return
+    for i in range(6):
+        behind = applied[i] - asked[i]
+        given[i] = asked[i] + data[LAG_MEAN] * behind
+        applied[i] = asked[i] + data[LAG] * behind
+
+
+@inner
+def _hold(data: Array, elapsed: float, out: Array, work: Array) -> None:
+    """Fill the hand's wrench at a time (s), the window in which it holds, and from where."""
+    hand, body, anchor = data[HAND:], out[BODY:SEEN], out[ANCHOR:WINDOW]
+    window = grip_window(hand, elapsed)
+    if window == 0:
+        anchor[:] = data[HELD:HAND]
+    elif window > 0 and window != out[WINDOW]:
+        anchor[:] = body[:12]
+    out[WINDOW] = window
+    if window == OPEN:
+        out[OWN:] = 0.0
+    else:
+        hand_wrench(hand, elapsed, body, anchor, out[OWN:], work)
 
 
 @inner
@@ -76,7 +137,7 @@ def _quantise(data: Array, body: Array, position: Array, seen: Array, work: Arra
 def _estimate(data: Array, before: Array, out: Array, work: Array) -> None:
     """Fill the measured twist from encoder differences, low-passed."""
     turn = work[6:15].reshape(3, 3)
-    multiply_transposed(out[SEEN:].reshape(3, 3), before[SEEN:].reshape(3, 3), turn)
+    multiply_transposed(out[SEEN:HOME].reshape(3, 3), before[SEEN:HOME].reshape(3, 3), turn)
     log3(turn, work[3:6])
     for i in range(3):
         work[i] = out[i] - before[i]
@@ -88,7 +149,7 @@ def _estimate(data: Array, before: Array, out: Array, work: Array) -> None:
 @inner
 def _measure(data: Array, before: Array, out: Array, work: Array) -> None:
     """Fill what the encoders say of the body in ``out``."""
-    body, seen = out[BODY:SEEN], out[SEEN:]
+    body, seen = out[BODY:SEEN], out[SEEN:HOME]
     if data[POSITION_STEP] == 0.0 and data[ANGLE_STEP] == 0.0:
         out[:3], seen[:] = body[:3], body[3:12]
         out[7:13] = body[12:]
@@ -104,26 +165,37 @@ def advance(data: Array, state: Array, ticks: int, out: Array) -> None:
 
     Args:
         data: the device, and what acts on it.
-        state: (52,) where to start.
-        ticks: whole periods since the hand took hold; -1 if nobody holds.
-        out: (52,) to fill.
+        state: (83,) where to start.
+        ticks: whole periods since the hand could take hold; -1 if nobody holds.
+        out: (83,) to fill.
     """
-    scratch = np.empty(6 + WORK_SIZE)
-    force, work = scratch[:6], scratch[6:]
-    hand, held = data[HAND:], data[HELD:HAND]
-    own, applied, body = out[13:19], out[19:25], out[BODY:SEEN]
+    scratch = np.empty(24 + WORK_SIZE)
+    force, asked, given = scratch[:6], scratch[6:12], scratch[12:18]
+    before, work = scratch[18:24], scratch[24:]
+    own, applied, body = out[OWN:], out[APPLIED:PUBLISHED_SIZE], out[BODY:SEEN]
     body[:] = state[BODY:SEEN]
-    applied[:] = data[COMMAND:PUSH]
-    limit(applied[:3], data[MOST_FORCE])
-    limit(applied[3:], data[MOST_TORQUE])
+    out[HOME:OWN] = state[HOME:OWN]
+    applied[:] = state[APPLIED:PUBLISHED_SIZE]
+    asked[:] = data[COMMAND:PUSH]
+    limit(asked[:3], data[MOST_FORCE])
+    limit(asked[3:], data[MOST_TORQUE])
     own[:] = 0.0
+    if ticks < 0:
+        out[WINDOW] = OPEN
     for index in range(int(data[SUBSTEPS])):
         if ticks >= 0:
-            elapsed = ticks * data[PERIOD] + index * data[STEP]
-            hand_wrench(hand, elapsed, body, held, own, work)
+            _hold(data, ticks * data[PERIOD] + index * data[STEP], out, work)
+        _give(data, asked, applied, given)
         for i in range(6):
-            force[i] = data[PUSH + i] + own[i] + applied[i]
-        _move(data, force, body, work)
+            force[i] = data[PUSH + i] + own[i] + given[i]
+        before[:] = body[12:]
+        start = GAIN if out[WINDOW] == OPEN else HELD_GAIN
+        _move(data, data[start : start + 6], force, out[HOME:ANCHOR], body, work)
     if ticks >= 0:
-        hand_wrench(hand, (ticks + 1) * data[PERIOD], body, held, own, work)
+        carried = out[WINDOW] != OPEN
+        _hold(data, (ticks + 1) * data[PERIOD], out, work)
+        if data[ARM] + data[ARM + 3] > 0.0 and carried and out[WINDOW] != OPEN:
+            for i in range(6):
+                own[i] -= data[ARM + i] * ((body[12 + i] - before[i]) / data[STEP])
+    out[REPORTED:APPLIED] = own
     _measure(data, state, out, work)

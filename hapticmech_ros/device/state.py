@@ -20,8 +20,13 @@ class DeviceState:
         twist: (6,) of the point held, world axes.
         measured_pose: pose rounded to encoder steps.
         measured_twist: twist as estimated from the encoders; the true one if they are ideal.
-        hand_wrench: (6,) F_h of the hand's own law at this state, zero if nobody holds.
+        hand_wrench: (6,) F_h by the hand, as a sensor between it and the device would read it;
+            zero if nobody holds.
         applied: (6,) by the actuators until now.
+        reported: (6,) what the device says of F_h: measured, estimated or zero.
+        home: pose about which the workspace is.
+        anchor: pose of the point held when the hand took hold.
+        window: in which the hand holds; see :class:`~hapticmech_ros.device.grip.Grip`.
     """
 
     pose: pin.SE3
@@ -30,16 +35,20 @@ class DeviceState:
     measured_twist: Array
     hand_wrench: Array
     applied: Array
+    reported: Array
+    home: pin.SE3
+    anchor: pin.SE3
+    window: int
 
     @property
     def published(self) -> Array:
-        """What is published of it, (25,): measured position, quaternion and twist, F_h, applied."""
+        """What is published of it, (25,): measured position, quaternion, twist and F_h, applied."""
         return np.concatenate(
             (
                 self.measured_pose.translation,
                 quaternion_of(self.measured_pose.rotation),
                 self.measured_twist,
-                self.hand_wrench,
+                self.reported,
                 self.applied,
             )
         )

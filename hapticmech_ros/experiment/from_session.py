@@ -94,7 +94,9 @@ class SessionRecorder:
             raise InvalidInputError("samples", 0, "must be at least one")
         arrays = {name: np.array(rows) for name, rows in self._rows.items()}
         times = arrays.pop("time")
-        push = first_push(arrays["hand_wrench"])
+        # An estimate is never zero, and without a sensor nothing tells.
+        measured = self._scene.device.force_sensor == "measured"
+        push = first_push(arrays["hand_wrench"]) if measured else None
         times = times - (self._scene.hand.start_delay if push is None else times[push])
         return ExperimentRecord(
             scene=self._scene.name,

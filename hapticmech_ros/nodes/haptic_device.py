@@ -128,7 +128,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             self._pushes.forget()
         self._push = NO_WRENCH
         self._command = Latest()
-        self._state = self._device.at_rest(self._state.pose, held=self.lockstep)
+        self._state = self._device.at_rest(self._state.pose, self.lockstep, self._state.home)
         self._envelope.place(self._state.published[:3])
         self._envelope.stop()
         self._passivity.begin()
@@ -139,7 +139,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Put the actuators at zero and let go."""
         self._command = Latest()
         self._let_go()
-        self._state = self._device.at_rest(self._state.pose)
+        self._state = self._device.at_rest(self._state.pose, home=self._state.home)
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the command to act on, and the hand's wrench if awaited, are there."""
@@ -155,7 +155,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             for behind in reversed(range(self.backlog.steps(periods))):
                 self._move(self._standing_command(deadline_ns - behind * self.period_ns))
         self._push = self._pushing(deadline_ns)
-        self._written.see(self._state, self._push, deadline_ns)
+        self._written.see(self._state, self._device.sensed(self._push), deadline_ns)
         self._publish_wire.publish(self._wire.encode(self._written.values))
         self._loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
         if self._ticks % self.view_every == 0:
@@ -163,7 +163,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             self._view.publish_energy(self._passivity, self._sample(), deadline_ns)
         self._ticks += 1
 
-    def _move(self, command: Array) -> None:
+    def _move(self, command: Array | None) -> None:
         held, ticks = self._held, self._ticks_held
         self._state = self._device.step(self._state, command, held, ticks, self._push)
         self._ticks_held += held is not None
@@ -187,17 +187,21 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             },
         )
 
-    def _standing_command(self, now_ns: int) -> Array:
-        """Return servo_cf, or zero when it is stale; the hand takes hold and lets go with it."""
+    def _standing_command(self, now_ns: int) -> Array | None:
+        """Return servo_cf, or None when it is stale; the hand takes hold and lets go with it."""
         fault = self._guard.fault
         if self.lockstep:
             answer = self._answer_of(self.answered_ns(now_ns)) if self._ticks >= 2 else NO_WRENCH
-            return self._envelope.stop() if fault else self._safe(answer)
+            if fault:
+                self._envelope.stop()
+                return None
+            return self._safe(answer)
         command = self._command.value
         if command is None or fault or not self._command.fresh(now_ns, self.timeout_ns):
             if self._held is not None:
                 self.node.get_logger().warning(f"{fault or 'servo_cf is lost'}: actuators at zero")
-            return self._let_go()
+            self._let_go()
+            return None
         if self._held is None and not self._hand_waits:
             self._held = self._state
             self._ticks_held = 0
@@ -216,21 +220,21 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         sample = self._sample()
         self._passivity.see(sample, self._state.applied)
         self._passivity.mechanism = self._loop.to_mechanism
-        held = self._passivity.hold(command, sample)
+        held = self._passivity.hold(command, sample, self._device.compensation(self._state))
         return self._envelope.apply(self._limits, held, sample[:3])
 
     def _sample(self) -> Array:
         """Return the device's sample (19,) as it is now."""
         numbers = self._state.published[:19].copy()
-        numbers[13:] += self._push
+        numbers[13:] += self._device.sensed(self._push)
         return numbers
 
-    def _let_go(self) -> Array:
-        """Let the hand go, and return what the actuators then apply: zero."""
+    def _let_go(self) -> None:
+        """Let the hand go, and begin anew with the next command."""
         self._held = None
         self._loop.forget()
         self._passivity.begin()
-        return self._envelope.stop()
+        self._envelope.stop()
 
     def _pushing(self, now_ns: int) -> Array:
         """Return what others add to the hand's wrench from now on."""

@@ -130,9 +130,21 @@ def _device(run: Running) -> Iterator[TickPart]:
     device = run.scene.device
     why = f"hand: {run.scene.hand.kind}"
     yield TickPart("device", "motion of the device", device.substeps, why)
+    bandwidth = device.actuator_bandwidth
+    why = f"{bandwidth:g} Hz" if bandwidth else "the actuators are ideal"
+    yield TickPart("device", "lag of the actuators", device.substeps if bandwidth else 0, why)
+    frictions = device.coulomb_friction, device.angular_coulomb_friction
+    why = f"{frictions[0]:g} N, {frictions[1]:g} N m" if any(frictions) else "there is none"
+    yield TickPart("device", "Coulomb friction", device.substeps if any(frictions) else 0, why)
+    limits = device.workspace.radius, device.workspace.angle
+    why = f"{limits[0]:g} m, {limits[1]:g} rad; 0 is none" if any(limits) else "there are none"
+    yield TickPart("device", "end stops", device.substeps if any(limits) else 0, why)
     steps = device.position_resolution, device.angle_resolution
     why = f"steps of {steps[0]:g} m, {steps[1]:g} rad" if any(steps) else "the encoders are ideal"
     yield TickPart("device", "rounding to encoder steps", int(any(steps)), why)
+    estimated = device.force_sensor == "estimated"
+    why = f"the hand's wrench is {device.force_sensor}"
+    yield TickPart("device", "observer of the hand's wrench", int(estimated), why)
 
 
 def _if_closed(run: Running, stage: str, what: str, times: int, why: str = "") -> TickPart:

@@ -18,6 +18,7 @@ from hapticmech_ros.scene.contact_rules import with_mesh_paths
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.part import LARGEST
 from hapticmech_ros.scene.rules import broken_rules
+from hapticmech_ros.scene.script import with_script_path
 from hapticmech_ros.share import shared
 
 MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf")
@@ -42,7 +43,8 @@ def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scen
     """
     path = find_scene(scene)
     document = _at_rate(written_document(path), control_rate)
-    document = with_mesh_paths(document, path.resolve().parent)
+    folder = path.resolve().parent
+    document = with_script_path(with_mesh_paths(document, folder), folder)
     if isinstance(document, Mapping) and "model" in document:
         found: Scene = import_module("hapticmech_ros.formats").scene_of(document, path)
         return found

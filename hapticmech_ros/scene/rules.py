@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from itertools import pairwise
 
 import numpy as np
 
 from hapticmech_ros.errors import SceneProblem
 from hapticmech_ros.scene.contact_rules import broken_contact_rules
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.holding_rules import broken_holding_rules, hand_vectors
 from hapticmech_ros.scene.mechanism import Closure, Inertia, Joint, Link, Origin, Spring
-from hapticmech_ros.scene.part import Vector3
-from hapticmech_ros.scene.rendering import Device, SpringDamperHand
 
 POSITION_SIZE = {
     "revolute": 1,
@@ -48,7 +46,7 @@ def broken_rules(scene: Scene) -> list[SceneProblem]:
         *_initial_state(scene),
         *_plane(scene),
         *_thresholds(scene),
-        *_sampling(scene),
+        *broken_holding_rules(scene),
         *broken_contact_rules(scene),
     ]
 
@@ -227,26 +225,10 @@ def _plane(scene: Scene) -> Iterator[SceneProblem]:
             yield SceneProblem(f"{key}.origin.rpy", joint.origin.rpy, rule + "roll = pitch = 0")
     if scene.gravity[2] != 0.0:
         yield SceneProblem("gravity[2]", scene.gravity[2], rule + "gravity has no z part")
-    for key, linear, angular in _hand_vectors(scene):
+    for key, linear, angular in hand_vectors(scene):
         if linear[2] != 0.0 or angular[0] != 0.0 or angular[1] != 0.0:
             given = (*linear, *angular)
             yield SceneProblem(key, given, rule + "the hand has x, y and turns about z only")
-
-
-def _sampling(scene: Scene) -> Iterator[SceneProblem]:
-    """Explicit damping is stable where a step takes less than all speed."""
-    device, hand = scene.device, scene.hand
-    step = scene.simulation.period / device.substeps
-    rule = "times the device's substep must not exceed its {}: more substeps, or less damping"
-    sources: list[tuple[str, Device | SpringDamperHand]] = [("device", device)]
-    if hand.kind == "spring_damper":
-        sources.append(("hand", hand))
-    for source, values in sources:
-        if values.damping * step > device.mass:
-            yield SceneProblem(f"{source}.damping", values.damping, rule.format("mass"))
-        if values.angular_damping * step > device.inertia:
-            key = f"{source}.angular_damping"
-            yield SceneProblem(key, values.angular_damping, rule.format("inertia"))
 
 
 def _thresholds(scene: Scene) -> Iterator[SceneProblem]:
@@ -254,22 +236,6 @@ def _thresholds(scene: Scene) -> Iterator[SceneProblem]:
     if perception.s_on >= perception.s_off:
         rule = f"must be above s_on = {perception.s_on}"
         yield SceneProblem("perception.s_off", perception.s_off, rule)
-    if scene.hand.kind == "spring_damper":
-        times = [waypoint.time for waypoint in scene.hand.waypoints]
-        for index, (before, after) in enumerate(pairwise(times), start=1):
-            if after <= before:
-                rule = f"waypoint times must increase; the one before is {before}"
-                yield SceneProblem(f"hand.waypoints[{index}].time", after, rule)
-
-
-def _hand_vectors(scene: Scene) -> Iterator[tuple[str, Vector3, Vector3]]:
-    """Yield key, linear and angular part of what the hand does."""
-    hand = scene.hand
-    if hand.kind == "constant_wrench":
-        yield "hand", hand.force, hand.torque
-    else:
-        for index, waypoint in enumerate(hand.waypoints):
-            yield f"hand.waypoints[{index}]", waypoint.xyz, waypoint.rotation
 
 
 def inertia_matrix(inertia: Inertia) -> np.ndarray:

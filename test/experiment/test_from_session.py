@@ -18,6 +18,15 @@ def test_time_zero_is_the_first_push(session_record, scene):
     assert record.point == "handle"
 
 
+@pytest.mark.parametrize("sensor", ["estimated", "absent"])
+def test_without_a_sensor_time_zero_is_where_the_hand_starts(scene, sensor):
+    coarse = {"force_sensor": sensor, "position_resolution": 1e-6}
+    device = scene.device.model_copy(update=coarse)
+    record = run_session(scene.model_copy(update={"device": device}), 0.05)
+    assert record.times[0] == pytest.approx(-scene.hand.start_delay, abs=1e-12)
+    assert record.times[-1] == pytest.approx(0.05, abs=1e-12)
+
+
 def test_holds_what_the_session_measured(session_record, samples):
     assert session_record.times.size == len(samples)
     for index in (0, 126, 700, len(samples) - 1):

@@ -1,0 +1,37 @@
+"""End stops and Coulomb friction in kernels; :mod:`~hapticmech_ros.device.resistance` says what.
+
+A stop is three numbers: limit (m or rad, 0 for none), stiffness and damping.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.compilation import inner
+from hapticmech_ros.mechanism.compiled.small_matrices import dot
+from hapticmech_ros.mechanism.model import Array
+
+
+@inner
+def stop(end: Array, away: Array, rate: Array, gain: float, step: float) -> None:
+    """Slow a rate (3,) of ``away`` (3,) down at the end of the workspace."""
+    distance = np.sqrt(dot(away, away))
+    if distance == 0.0:
+        return
+    beyond = distance - end[0]
+    speed = dot(away, rate) / distance
+    if beyond + step * speed <= 0.0:
+        return
+    after = (speed - gain * end[1] * beyond) / (1.0 + gain * (end[2] + step * end[1]))
+    if after < speed:
+        for i in range(3):
+            rate[i] += (after - speed) / distance * away[i]
+
+
+@inner
+def rub(rate: Array, most: float) -> None:
+    """Take ``most`` of a rate (3,) away, or all."""
+    speed = np.sqrt(dot(rate, rate))
+    share = 0.0 if speed <= most else 1.0 - most / speed
+    for i in range(3):
+        rate[i] *= share

@@ -1,0 +1,121 @@
+"""The haptic device of a scene: its mechanics, its actuators and its sensors."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from hapticmech_ros.scene.device_presets import device_presets, with_preset
+from hapticmech_ros.scene.part import Flag, Name, NonNegative, Part, Positive, Real, Vector3
+
+ForceSensor = Literal["measured", "estimated", "absent"]
+
+
+class Workspace(Part):
+    """End stops of the real device: a ball about where it starts, and a cone of rotations.
+
+    Beyond the limit, a spring and damper push back along the way out, and never pull.
+
+    Attributes:
+        radius: m; 0 is unlimited.
+        angle: rad, of the rotation from where it starts; 0 is unlimited.
+        stiffness: N/m.
+        damping: N s/m.
+        angular_stiffness: N m/rad.
+        angular_damping: N m s/rad.
+    """
+
+    radius: NonNegative = 0.0
+    angle: Annotated[NonNegative, Field(le=3.0)] = 0.0
+    stiffness: Positive = 20000.0
+    damping: NonNegative = 50.0
+    angular_stiffness: Positive = 20.0
+    angular_damping: NonNegative = 0.05
+
+
+class Compensation(Part):
+    """What the driver adds to commands so that less of the device itself is felt.
+
+    Attributes:
+        gravity: whether actuators carry ``gravity_load``.
+        friction: share of viscous and Coulomb friction that actuators give back, below 1: with all
+            of it given back, what the model has too much would drive the device on.
+        dead_zone: m/s; slower than this nothing of friction is given back, all of the share from
+            twice this speed on, so that noise at rest does not chatter.
+        angular_dead_zone: rad/s, the same of rotation.
+    """
+
+    gravity: Flag = False
+    friction: Annotated[Real, Field(ge=0.0, lt=1.0)] = 0.0
+    dead_zone: Positive = 0.01
+    angular_dead_zone: Positive = 0.2
+
+
+class Device(Part):
+    """Impedance-type haptic device, as a rigid body driven by hand and actuators.
+
+    Attributes:
+        preset: name of a real device whose figures the other keys then start from; see
+            docs/devices.md.
+        mass: kg.
+        inertia: principal moments about the point held, kg m^2, isotropic.
+        damping: N s/m.
+        angular_damping: N m s/rad.
+        coulomb_friction: N, of translation: below this force a device at rest stays at rest.
+        angular_coulomb_friction: N m, of rotation.
+        gravity_load: N, world axes, the part of the device's weight that nothing balances.
+        force_limit: N, saturation of the actuators' force (norm).
+        torque_limit: N m, saturation of the actuators' torque (norm).
+        actuated: what has actuators; of a device without those of rotation the torque is zero,
+            and the handle turns freely with its inertia.
+        actuator_bandwidth: Hz, of a first-order lag between command and wrench; 0 is ideal.
+        position_resolution: m, encoder step per axis; 0 is ideal.
+        angle_resolution: rad, encoder step of the rotation vector per axis; 0 is ideal.
+        velocity_filter: Hz, cut-off of the velocity estimate when an encoder step is set.
+        force_sensor: how the hand's wrench is known: measured by a sensor under the hand,
+            estimated from motion and actuators, or not at all: reported as zero.
+        observer_bandwidth: Hz, of the estimate.
+        workspace: end stops.
+        compensation: by the device's driver.
+        substeps: integration steps per sample period.
+    """
+
+    preset: Name | None = None
+    mass: Positive = 0.3
+    inertia: Positive = 3.0e-4
+    damping: NonNegative = 0.0
+    angular_damping: NonNegative = 0.0
+    coulomb_friction: NonNegative = 0.0
+    angular_coulomb_friction: NonNegative = 0.0
+    gravity_load: Vector3 = (0.0, 0.0, 0.0)
+    force_limit: Positive = 20.0
+    torque_limit: Positive = 1.0
+    actuated: Literal["all", "translation"] = "all"
+    actuator_bandwidth: NonNegative = 0.0
+    position_resolution: NonNegative = 0.0
+    angle_resolution: NonNegative = 0.0
+    velocity_filter: Positive = 100.0
+    force_sensor: ForceSensor = "measured"
+    observer_bandwidth: Positive = 30.0
+    workspace: Workspace = Workspace()
+    compensation: Compensation = Compensation()
+    substeps: Annotated[int, Field(strict=True, ge=1, le=100)] = 4
+
+    @property
+    def acts(self) -> tuple[float, ...]:
+        """1 for each of the six coordinates that actuators drive, 0 for others."""
+        return (1.0,) * 6 if self.actuated == "all" else (1.0,) * 3 + (0.0,) * 3
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_preset(cls, given: object) -> object:
+        return with_preset(given)
+
+    @field_validator("preset")
+    @classmethod
+    def _known(cls, preset: str | None) -> str | None:
+        known = sorted(device_presets())
+        if preset is not None and preset not in known:
+            raise ValueError(f"unknown device: must be one of {known}")
+        return preset

@@ -1,0 +1,121 @@
+"""The hand of a scene: what holds the device, how firmly, when, and what it does."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from hapticmech_ros.scene.arm_impedances import ArmImpedance, with_impedance
+from hapticmech_ros.scene.part import NonNegative, Part, Positive, Vector3
+
+
+class Tremor(Part):
+    """Sinusoidal motion or push of a hand, from zero at its start.
+
+    Attributes:
+        frequency: Hz; physiological tremor of the hand is at 6 to 12 Hz.
+        force: N, amplitude with its direction, world axes, added to the hand's wrench.
+        torque: N m, likewise.
+        xyz: m, amplitude of the target's displacement, of hands that have a target.
+        rotation: rad, amplitude added to the target's rotation vector, likewise.
+    """
+
+    frequency: Positive
+    force: Vector3 = (0.0, 0.0, 0.0)
+    torque: Vector3 = (0.0, 0.0, 0.0)
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    rotation: Vector3 = (0.0, 0.0, 0.0)
+
+
+class AnyHand(Part):
+    """What every hand has.
+
+    Attributes:
+        start_delay: s, from when it could take hold until it starts.
+        release_at: s after the start, times at which it lets go.
+        grab_at: s after the start, times at which it takes hold again. Releases and grabs take
+            turns; a hand whose first is a grab does not hold before. From a grab on, displacements
+            count from where the device was then.
+        tremor: added to what it does, while it holds.
+    """
+
+    start_delay: NonNegative = 0.25
+    release_at: tuple[NonNegative, ...] = ()
+    grab_at: tuple[NonNegative, ...] = ()
+    tremor: Tremor | None = None
+
+
+class ConstantWrenchHand(AnyHand):
+    """Hand that pushes with a constant wrench, world axes, at the point held (N, N m)."""
+
+    kind: Literal["constant_wrench"]
+    force: Vector3 = (0.0, 0.0, 0.0)
+    torque: Vector3 = (0.0, 0.0, 0.0)
+
+
+class ScriptedHand(AnyHand):
+    """Hand that pushes with a wrench over time from a file, world axes, at the point held.
+
+    Attributes:
+        file: CSV, relative to the scene file: a heading ``time,fx,fy,fz,tx,ty,tz``, then a row per
+            time (s after the start), N and N m. Nothing before the first row's time; the last
+            row's wrench from its time on.
+        interpolation: ``linear`` from row to row, or each row's wrench ``held`` until the next.
+    """
+
+    kind: Literal["scripted"]
+    file: Annotated[str, Field(min_length=1)]
+    interpolation: Literal["linear", "held"] = "linear"
+
+
+class Waypoint(Part):
+    """Target of the hand from where it took hold: displacement (m) and rotation vector (rad)."""
+
+    time: NonNegative
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    rotation: Vector3 = (0.0, 0.0, 0.0)
+
+
+class TargetHand(AnyHand):
+    """Hand as a spring and damper between the point held and a target that visits waypoints."""
+
+    stiffness: Positive = 300.0
+    damping: NonNegative = 5.0
+    angular_stiffness: Positive = 1.0
+    angular_damping: NonNegative = 0.01
+    waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=1)]
+
+
+class SpringDamperHand(TargetHand):
+    """Hand without mass: a spring and damper to the moving target."""
+
+    kind: Literal["spring_damper"]
+
+
+class ArmHand(TargetHand):
+    """Hand and arm: a mass on the device, rigidly, with spring and damper to the moving target.
+
+    F_h, between device and hand, is the spring's and damper's wrench less mass times acceleration.
+
+    Attributes:
+        impedance: measured arms whose mass, stiffness and damping the other keys then start from;
+            see docs/devices.md.
+        mass: kg, of hand and arm as felt at the point held.
+        angular_inertia: kg m^2, about that point, isotropic.
+    """
+
+    kind: Literal["arm"]
+    impedance: ArmImpedance = "relaxed"
+    mass: NonNegative = 0.5
+    angular_inertia: NonNegative = 5.0e-4
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_impedance(cls, given: object) -> object:
+        return with_impedance(given)
+
+
+Hand = Annotated[
+    ConstantWrenchHand | SpringDamperHand | ArmHand | ScriptedHand, Field(discriminator="kind")
+]

@@ -1,0 +1,95 @@
+"""Rules of a scene's device and hand that concern more than one value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+from hapticmech_ros.errors import InvalidInputError, SceneProblem
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.hand import AnyHand, ArmHand, ConstantWrenchHand, TargetHand
+from hapticmech_ros.scene.part import Vector3
+from hapticmech_ros.scene.script import read_script
+
+
+def broken_holding_rules(scene: Scene) -> Iterator[SceneProblem]:
+    """Yield every rule of device and hand that ``scene`` breaks."""
+    yield from _sampling(scene)
+    yield from _waypoints(scene)
+    yield from _grips(scene.hand)
+    yield from _tremor(scene.hand)
+    yield from _script(scene)
+
+
+def hand_vectors(scene: Scene) -> Iterator[tuple[str, Vector3, Vector3]]:
+    """Yield key, linear and angular part of what the hand does."""
+    hand = scene.hand
+    if isinstance(hand, ConstantWrenchHand):
+        yield "hand", hand.force, hand.torque
+    elif isinstance(hand, TargetHand):
+        for index, waypoint in enumerate(hand.waypoints):
+            yield f"hand.waypoints[{index}]", waypoint.xyz, waypoint.rotation
+    if hand.tremor is not None:
+        yield "hand.tremor", hand.tremor.force, hand.tremor.torque
+        yield "hand.tremor", hand.tremor.xyz, hand.tremor.rotation
+
+
+def _sampling(scene: Scene) -> Iterator[SceneProblem]:
+    """Explicit damping is stable where a step takes less than all speed."""
+    device, hand = scene.device, scene.hand
+    step = scene.simulation.period / device.substeps
+    rule = "times the device's substep must not exceed its {}: more substeps, or less damping"
+    arm = (hand.mass, hand.angular_inertia) if isinstance(hand, ArmHand) else (0.0, 0.0)
+    sources = [("device", device.damping, device.angular_damping, 0.0, 0.0)]
+    if isinstance(hand, TargetHand):
+        sources.append(("hand", hand.damping, hand.angular_damping, *arm))
+    for source, damping, angular_damping, mass, inertia in sources:
+        if damping * step > device.mass + mass:
+            yield SceneProblem(f"{source}.damping", damping, rule.format("mass"))
+        if angular_damping * step > device.inertia + inertia:
+            key = f"{source}.angular_damping"
+            yield SceneProblem(key, angular_damping, rule.format("inertia"))
+
+
+def _waypoints(scene: Scene) -> Iterator[SceneProblem]:
+    if isinstance(scene.hand, TargetHand):
+        times = [waypoint.time for waypoint in scene.hand.waypoints]
+        for index, (before, after) in enumerate(pairwise(times), start=1):
+            if after <= before:
+                rule = f"waypoint times must increase; the one before is {before}"
+                yield SceneProblem(f"hand.waypoints[{index}].time", after, rule)
+
+
+def _grips(hand: AnyHand) -> Iterator[SceneProblem]:
+    """Yield the first grab that follows a grab, or release that follows a release."""
+    switches = [(time, "release_at") for time in hand.release_at]
+    switches = sorted(switches + [(time, "grab_at") for time in hand.grab_at])
+    for (before, key), (after, next_key) in pairwise(switches):
+        if before == after or key == next_key:
+            rule = f"releases and grabs must take turns; before it is {key} {before}"
+            yield SceneProblem(f"hand.{next_key}", after, rule)
+            return
+
+
+def _tremor(hand: AnyHand) -> Iterator[SceneProblem]:
+    tremor = hand.tremor
+    if tremor is None or isinstance(hand, TargetHand):
+        return
+    for key, value in (("xyz", tremor.xyz), ("rotation", tremor.rotation)):
+        if any(value):
+            rule = "only a hand with waypoints has a target to move: say force or torque"
+            yield SceneProblem(f"hand.tremor.{key}", value, rule)
+
+
+def _script(scene: Scene) -> Iterator[SceneProblem]:
+    if scene.hand.kind != "scripted":
+        return
+    try:
+        rows = read_script(scene.hand.file)
+    except InvalidInputError as error:
+        rule = error.rule if error.what == "script" else f"{error.what}: {error.rule}"
+        yield SceneProblem("hand.file", error.value, rule)
+        return
+    if scene.task_space == "planar" and rows[:, 3:6].any():
+        rule = "a planar scene moves in the world's x-y plane: the columns fz, tx and ty must be 0"
+        yield SceneProblem("hand.file", scene.hand.file, rule)

@@ -1,0 +1,40 @@
+"""Both implementations of a device, and runs of them."""
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.device import Grip, ImpedanceDevice, grip_of, hand_law, no_hand
+from hapticmech_ros.device.compiled import CompiledDevice
+
+PERIOD = 1e-3
+START = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
+NOTHING = np.zeros(6)
+KINDS = ("readable", "compiled")
+
+
+def body_of(kind, device, hand=None, planar=False, period=PERIOD):
+    """Return a device of a scene, held by a scene's hand."""
+    if kind == "compiled":
+        return CompiledDevice(device, period, planar, hand)
+    law, grip = (no_hand, Grip()) if hand is None else (hand_law(hand), grip_of(hand))
+    return ImpedanceDevice(device, period, planar, law, grip)
+
+
+def run(body, ticks, command=NOTHING, push=NOTHING, start=None):
+    """Return the states at 0, 1, ... ``ticks`` periods; ``push`` may be a function of time (s)."""
+    state = body.at_rest(START, held=True) if start is None else start
+    states, held = [state], state
+    for tick in range(ticks):
+        pushed = push(tick * body.period) if callable(push) else push
+        states.append(body.step(states[-1], command, held, tick, np.asarray(pushed, dtype=float)))
+    return states
+
+
+def moving(body, twist):
+    """Return a state next to ``START`` that moves with nearly this twist, after one hard push.
+
+    Friction and damping have taken a little of it; its direction is kept.
+    """
+    device = body.device
+    mass = np.repeat((device.mass, device.inertia), 3)
+    return body.step(body.at_rest(START), NOTHING, None, 0, mass * twist / body.period)
