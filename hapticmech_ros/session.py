@@ -107,6 +107,11 @@ class Session:
         """The device's account."""
         return self._loop.passivity
 
+    @property
+    def compensation(self) -> Array:
+        """What the device's driver adds to the command of the next tick (6,)."""
+        return self._device.compensation(self._device_state)
+
     def tune(self, gains: Controller) -> None:
         """Pass to other gains, without a bump, over their ``gain_ramp``."""
         self._control.tune(self.time, gains)

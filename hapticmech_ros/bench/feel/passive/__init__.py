@@ -1,0 +1,1 @@
+"""Energy at the hand's port, over connections that are late, uneven and lossy."""
