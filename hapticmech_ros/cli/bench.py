@@ -11,6 +11,7 @@ from hapticmech_ros.cli.bench_ablation import ablation
 from hapticmech_ros.cli.bench_accuracy import accuracy
 from hapticmech_ros.cli.bench_feel import feel
 from hapticmech_ros.cli.bench_memory import memory
+from hapticmech_ros.cli.bench_passivity import passivity
 from hapticmech_ros.cli.bench_speed import speed
 from hapticmech_ros.cli.console import OutOption, SceneArgument, console, errors, words
 
@@ -21,6 +22,7 @@ app = typer.Typer(help="Benchmarks.", no_args_is_help=True)
 app.command()(accuracy)
 app.command()(ablation)
 app.command()(feel)
+app.command()(passivity)
 app.command()(memory)
 app.command()(speed)
 

@@ -48,6 +48,8 @@ class PassivityController:
         substeps: of the device in a period.
         limits: force and torque that the actuators have, N and N m.
         acts: (6,) 1 where there are actuators; everywhere if left out.
+        filtered: whether the twist of samples lags: what was moved over the last period then counts
+            too, whichever says that more is given.
 
     Attributes:
         actuators: W, J, since the last :meth:`begin`.
@@ -64,10 +66,11 @@ class PassivityController:
         substeps: int,
         limits: tuple[float, float],
         acts: Array | None = None,
+        filtered: bool = False,
     ) -> None:
         self.bounds = bounds
         self.changed = 0
-        self._limits = limits
+        self._limits, self._filtered = limits, filtered
         self._acts = np.ones(6) if acts is None else acts
         self._inertia, self._period = inertia, period
         # What a held wrench moves in a period, per acceleration, over semi-implicit steps.
@@ -80,7 +83,7 @@ class PassivityController:
         self.actuators = self.dissipated = 0.0
         self.mechanism: float | None = None
         self._place: Array | None = None
-        self._added = NO_WRENCH
+        self._added = self._rate = NO_WRENCH
 
     def hand(self, sample: Array) -> float:
         """Return E_h at a sample (19,), J, without what friction took."""
@@ -104,6 +107,7 @@ class PassivityController:
         """
         if self._place is not None:
             way = displacement(self._place, sample)
+            self._rate = way / self._period
             self.actuators -= float(applied @ way) - float(self._added @ way)
         self._place = sample[:7].copy()
 
@@ -123,6 +127,10 @@ class PassivityController:
         twist, hand = sample[TWIST], sample[FORCE]
         acting = limited(self._acts * command, *self._limits)
         given = self._given(acting, twist, hand)
+        if self._filtered:
+            seen = self._given(acting, self._rate, hand)
+            if seen > given:
+                twist, given = self._rate, seen
         if given <= available:
             return command
         self.changed += 1
@@ -170,7 +178,8 @@ def passivity_for(scene: Scene) -> PassivityController:
     limits = device.force_limit, device.torque_limit
     bounds, period = scene.controller.passivity, scene.simulation.period
     acts = np.array(device.acts)
-    return PassivityController(bounds, inertia, period, device.substeps, limits, acts)
+    filtered = device.position_resolution > 0.0 or device.angle_resolution > 0.0
+    return PassivityController(bounds, inertia, period, device.substeps, limits, acts, filtered)
 
 
 def _least_root(square: float, slope: float, constant: float) -> float:

@@ -13,6 +13,7 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.device import Device
+from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand
 from hapticmech_ros.session import Session
 
 # Constraint stiffness of every trial, N/m, whatever the rule would give.
@@ -105,11 +106,18 @@ def scene_of(trial: Trial) -> Scene:
     return scene.model_copy(
         update={
             "device": device,
-            "hand": HANDS[trial.hand](scene, trial.seconds),
+            "hand": _turning(HANDS[trial.hand](scene, trial.seconds), device),
             "controller": controller.model_copy(update=updated),
             "connection": late,
         }
     )
+
+
+def _turning(hand: Hand, device: Device) -> Hand:
+    """Return a hand that does not spin a handle up that nothing holds against it."""
+    if device.actuated == "all" or not isinstance(hand, ConstantWrenchHand):
+        return hand
+    return hand.model_copy(update={"torque": (0.0, 0.0, 0.0)})
 
 
 def tried(trial: Trial) -> Found:
