@@ -57,8 +57,8 @@ def run_passivity(asked: Sequence[Trial], out: Path, show: Show = lambda line: N
         SceneError: a scene that cannot be loaded.
         InvalidInputError: an unknown hand or device.
     """
-    for one in {(trial.scene, trial.device, trial.hand): trial for trial in asked}.values():
-        scene_of(one)
+    for trial in {(trial.scene, trial.device, trial.hand): trial for trial in asked}.values():
+        scene_of(trial)
     found = []
     with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
         for one in pool.map(tried, asked):
