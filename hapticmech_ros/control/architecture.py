@@ -52,6 +52,7 @@ class ControlArchitecture:
         self._task = np.ones(6)
         if scene.task_space == "planar":
             self._task[2:5] = 0.0
+        self._through = np.outer(self._task, self._task)
         self._passage: Passage | None = None
         self.adopt(scene.controller)
 
@@ -165,7 +166,7 @@ class ControlArchitecture:
         """Return how the answer depends on the device, as let through at ``time`` (s)."""
         joint, force = self.gains.joint_constraint, self.gains.force_channel
         ramp = engagement.ramp(time, self.ramp_of(engagement))
-        through = ramp * self._task[:, None] * self._task
+        through = ramp * self._through
         gain = spring = damper = NO_MODEL.force
         if force.local:
             x, share = model.inverse_inertia, model.balanced_share

@@ -45,14 +45,14 @@ class EnergyLedger:
         self._acting = np.zeros(6)
         self._twist: Array | None = None
         self._error: Array | None = None
-        self._springs = np.zeros((6, 6))
+        self._springs = 0.0, np.zeros((6, 6)), np.zeros(6)
 
     def moved(self, twist: Array, duration: float) -> None:
         """Account for ``duration`` (s) under the wrench that acts, until the point's twist (6,)."""
         if self._twist is not None:
-            middle = 0.5 * float(self._acting @ self._twist + self._acting @ twist)
-            given = self.entry.to_mechanism + duration * middle
-            self.entry = self.entry._replace(to_mechanism=given)
+            middle = 0.5 * float(self._acting @ (self._twist + twist))
+            given, stored, injected, dissipated = self.entry
+            self.entry = LedgerEntry(given + duration * middle, stored, injected, dissipated)
         self._twist = twist.copy()
 
     def acts(self, wrench: Array) -> None:
@@ -76,19 +76,21 @@ class EnergyLedger:
             channels: C, as it is.
             duration: s, since the last answer.
         """
-        springs = joint.stiffness * projector
-        springs.flat[::7] += channels.stiffness
-        pull = springs @ error
-        stored = 0.5 * float(error @ pull)
-        _, _, injected, dissipated = self.entry
+        stored = _energy(error, joint.stiffness, projector, channels.stiffness)
+        given, _, injected, dissipated = self.entry
         if self._error is not None and duration > 0.0:
-            injected += stored - 0.5 * float(error @ (self._springs @ error))
+            injected += stored - _energy(error, *self._springs)
             way = error - self._error
-            lost = joint.damping * (projector @ way) + channels.damping * way
-            dissipated += float(way @ lost) / duration
-        self._error, self._springs = error, springs
-        self.entry = LedgerEntry(self.entry.to_mechanism, stored, injected, dissipated)
+            lost = 2.0 * _energy(way, joint.damping, projector, channels.damping)
+            dissipated += lost / duration
+        self._error, self._springs = error, (joint.stiffness, projector, channels.stiffness)
+        self.entry = LedgerEntry(given, stored, injected, dissipated)
 
     def held_elsewhere(self) -> None:
         """Start springs and motion anew at another point; what has flowed stays in the account."""
         self._acting, self._twist, self._error = np.zeros(6), None, None
+
+
+def _energy(error: Array, gain: float, projector: Array, channel: Array) -> float:
+    """Return ½ eᵀ (gain P_c + C) e, with the diagonal (6,) of C."""
+    return 0.5 * (gain * float(error @ (projector @ error)) + float(error @ (channel * error)))
