@@ -74,12 +74,12 @@ def felt(scene: Scene, point: str = "", delay: int = 1) -> list[Felt]:
         rule = f"must divide {WINDOW_S:g} s and be below {0.25 / FREQUENCIES_HZ[-1]:.4f} s"
         raise InvalidInputError("simulation.period", alone.simulation.period, rule)
     analysis = Session(alone, point).tick().analysis
-    calm = _device(alone, point, delay, None), _mechanism(alone, point, None)
+    calm = _device(alone, point, delay, None), _mechanism(alone, point, delay, None)
     found = []
     for direction in free_directions(analysis):
         push = _push(alone.simulation.period)[:, None] * direction
         device = (_device(alone, point, delay, push) - calm[0]) @ direction
-        desired = (_mechanism(alone, point, push) - calm[1]) @ direction
+        desired = (_mechanism(alone, point, delay, push) - calm[1]) @ direction
         ratio = _lines(desired, samples) / _lines(device, samples)
         mass = 1.0 / float(direction @ analysis.inverse_inertia @ direction)
         found.append(Felt(direction, mass, np.array(FREQUENCIES_HZ, dtype=float), ratio))
@@ -116,8 +116,10 @@ def _push(period: float) -> Array:
 
 
 def _device(scene: Scene, point: str, delay: int, push: Array | None) -> Array:
-    """Return twists (n, 6) of the device in a session."""
+    """Return twists (n, 6) of the device in a session, once its first command has arrived."""
     session = Session(scene, point, delay)
+    for _ in range(delay):
+        session.tick()
     count = round((SETTLING_S + WINDOW_S) / session.period)
     twists = np.empty((count, 6))
     for index in range(count):
@@ -126,14 +128,16 @@ def _device(scene: Scene, point: str, delay: int, push: Array | None) -> Array:
     return twists
 
 
-def _mechanism(scene: Scene, point: str, push: Array | None) -> Array:
-    """Return twists (n, 6) of the operational point of the mechanism alone."""
+def _mechanism(scene: Scene, point: str, delay: int, push: Array | None) -> Array:
+    """Return twists (n, 6) of the operational point of the mechanism alone, from the same time."""
     simulator = Simulator(scene)
     index = simulator.mechanism.point_index(point)
     state = simulator.initial_state()
     count = round((SETTLING_S + WINDOW_S) / simulator.period)
     twists = np.empty((count, 6))
     wrenches = np.zeros((len(simulator.mechanism.point_names), 6))
+    for _ in range(delay):
+        state = simulator.step(state, wrenches)
     for tick in range(count):
         twists[tick] = simulator.evaluate(state).points[index].twist
         if push is not None:
