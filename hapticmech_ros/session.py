@@ -17,6 +17,7 @@ from hapticmech_ros.control import (
     RenderingModel,
     control_for,
 )
+from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.on_the_way import OnTheWay
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.errors import InvalidInputError
@@ -26,6 +27,7 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.contact_wrench import touching_wrench
 from hapticmech_ros.operational.counter import CountState, first_count, next_count
+from hapticmech_ros.operational.late_answer import LateAnswer
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Origin
 
@@ -44,6 +46,7 @@ class Sample:
         analysis: Λ_h⁻¹ and what follows.
         count: joint constraints reported.
         output: the controllers' wrenches computed from these measurements.
+        model: what of the analysis they were computed with: X and a_0 as late as the loop is.
     """
 
     time: float
@@ -56,6 +59,7 @@ class Sample:
     analysis: OperationalAnalysis
     count: int
     output: ControlOutput
+    model: RenderingModel
 
 
 class Session:
@@ -74,7 +78,8 @@ class Session:
         self.scene = scene
         self.simulator = Simulator(scene)
         self.period = self.simulator.period
-        self._analyser = Analyser(self.simulator.mechanism, point)
+        self._lateness = loop_lateness(scene, command_delay)
+        self._analyser = Analyser(self.simulator.mechanism, point, self._lateness)
         self._index = self._analyser.index
         self._points = len(self.simulator.mechanism.point_names)
         self._control = control_for(scene)
@@ -121,7 +126,8 @@ class Session:
         contact = touching_wrench(terms, analysis, mechanism.touching, self._index)
         measured = DeviceMeasurement(device.measured_pose, device.measured_twist, held)
         self._tie(time, measured, point)
-        model = rendering_model(analysis)
+        late = self._analyser.late(terms, mechanism.q, mechanism.v, analysis)
+        model = rendering_model(analysis, late)
         output = self._control.compute(
             time,
             self._engagement,
@@ -141,6 +147,7 @@ class Session:
             analysis,
             self._count.count,
             output,
+            model,
         )
         self._sent = output.device
         to_device, to_mechanism = self._way.pass_on(time, self._engagement, model, output, held)
@@ -175,7 +182,7 @@ class Session:
         """
         point = grasped(self.simulator.scene, self._analyser.point.name, frame, origin)
         self.simulator.grasp(point)
-        self._analyser = Analyser(self.simulator.mechanism, point.name)
+        self._analyser = Analyser(self.simulator.mechanism, point.name, self._lateness)
         self._way.let_go()
         self._carried = self._sent
         self._count = None
@@ -195,11 +202,15 @@ class Session:
         return next_count(self._count, s, time, perception)
 
 
-def rendering_model(analysis: OperationalAnalysis) -> RenderingModel:
-    """Return the part of an analysis that the controllers use."""
+def rendering_model(
+    analysis: OperationalAnalysis, late: LateAnswer | None = None
+) -> RenderingModel:
+    """Return the part of an analysis that the controllers use, with X and a_0 of a late loop."""
+    if late is None:
+        late = LateAnswer(analysis.inverse_inertia, analysis.free_acceleration)
     return RenderingModel(
-        analysis.inverse_inertia,
+        late.inverse_inertia,
         analysis.constraint_projector,
         analysis.balanced_share,
-        analysis.free_acceleration,
+        late.free_acceleration,
     )

@@ -3,15 +3,16 @@
 With z the shift by a period T, S = z⁻¹ + ... + z⁻ᵈ and d the periods from measuring to acting:
 
     device      V_d⁺ = A V_d + A_u (F_h + u),  p_d⁺ = p_d + A_p V_d + A_q (F_h + u)
-    mechanism   x⁺ = A_m x + B_m w,  (p, V, a_0) = C x
-    in flight   V̂ = V + d T a_0 + T X S W,  p̂ = p + d T V̂
+    mechanism   x⁺ = A_m x + B_m w,  (p, V, a) = C x
+    in flight   V̂ = V + d T a + T X S W,  p̂ = p + d T V̂
     controller  c = C_m (p_d - p̂, V_d - V̂),  W = C3 F_h + c,
-                U = G F_h + Λ_d a_0 - (k P_c (p_d - p̂) + b P_c (V_d - V̂)) - (1 - Π) c
+                U = G F_h + Λ_d a - (k P_c (p_d - p̂) + b P_c (V_d - V̂)) - (1 - Π) c
     acting      w = z⁻ᵈ W,  u = z⁻ᵈ U + G (1 - z⁻ᵈ) F_h
 
-and G = Λ_d X - 1 + (1 - β) Π. A force channel that is closed by the controller has neither what is
-in flight nor the correction by G: V̂ = V, p̂ = p, u = z⁻ᵈ U. Limits, ramps and encoder steps are
-left out, as is what a push bends: small motions of a device that is let through in full.
+and G = Λ_d X - 1 + (1 - β) Π, where X and a are X_τ and a_τ of ``operational/late_answer``. A force
+channel that is closed by the controller has neither what is in flight nor the correction by G: then
+V̂ = V, p̂ = p and u = z⁻ᵈ U. Limits, ramps and encoder steps are left out, as is what a push bends:
+small motions of a device that is let through in full.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ import numpy as np
 
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.force_gain import force_gain
-from hapticmech_ros.control.measurements import RenderingModel
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.control.lateness import loop_lateness
+from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.operational.linear import LinearPoint, LinearSystem
+from hapticmech_ros.operational.linear import LinearPoint, LinearSystem, linear_point
+from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.rendering import Device
 
 
@@ -51,28 +53,35 @@ class FeltModel(LinearSystem):
         return np.asarray(along[0] / along[1])
 
 
-def felt_model(
-    control: ControlArchitecture,
-    device: Device,
-    model: RenderingModel,
-    mechanism: LinearPoint,
-    delay: int = 1,
+def felt_model(scene: Scene, point: str = "", delay: int = 1) -> FeltModel:
+    """Return the model of a scene's loop where the scene starts: with its device and its gains.
+
+    Args:
+        scene: whose device, mechanism and gains; its hand is not in it.
+        point: operational point that the device holds; the first one if empty.
+        delay: whole periods d from measuring to acting.
+
+    Raises:
+        InvalidInputError: a negative delay, or an unknown point.
+        ClosureError: the scene cannot close.
+    """
+    simulator, lateness = Simulator(scene), loop_lateness(scene, delay)
+    mechanism = linear_point(simulator, simulator.initial_state(), point, lateness)
+    return loop_model(ControlArchitecture(scene), scene.device, mechanism, delay)
+
+
+def loop_model(
+    control: ControlArchitecture, device: Device, mechanism: LinearPoint, delay: int
 ) -> FeltModel:
     """Return the model of a loop.
 
     Args:
         control: its gains, and whether the device closes the force channel.
         device: what it drives.
-        model: what the analysis reports where the mechanism is linearised.
-        mechanism: as the operational point shows it.
-        delay: whole periods d from measuring to acting.
-
-    Raises:
-        InvalidInputError: a negative delay.
+        mechanism: as the operational point shows it, for a loop as late as this.
+        delay: whole periods d from measuring to acting, 0 or more.
     """
-    if delay < 0:
-        raise InvalidInputError("delay", delay, "must be 0 or more periods")
-    loop = _Loop(control, device, model, mechanism, delay)
+    loop = _Loop(control, device, mechanism, delay)
     size = loop.size
     columns = np.hstack((np.eye(size), np.zeros((size, 6))))
     pushes = np.hstack((np.zeros((6, size)), np.eye(6)))
@@ -86,14 +95,11 @@ class _Loop:
     """One period, for any number of states at once: they are columns."""
 
     def __init__(
-        self,
-        control: ControlArchitecture,
-        device: Device,
-        model: RenderingModel,
-        mechanism: LinearPoint,
-        delay: int,
+        self, control: ControlArchitecture, device: Device, mechanism: LinearPoint, delay: int
     ) -> None:
-        self._control, self._model, self._mechanism = control, model, mechanism
+        self._control, self._mechanism = control, mechanism
+        self._inverse_inertia = mechanism.late.inverse_inertia
+        self._share = mechanism.analysis.balanced_share
         self._delay, self._period = delay, mechanism.period
         self._local = control.gains.force_channel.local
         task = np.zeros((6, 1))
@@ -101,7 +107,7 @@ class _Loop:
         self._task = task
         self._move = _device_period(device, mechanism.period, task)
         beta = control.gains.joint_constraint.feedforward
-        gain = force_gain(control.device_inertia, model.inverse_inertia, model.balanced_share, beta)
+        gain = force_gain(control.device_inertia, self._inverse_inertia, self._share, beta)
         self._gain = task * gain * task.T
         ideal = device.position_resolution == 0.0 and device.angle_resolution == 0.0
         cut_off = 2.0 * np.pi * device.velocity_filter * mechanism.period
@@ -136,7 +142,7 @@ class _Loop:
         self, pose: Array, twist: Array, x: Array, told: Array, hand: Array
     ) -> tuple[Array, Array]:
         """Return W and U of a period."""
-        model, gains, task = self._model, self._control.gains, self._task
+        gains, task = self._control.gains, self._task
         channels, inertia = self._control.channels, self._control.device_inertia
         mechanism = self._mechanism
         point, speed = mechanism.pose @ x, mechanism.twist @ x
@@ -144,14 +150,15 @@ class _Loop:
         if self._local and self._delay:
             ahead = self._delay * self._period
             impulse = self._period * told.reshape(self._delay, 6, -1).sum(axis=0)
-            speed = speed + ahead * free + model.inverse_inertia @ impulse
+            speed = speed + ahead * free + self._inverse_inertia @ impulse
             point = point + ahead * speed
         error, rate = task * (pose - point), task * (twist - speed)
         hand = task * hand
         coupling = channels.stiffness[:, None] * error + channels.damping[:, None] * rate
         joint = gains.joint_constraint
-        constraint = model.constraint_projector @ (joint.stiffness * error + joint.damping * rate)
-        in_range = coupling - model.balanced_share @ coupling
+        pull = joint.stiffness * error + joint.damping * rate
+        constraint = mechanism.analysis.constraint_projector @ pull
+        in_range = coupling - self._share @ coupling
         device = self._gain @ hand + task * (inertia @ free) - constraint - in_range
         return channels.force.hand * hand + coupling, device
 

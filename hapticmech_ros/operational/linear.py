@@ -18,6 +18,7 @@ from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.operational.analysis import Analyser, OperationalAnalysis
+from hapticmech_ros.operational.late_answer import LateAnswer
 
 # Of a difference, in √kg m and √kg m/s, and N and N m. Errors are about 1e-9 of it where nothing
 # but rounding counts, and its square where something bends.
@@ -53,7 +54,7 @@ class LinearSystem:
         states = np.zeros((len(driven), len(self.step)))
         for index in range(len(driven) - 1):
             states[index + 1] = self.step @ states[index] + driven[index]
-        return states @ self.twist.T
+        return np.asarray(states @ self.twist.T)
 
     @property
     def growth(self) -> float:
@@ -67,16 +68,21 @@ class LinearPoint(LinearSystem):
 
     Attributes:
         pose: (6, n) of the point, deviation in m and rad, world axes, per deviation.
-        acceleration: (6, n) of the point's free acceleration a_0, m/s² and rad/s².
+        acceleration: (6, n) of the point's free acceleration, m/s² and rad/s²: of a_0, or of a_τ
+            for a loop late by τ.
         analysis: of the point where the mechanism is linearised.
+        late: X and a_0 there as such a loop needs them.
     """
 
     pose: Array
     acceleration: Array
     analysis: OperationalAnalysis
+    late: LateAnswer
 
 
-def linear_point(simulator: Simulator, state: MechanismState, point: str = "") -> LinearPoint:
+def linear_point(
+    simulator: Simulator, state: MechanismState, point: str = "", lateness: float = 0.0
+) -> LinearPoint:
     """Return the linear model of a mechanism at a state.
 
     A state at rest that stays so is what it is meant for; of another one it is the tangent there.
@@ -85,22 +91,26 @@ def linear_point(simulator: Simulator, state: MechanismState, point: str = "") -
         simulator: of the mechanism.
         state: where; loops may be closed.
         point: operational point; the first one if empty.
+        lateness: τ, s, of the loop that free accelerations are for; 0 for none.
 
     Raises:
         InvalidInputError: unknown point.
         ClosureError: a closed loop came apart.
     """
-    return _Differences(simulator, state, point).found()
+    return _Differences(simulator, state, point, lateness).found()
 
 
 class _Differences:
-    def __init__(self, simulator: Simulator, state: MechanismState, point: str) -> None:
+    def __init__(
+        self, simulator: Simulator, state: MechanismState, point: str, lateness: float
+    ) -> None:
         self._simulator, self._state = simulator, state
         self._mechanism = simulator.mechanism
-        self._analyser = Analyser(self._mechanism, point)
+        self._analyser = Analyser(self._mechanism, point, lateness)
         terms = simulator.evaluate(state)
         self._pose = terms.points[self._analyser.index].pose
         self._analysis = self._analyser.analyse(terms)
+        self._late = self._analyser.late(terms, state.q, state.v, self._analysis)
         space = terms.space
         self._factor = space.factor
         nv = self._mechanism.nv
@@ -124,6 +134,7 @@ class _Differences:
             pose=rows[0],
             acceleration=rows[2],
             analysis=self._analysis,
+            late=self._late,
         )
 
     @staticmethod
@@ -156,6 +167,7 @@ class _Differences:
         terms = self._simulator.evaluate(state)
         seen = terms.points[self._analyser.index]
         found = self._analyser.analyse(terms)
+        late = self._analyser.late(terms, state.q, state.v, found)
         turned = pin.log3(seen.pose.rotation @ self._pose.rotation.T)
         away = seen.pose.translation - self._pose.translation
-        return np.concatenate((away, turned, seen.twist, found.free_acceleration))
+        return np.concatenate((away, turned, seen.twist, late.free_acceleration))

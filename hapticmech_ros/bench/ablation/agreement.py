@@ -8,6 +8,7 @@ import numpy as np
 
 from hapticmech_ros.bench.ablation.loop import PARTS
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement, control_for
+from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.on_the_way import OnTheWay
 from hapticmech_ros.device import DeviceState, device_for
 from hapticmech_ros.mechanism import MechanismState, Simulator
@@ -15,7 +16,7 @@ from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.session import Sample, Session, rendering_model
+from hapticmech_ros.session import Sample, Session
 
 # Relative to a field's size. Rounding is 1e-16; conditions of D and W, and differences of
 # velocities over a period of 1 ms, take the rest.
@@ -64,7 +65,8 @@ class _Readable:
     def __init__(self, scene: Scene, session: Session) -> None:
         self._simulator = Simulator(scene, compiled=False)
         self._kernels = Simulator(scene)
-        self._analyser = Analyser(self._simulator.mechanism)
+        mechanism, lateness = self._simulator.mechanism, loop_lateness(scene)
+        self._analyser = Analyser(mechanism, lateness=lateness)
         self._control = control_for(scene, compiled=False)
         self._device = device_for(scene, compiled=False)
         self._index = self._analyser.index
@@ -82,7 +84,9 @@ class _Readable:
         """Return the relative difference of each part of one tick."""
         terms = self._simulator.evaluate(sample.mechanism)
         analysis = self._analyser.analyse(terms)
-        device, point, model = sample.device, sample.point, rendering_model(sample.analysis)
+        state = sample.mechanism
+        late = self._analyser.late(terms, state.q, state.v, analysis)
+        device, point, model = sample.device, sample.point, sample.model
         output = self._control.compute(
             sample.time,
             self._engagement,
@@ -102,7 +106,11 @@ class _Readable:
         held = self._device.step(device, to_device, self._held, tick)
         return {
             "evaluate": _terms_apart(self._kernels.evaluate(sample.mechanism), terms),
-            "analyse": _analysis_apart(sample.analysis, analysis),
+            "analyse": max(
+                _analysis_apart(sample.analysis, analysis),
+                _apart(model.inverse_inertia, late.inverse_inertia),
+                _apart(model.free_acceleration, late.free_acceleration),
+            ),
             "control": max(
                 _apart(sample.output.device, output.device),
                 _apart(sample.output.mechanism, output.mechanism),
