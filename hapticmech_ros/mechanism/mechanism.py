@@ -154,12 +154,6 @@ class Mechanism:
         pin.updateFramePlacements(self.model, self.data)
         return self.elements.slopes(self.model, self.data, q, v, horizon)
 
-    def tangents(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return K and C (nv, nv), slopes of the passive forces; see :meth:`Elements.tangents`."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        pin.updateFramePlacements(self.model, self.data)
-        return self.elements.tangents(self.model, self.data, q, v)
-
     def distance_of(self, index: int, q: Array, v: Array) -> tuple[float, float]:
         """Return |φ| of closure ``index``, active or not, and the rate at which it grows."""
         pin.computeJointJacobians(self.model, self.data, q)

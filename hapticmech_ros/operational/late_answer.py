@@ -12,8 +12,8 @@ the mass metric, and B = 1 + ζ (τ C + τ² K) ζᵀ, which is never smaller th
 
     X_τ = Z Bᵀ⁻¹ Zᵀ,  a_τ = a_0 - Z B⁻¹ ζ ((τ C + τ² K) v̇_0 + τ K v),   Z = I_ℓ⁻¹ n_i s_i
 
-as columns. Damping in joints that move without the point is left out of B; that is exact to first
-order too, and free of it no gain is larger than X's.
+as columns. How joints that move without the point resist them is left out of B, which is exact to
+first order too; and B being no smaller than 1, no gain is larger than X's.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
@@ -64,7 +65,10 @@ def late_answer(
         free_acceleration: (6,) a_0.
         lateness: τ, s, 0 or more.
     """
-    stiffness, damping = mechanism.tangents(q, v)
+    model, data = mechanism.model, mechanism.data
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    stiffness, damping = mechanism.elements.tangents(model, data, q, v)
     slope = lateness * damping + lateness**2 * stiffness
     space, jacobian = terms.space, terms.points[index].jacobian[rows]
     moved = found.s > RANK_TOLERANCE

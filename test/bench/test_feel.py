@@ -54,10 +54,17 @@ def test_bandwidth_and_errors_of_a_ratio():
     frequencies = np.array(FREQUENCIES_HZ, dtype=float)
     ratio = np.ones(frequencies.size, dtype=complex)
     ratio[frequencies == 14.0] = 0.5
-    one = Felt(np.eye(6)[0], 1.0, frequencies, ratio)
-    assert (one.bandwidth, one.error(10.0), one.error(14.0)) == (10.0, 0.0, 0.5)
-    assert Felt(np.eye(6)[0], 1.0, frequencies, 2.0 * ratio).bandwidth == 0.0
-    assert Felt(np.eye(6)[0], 1.0, frequencies, np.ones(frequencies.size)).bandwidth == 85.0
+    one, right = np.eye(6)[0], np.ones(frequencies.size)
+
+    def measured(values):
+        return Felt(one, 1.0, frequencies, values, predicted=right, steady=2.0 * right)
+
+    found = measured(ratio)
+    assert (found.bandwidth, found.error(10.0), found.error(14.0)) == (10.0, 0.0, 0.5)
+    assert (found.model_error(10.0), found.model_error(14.0)) == (0.0, 1.0)
+    assert found.steady_error(1.0) == 1.0
+    assert measured(2.0 * ratio).bandwidth == 0.0
+    assert measured(right).bandwidth == 85.0
 
 
 @pytest.mark.parametrize("period", [0.0003, 0.005])

@@ -76,7 +76,7 @@ def felt(period, wall):
     push = np.zeros(time.size)
     for index, frequency in enumerate(FREQUENCIES_HZ):
         push += 0.02 * frequency * np.cos(2.0 * np.pi * frequency * time - 0.7 * index)
-    # Nothing is pushed before the first command has arrived; then device and point are as they were.
+    # Nothing is pushed before the first command has arrived; until then all is at rest.
     sample = session.tick()
     start, places, wrench = sample.point.pose.translation[0], [], 0.0
     for value in (*push, 0.0):
