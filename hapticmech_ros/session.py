@@ -126,7 +126,7 @@ class Session:
         contact = touching_wrench(terms, analysis, mechanism.touching, self._index)
         measured = DeviceMeasurement(device.measured_pose, device.measured_twist, held)
         self._tie(time, measured, point)
-        late = self._analyser.late(terms, mechanism.q, mechanism.v, analysis)
+        late = self._analyser.late(terms, mechanism.q, mechanism.v, mechanism.active, analysis)
         model = rendering_model(analysis, late)
         output = self._control.compute(
             time,

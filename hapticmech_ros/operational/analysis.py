@@ -105,13 +105,16 @@ class Analyser:
             rows=self.rows,
         )
 
-    def late(self, terms: Evaluation, q: Array, v: Array, found: OperationalAnalysis) -> LateAnswer:
+    def late(
+        self, terms: Evaluation, q: Array, v: Array, active: Active, found: OperationalAnalysis
+    ) -> LateAnswer:
         """Return X and a_0 as a loop late by τ needs them; see :mod:`.late_answer`.
 
         Args:
             terms: of Eq. 1 at the state.
             q: (nq,) configuration.
             v: (nv,) rates.
+            active: which closures are closed.
             found: the analysis there.
         """
         free, spectrum = found.free_acceleration, found.spectrum
@@ -122,8 +125,8 @@ class Analyser:
             details = np.concatenate(directions)
             late = self._compiled.late(terms, q, v, spectrum.s, details, free, self.lateness)
             return LateAnswer(late[:36].reshape(6, 6), late[36:])
-        mechanism, index, rows = self.mechanism, self.index, self.rows
-        return late_answer(mechanism, terms, q, v, index, rows, spectrum, free, self.lateness)
+        place = self.mechanism, terms, q, v, active, self.index, self.rows
+        return late_answer(*place, spectrum, free, self.lateness)
 
     def see(
         self, q: Array, v: Array, active: Active, seen: Array, wrenches: Array | None = None
@@ -152,7 +155,7 @@ class Analyser:
         point = terms.points[self.index]
         s = np.zeros(6)
         s[: found.spectrum.s.size] = found.spectrum.s
-        inverse_inertia, free = self.late(terms, q, v, found)
+        inverse_inertia, free = self.late(terms, q, v, active, found)
         squares = (inverse_inertia, found.constraint_projector, found.balanced_share)
         quaternion = quaternion_of(point.pose.rotation)
         place = (free, point.pose.translation, quaternion, point.twist)

@@ -49,6 +49,7 @@ class CompiledAnalysis:
         t = rows.size
         self._details = np.empty(t * (1 + 2 * t))
         self.wrenches: Array = self._details[t : t * (1 + t)].reshape(t, t)
+        self._ahead = np.empty(0)
         self._position, self._rates = np.empty(mechanism.nq), np.empty(mechanism.nv)
 
     @staticmethod
@@ -109,10 +110,13 @@ class CompiledAnalysis:
             passive + effort,
             bias,
             points[self._index].jacobian,
+            self._index,
             self._rows,
             s,
             details,
+            self._mechanism.length,
             lateness,
+            self._room(known.chosen),
             late,
         )
         return late
@@ -138,9 +142,17 @@ class CompiledAnalysis:
                 self._index,
                 self._rows,
                 self._details,
+                mechanism.length,
                 lateness,
+                self._room(chosen),
                 seen,
             )
+
+    def _room(self, chosen: Chosen) -> Array:
+        """Return room for the terms at another configuration."""
+        if self._ahead.size != chosen.size:
+            self._ahead = np.empty(chosen.size)
+        return self._ahead
 
     def _see(self, chosen: Chosen, seen: Array) -> int:
         return see_point(

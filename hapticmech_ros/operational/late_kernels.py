@@ -22,6 +22,7 @@ from hapticmech_ros.mechanism.compiled.small_matrices import (
 )
 from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.operational.foresee_kernels import foresee
 
 # As in :mod:`~hapticmech_ros.operational.spectrum`, which kernels do not see.
 LEAST_S = 1e-10
@@ -58,10 +59,13 @@ def _answer(
     passive: Array,
     bias: Array,
     jacobian: Array,
+    index: int,
     rows: Array,
     s: Array,
     details: Array,
+    length: float,
     lateness: float,
+    ahead: Array,
     late: Array,
 ) -> None:
     """Fill X_τ, and turn a_0 into a_τ; see :func:`late_point`."""
@@ -69,13 +73,7 @@ def _answer(
     directions = details[t:].reshape(2, t, t)
     rates = _unit_rates(tables, space, jacobian, rows, s, directions[0])
     square = lateness * lateness
-    own, force, resting = np.zeros(nv + tables.m), np.empty(nv), np.empty(nv)
-    accelerate(tables, space, bias_force, passive, bias, own)
-    element_resistance(tables, space, q, v, own[:nv], square, lateness, force)
-    element_resistance(tables, space, q, v, v, lateness, 0.0, resting)
-    resisted, met, shown = np.empty((t, t)), np.empty(t), np.empty((t, t))
-    for i in range(t):
-        met[i] = dot(rates[i], force) + dot(rates[i], resting)
+    force, resisted, shown = np.empty(nv), np.empty((t, t)), np.empty((t, t))
     for j in range(t):
         element_resistance(tables, space, q, v, rates[j], square, lateness, force)
         for i in range(t):
@@ -83,6 +81,13 @@ def _answer(
             # Rows are the columns of Zᵀ, each of which is solved with L.
             shown[j, i] = directions[1, j, i] * s[i] if s[i] > LEAST_S else 0.0
         resisted[j, j] += 1.0
+    own, met = np.zeros(nv + tables.m), np.empty(t)
+    accelerate(tables, space, bias_force, passive, bias, own)
+    # From here on the tables' room to work in is of another configuration.
+    foresee(tables, space, q, v, bias, index, length, lateness, ahead, own, late[36:])
+    element_resistance(tables, space, q, v, own[:nv], square, lateness, force)
+    for i in range(t):
+        met[i] = dot(rates[i], force)
     cholesky(resisted, resisted)
     for j in range(t):
         solve_lower(resisted, shown[j])
@@ -99,8 +104,8 @@ def _answer(
 
 @kernel(
     "void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[::1], float64[::1], float64[:,::1], int64[::1], float64[::1], float64[::1], float64,"
-    " float64[::1])"
+    " float64[::1], float64[::1], float64[:,::1], int64, int64[::1], float64[::1], float64[::1],"
+    " float64, float64, float64[::1], float64[::1])"
 )
 def late_point(
     numbers: Array,
@@ -112,10 +117,13 @@ def late_point(
     passive: Array,
     bias: Array,
     jacobian: Array,
+    index: int,
     rows: Array,
     s: Array,
     details: Array,
+    length: float,
     lateness: float,
+    ahead: Array,
     late: Array,
 ) -> None:
     """Fill X_τ and a_τ of an operational point that is analysed.
@@ -130,34 +138,39 @@ def late_point(
         passive: (nv,) forces of springs, dampers, friction and stops, and efforts.
         bias: (m,) Ẇv.
         jacobian: (6, nv) J_h.
+        index: number of the operational point.
         rows: (t,) rows of a six-vector that the task space has.
         s: (t,) of the analysis.
         details: (t + 2 t²,) as ``analyse_point`` filled them.
+        length: of the mechanism, m.
         lateness: τ, s.
+        ahead: as long as ``packed``, to work in.
         late: (42,) X_τ (6, 6) to fill, and a_0 (6,), which becomes a_τ.
     """
     tables = Tables(numbers, values)
-    space = unpack(packed, tables)
     _answer(
         tables,
-        space,
+        unpack(packed, tables),
         q,
         v,
         bias_force,
         passive,
         bias,
         jacobian,
+        index,
         rows,
         s,
         details,
+        length,
         lateness,
+        ahead,
         late,
     )
 
 
 @kernel(
     "void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64, int64[::1],"
-    " float64[::1], float64, float64[::1])"
+    " float64[::1], float64, float64, float64[::1], float64[::1])"
 )
 def see_late(
     numbers: Array,
@@ -168,7 +181,9 @@ def see_late(
     index: int,
     rows: Array,
     details: Array,
+    length: float,
     lateness: float,
+    ahead: Array,
     seen: Array,
 ) -> None:
     """Put X_τ and a_τ where ``see_point`` put X and a_0; it was called before, with the same.
@@ -182,7 +197,9 @@ def see_late(
         index: number of the operational point.
         rows: (t,) rows of a six-vector that the task space has.
         details: (t + 2 t²,) as it filled them.
+        length: of the mechanism, m.
         lateness: τ, s.
+        ahead: as long as ``packed``, to work in.
         seen: (133,) as it filled them, to change.
     """
     tables = Tables(numbers, values)
@@ -199,10 +216,13 @@ def see_late(
         tables.forces[1],
         tables.bias,
         jacobian,
+        index,
         rows,
         seen[: rows.size],
         details,
+        length,
         lateness,
+        ahead,
         late,
     )
     seen[6:42] = late[:36]

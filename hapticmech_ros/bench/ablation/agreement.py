@@ -85,7 +85,7 @@ class _Readable:
         terms = self._simulator.evaluate(sample.mechanism)
         analysis = self._analyser.analyse(terms)
         state = sample.mechanism
-        late = self._analyser.late(terms, state.q, state.v, analysis)
+        late = self._analyser.late(terms, state.q, state.v, state.active, analysis)
         device, point, model = sample.device, sample.point, sample.model
         output = self._control.compute(
             sample.time,

@@ -52,7 +52,7 @@ class Loop:
         terms = self.simulator.evaluate(state)
         evaluated = perf_counter_ns()
         analysis = self.analyser.analyse(terms)
-        late = self.analyser.late(terms, state.q, state.v, analysis)
+        late = self.analyser.late(terms, state.q, state.v, state.active, analysis)
         contact = touching_wrench(terms, analysis, state.touching, self._index)
         analysed = perf_counter_ns()
         point, model = terms.points[self._index], rendering_model(analysis, late)
