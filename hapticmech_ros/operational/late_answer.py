@@ -8,8 +8,9 @@ and with K and C of what springs and dampers do to a change, its inertia is D + 
     a_τ = a_0(q', v) - J (D + τ C + τ² K)⁻¹ (τ C + τ² K) v̇_0(q', v)
 
 where v̇_0 are the accelerations at zero hand wrench, and closures hold on as they do in X. That is
-a step of length τ, implicit in springs and dampers: X_τ F + a_τ is the acceleration by then. Both
-are found in the directions of X alone: with rows ζ_i = n_iᵀ J D⁻¹ / s_i, closures kept, orthonormal
+a step of length τ, implicit in springs and dampers: X_τ F + a_τ is the acceleration by then, but
+for what Coriolis forces change as v does, and for what X does on the way. Both are found in the
+directions of X alone: with rows ζ_i = n_iᵀ J D⁻¹ / s_i, closures kept, which are orthonormal
 in the mass metric, and B = 1 + ζ (τ C + τ² K) ζᵀ, which is never smaller than 1,
 
     X_τ = Z B⁻¹ Zᵀ,  a_τ = a_0(q', v) - Z B⁻¹ ζ (τ C + τ² K) v̇_0(q', v)
