@@ -14,9 +14,11 @@ from hapticmech_ros.control import (
     DeviceMeasurement,
     Engagement,
     PointMeasurement,
+    RenderingModel,
     control_for,
 )
 from hapticmech_ros.control.energy_ledger import LedgerEntry
+from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.passivity import PassivityController
 from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.control.rendering_model import rendering_model
@@ -47,6 +49,7 @@ class Sample:
         analysis: Λ_h⁻¹ and what follows.
         count: joint constraints reported.
         output: the controllers' wrenches computed from these measurements.
+        model: what of the analysis they were computed with: X and a_0 as late as the loop is.
     """
 
     time: float
@@ -59,6 +62,7 @@ class Sample:
     analysis: OperationalAnalysis
     count: int
     output: ControlOutput
+    model: RenderingModel
 
 
 class Session:
@@ -77,7 +81,8 @@ class Session:
         self.scene = scene
         self.simulator = Simulator(scene)
         self.period = self.simulator.period
-        self._analyser = Analyser(self.simulator.mechanism, point)
+        self._lateness = loop_lateness(scene, command_delay)
+        self._analyser = Analyser(self.simulator.mechanism, point, self._lateness)
         self._index = self._analyser.index
         self._points = len(self.simulator.mechanism.point_names)
         self._control = control_for(scene)
@@ -143,7 +148,8 @@ class Session:
         contact = touching_wrench(terms, analysis, mechanism.touching, self._index)
         measured = DeviceMeasurement(device.measured_pose, device.measured_twist, held)
         self._tie(time, measured, point)
-        model = rendering_model(analysis)
+        late = self._analyser.late(terms, mechanism.q, mechanism.v, mechanism.active, analysis)
+        model = rendering_model(analysis, late)
         seen = PointMeasurement(point.pose, point.twist, external + contact)
         numbers = np.concatenate((device.published[:13], held))
         added = self._device.compensation(device)
@@ -161,6 +167,7 @@ class Session:
             analysis,
             self._count.count,
             output,
+            model,
         )
         self._sent = output.device
         wrenches = np.zeros((self._points, 6))
@@ -194,7 +201,7 @@ class Session:
         """
         point = grasped(self.simulator.scene, self._analyser.point.name, frame, origin)
         self.simulator.grasp(point)
-        self._analyser = Analyser(self.simulator.mechanism, point.name)
+        self._analyser = Analyser(self.simulator.mechanism, point.name, self._lateness)
         self._loop.side.held_elsewhere()
         self._carried = self._sent
         self._count = None

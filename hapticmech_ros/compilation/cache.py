@@ -49,6 +49,8 @@ _SOURCES = (
     "saturation_kernels.py",
     "operational/kernels.py",
     "operational/point_kernels.py",
+    "operational/foresee_kernels.py",
+    "operational/late_kernels.py",
     "rotation_kernels.py",
     "device/grip.py",
     "device/hand_kernels.py",

@@ -78,6 +78,19 @@ class JointElement:
                 damping += limits.damping * min(deepest / limits.depth, 1.0)
         return stiffness, damping
 
+    def tangents(self, q: float, v: float) -> tuple[float, float]:
+        """Return -∂/∂q of the elastic and -∂/∂v of the whole force; of stops where they push."""
+        joint = self.joint
+        steep = 1.0 - math.tanh(v / joint.friction_speed) ** 2
+        stiffness, damping = joint.stiffness, steep * joint.friction / joint.friction_speed
+        for limits, contact in self._contacts(q, v):
+            soft = limits.damping * min(contact.depth / limits.depth, 1.0)
+            pushes = limits.stiffness * contact.depth + soft * contact.speed > 0.0
+            if contact.depth > 0.0 and pushes:
+                stiffness += limits.stiffness
+                damping += soft
+        return stiffness, damping
+
     def energy(self, q: float) -> float:
         """Return the elastic energy, J, of spring and stops."""
         energy = 0.5 * self.joint.stiffness * (q - self.joint.rest) ** 2
@@ -168,6 +181,25 @@ class Elements:
         for element in self.joints:
             at = element.rate
             slopes = element.slopes(float(q[element.position]), float(v[at]), horizon)
+            stiffness[at, at] += slopes[0]
+            damping[at, at] += slopes[1]
+        for spring in self.springs:
+            _, gradient = self.stretch(model, data, spring)
+            square = np.outer(gradient, gradient)
+            stiffness += spring.stiffness * square
+            damping += spring.damping * square
+        return stiffness, damping
+
+    def tangents(self, model: pin.Model, data: pin.Data, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return K and C (nv, nv): what all forces lose per change of position, and of rate.
+
+        As :meth:`slopes`, but of what pushes now, and with friction's own slope instead of its
+        secant. Lines of springs are taken as fixed. ``data`` as in :meth:`forces`.
+        """
+        stiffness, damping = np.zeros((v.size, v.size)), np.diag(self.damping)
+        for element in self.joints:
+            at = element.rate
+            slopes = element.tangents(float(q[element.position]), float(v[at]))
             stiffness[at, at] += slopes[0]
             damping[at, at] += slopes[1]
         for spring in self.springs:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from std_msgs.msg import Float64MultiArray, UInt8
 
+from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.mechanism import build
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
 from hapticmech_ros.mechanism.model import Array
@@ -44,7 +45,9 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
     def __init__(self, node: Host, parameters: AnalyserParameters) -> None:
         super().__init__(node, parameters)
         self._mechanism = build(self.scene)
-        self._analyser = Analyser(self._mechanism, self.point)
+        # Of the loop: a command computed from a state acts a period later.
+        self._lateness = loop_lateness(self.scene)
+        self._analyser = Analyser(self._mechanism, self.point, self._lateness)
         self._layout = StateLayout(self._mechanism)
         self._count: CountState | None = None
         self._last_ns = 0
@@ -101,7 +104,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
     def _follow(self, grasp: Array) -> None:
         """Analyse the point where the mechanism says that it is from now on."""
         self._mechanism.grasp(grasp_of(self._mechanism.scene, self.point, grasp))
-        self._analyser = Analyser(self._mechanism, self.point)
+        self._analyser = Analyser(self._mechanism, self.point, self._lateness)
         self._rendering = RenderingWriter(self._analyser)
         self._grasp = grasp.tobytes()
         self._count = None

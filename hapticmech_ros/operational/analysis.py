@@ -17,6 +17,7 @@ from hapticmech_ros.operational.inverse_inertia import (
     inverse_inertia,
     root,
 )
+from hapticmech_ros.operational.late_answer import LateAnswer, late_answer
 from hapticmech_ros.operational.metric import TaskMetric
 from hapticmech_ros.operational.projector import balanced_share, constraint_projector, rigidity
 from hapticmech_ros.operational.spectrum import Spectrum, spectrum
@@ -62,10 +63,20 @@ class OperationalAnalysis:
 
 
 class Analyser:
-    """Analyses one operational point of a mechanism."""
+    """Analyses one operational point of a mechanism.
 
-    def __init__(self, mechanism: Mechanism, point: str = "") -> None:
+    Args:
+        mechanism: whose.
+        point: operational point; the first one if empty.
+        lateness: τ, s, of the loop that :meth:`late` and :meth:`see` answer for; 0 for none.
+
+    Raises:
+        InvalidInputError: unknown point.
+    """
+
+    def __init__(self, mechanism: Mechanism, point: str = "", lateness: float = 0.0) -> None:
         scene = mechanism.scene
+        self.lateness = lateness
         self.mechanism = mechanism
         self.point = scene.operational_point(point)
         self.index = mechanism.point_index(point)
@@ -94,6 +105,29 @@ class Analyser:
             rows=self.rows,
         )
 
+    def late(
+        self, terms: Evaluation, q: Array, v: Array, active: Active, found: OperationalAnalysis
+    ) -> LateAnswer:
+        """Return X and a_0 as a loop late by τ needs them; see :mod:`.late_answer`.
+
+        Args:
+            terms: of Eq. 1 at the state.
+            q: (nq,) configuration.
+            v: (nv,) rates.
+            active: which closures are closed.
+            found: the analysis there.
+        """
+        free, spectrum = found.free_acceleration, found.spectrum
+        if self.lateness == 0.0:
+            return LateAnswer(found.inverse_inertia, free)
+        if self._compiled is not None and self._compiled.understands(terms):
+            directions = (found.weights, spectrum.wrenches.ravel(), spectrum.duals.ravel())
+            details = np.concatenate(directions)
+            late = self._compiled.late(terms, q, v, spectrum.s, details, free, self.lateness)
+            return LateAnswer(late[:36].reshape(6, 6), late[36:])
+        place = self.mechanism, terms, q, v, active, self.index, self.rows
+        return late_answer(*place, spectrum, free, self.lateness)
+
     def see(
         self, q: Array, v: Array, active: Active, seen: Array, wrenches: Array | None = None
     ) -> None:
@@ -105,14 +139,14 @@ class Analyser:
             active: which closures are closed.
             seen: (133,) to fill: s (6,), X, P_c and Π (6, 6 each), a_0 (6,), zero in rows that the
                 task space does not have; the point's position (3,), m, quaternion (4,), x, y, z, w,
-                and twist (6,), m/s and rad/s.
+                and twist (6,), m/s and rad/s. X and a_0 are those of :meth:`late`.
             wrenches: (t, t) to fill with the columns n_i, in the order of s; or None.
 
         Raises:
             HapticMechError: D is not positive definite, or an SVD did not converge.
         """
         if self._compiled is not None:
-            self._compiled.see(q, v, active, seen)
+            self._compiled.see(q, v, active, seen, self.lateness)
             if wrenches is not None:
                 wrenches[:] = self._compiled.wrenches
             return
@@ -121,9 +155,10 @@ class Analyser:
         point = terms.points[self.index]
         s = np.zeros(6)
         s[: found.spectrum.s.size] = found.spectrum.s
-        squares = (found.inverse_inertia, found.constraint_projector, found.balanced_share)
+        inverse_inertia, free = self.late(terms, q, v, active, found)
+        squares = (inverse_inertia, found.constraint_projector, found.balanced_share)
         quaternion = quaternion_of(point.pose.rotation)
-        place = (found.free_acceleration, point.pose.translation, quaternion, point.twist)
+        place = (free, point.pose.translation, quaternion, point.twist)
         seen[:] = np.concatenate((s, *(square.ravel() for square in squares), *place))
         if wrenches is not None:
             wrenches[:] = found.spectrum.wrenches

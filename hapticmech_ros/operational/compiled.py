@@ -19,6 +19,7 @@ from hapticmech_ros.mechanism.evaluation import Active, Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.kernels import ANALYSIS_SIZE, analyse_point
+from hapticmech_ros.operational.late_kernels import late_point, see_late
 from hapticmech_ros.operational.metric import TaskMetric
 from hapticmech_ros.operational.point_kernels import NO_SPECTRUM, see_point
 from hapticmech_ros.scene.rendering import Perception
@@ -48,6 +49,7 @@ class CompiledAnalysis:
         t = rows.size
         self._details = np.empty(t * (1 + 2 * t))
         self.wrenches: Array = self._details[t : t * (1 + t)].reshape(t, t)
+        self._ahead = np.empty(0)
         self._position, self._rates = np.empty(mechanism.nq), np.empty(mechanism.nv)
 
     @staticmethod
@@ -83,7 +85,43 @@ class CompiledAnalysis:
             raise _no_spectrum()
         return analysis, details
 
-    def see(self, q: Array, v: Array, active: Active, seen: Array) -> None:
+    def late(
+        self,
+        terms: Evaluation,
+        q: Array,
+        v: Array,
+        s: Array,
+        details: Array,
+        free_acceleration: Array,
+        lateness: float,
+    ) -> Array:
+        """Return X_τ and a_τ, (42,); arguments as of ``late_point``."""
+        bias_force, passive, _, effort, bias, closing, points = terms
+        known, late = cast(CompiledClosing, closing), np.empty(42)
+        late[36:] = free_acceleration
+        self._position[:] = q
+        self._rates[:] = v
+        late_point(
+            *known.chosen.constants,
+            known.packed,
+            self._position,
+            self._rates,
+            bias_force,
+            passive + effort,
+            bias,
+            points[self._index].jacobian,
+            self._index,
+            self._rows,
+            s,
+            details,
+            self._mechanism.length,
+            lateness,
+            self._room(known.chosen),
+            late,
+        )
+        return late
+
+    def see(self, q: Array, v: Array, active: Active, seen: Array, lateness: float = 0.0) -> None:
         """Fill ``seen`` (133,); see :meth:`Analyser.see`."""
         mechanism = self._mechanism
         self._position[:] = q
@@ -91,9 +129,30 @@ class CompiledAnalysis:
         chosen = mechanism.chosen(active)
         code = self._see(chosen, seen)
         if code == UNDECIDED:
-            code = self._see(chosen.dense, seen)
+            chosen = chosen.dense
+            code = self._see(chosen, seen)
         if code:
             raise _no_spectrum() if code == NO_SPECTRUM else failure(code, mechanism.tree)
+        if lateness > 0.0:
+            see_late(
+                *chosen.constants,
+                chosen.scratch,
+                self._position,
+                self._rates,
+                self._index,
+                self._rows,
+                self._details,
+                mechanism.length,
+                lateness,
+                self._room(chosen),
+                seen,
+            )
+
+    def _room(self, chosen: Chosen) -> Array:
+        """Return room for the terms at another configuration."""
+        if self._ahead.size != chosen.size:
+            self._ahead = np.empty(chosen.size)
+        return self._ahead
 
     def _see(self, chosen: Chosen, seen: Array) -> int:
         return see_point(

@@ -177,8 +177,9 @@ RENDERING = Topic(
     "analysis/{point}/rendering",
     ARRAY,
     ANALYSER,
-    "all that the controller needs in one message: stamp, count, s, Λ_h⁻¹, P_c, Π, a_0, pose,"
-    " twist and F_c of the operational point, axes of `world`, at that point; and where it is",
+    "all that the controller needs in one message: stamp, count, s, Λ_h⁻¹ and a_0 as a late loop"
+    " needs them, P_c, Π, pose, twist and F_c of the operational point, axes of `world`, at that"
+    " point; and where it is",
     (CONTROLLER,),
     rate="control",
 )

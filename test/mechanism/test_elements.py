@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hapticmech_ros.mechanism.compiled.element_kernels import element_slopes
+from hapticmech_ros.mechanism.compiled.element_kernels import element_resistance, element_slopes
 from hapticmech_ros.mechanism.compiled.packed import views_of
 from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.mechanism import Mechanism
@@ -149,6 +149,27 @@ def test_damping_is_the_slope_of_the_forces_at_rest(seed, planar):
 
 
 @pytest.mark.parametrize(("seed", "planar"), CASES)
+def test_tangents_are_the_slopes_of_the_forces_in_motion(seed, planar):
+    mechanism, q, v = at_start(sample(seed, planar, slack=True))
+    speed = 0.01 * v
+    # So that placements and Jacobians are those at q.
+    mechanism.slopes(q, speed, 0.0)
+    stiffness, damping = mechanism.elements.tangents(mechanism.model, mechanism.data, q, speed)
+
+    def sped(change):
+        return -passive(mechanism, q, speed + change)
+
+    # As at rest; friction's fifth derivative is largest there.
+    assert relative(columns(sped, v.size, 1e-4), damping) < 1e-8
+
+    def moved(change):
+        return -passive(mechanism, mechanism.integrate(q, change), np.zeros(v.size))
+
+    # Stops' damping is left out of the elastic part by standing still; slack springs only pull.
+    assert relative(columns(moved, v.size, 1e-4), stiffness) < 1e-8
+
+
+@pytest.mark.parametrize(("seed", "planar"), CASES)
 def test_slopes_are_symmetric_and_resist(seed, planar):
     mechanism, q, v = at_start(sample(seed, planar))
     for matrix in mechanism.slopes(q, v, 0.01):
@@ -201,6 +222,12 @@ def test_kernels_do_the_same(seed, planar, away):
         slopes = pair.readable.slopes(pair.q, pair.v, 0.02)
         assert apart(stiffness, slopes[0]) < ROUNDING
         assert apart(damping, slopes[1]) < ROUNDING
+        elements, force = pair.readable.elements, np.full(nv, np.nan)
+        resistance = elements.tangents(pair.readable.model, pair.readable.data, pair.q, pair.v)
+        rates = np.sin(np.arange(nv))
+        element_resistance(tables, space, pair.q, pair.v, rates, 0.3, 0.7, force)
+        met = (0.3 * resistance[0] + 0.7 * resistance[1]) @ rates
+        assert apart(force, met, np.abs(resistance).max()) < ROUNDING
         for one, other in zip(pair.compiled.slopes(pair.q, pair.v, 0.02), slopes, strict=True):
             assert apart(one, other) < ROUNDING
 

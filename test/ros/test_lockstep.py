@@ -110,7 +110,11 @@ def test_a_run_is_the_session_tick_by_tick(runs: dict[str, Path], scene: str) ->
         ([r.point.twist for r in renderings], [s.point.twist for s in samples]),
         (
             [r.model.inverse_inertia for r in renderings],
-            [s.analysis.inverse_inertia for s in samples],
+            [s.model.inverse_inertia for s in samples],
+        ),
+        (
+            [r.model.free_acceleration for r in renderings],
+            [s.model.free_acceleration for s in samples],
         ),
         (_wrenches(bag["/device/servo_cf"]), [output.device for output in outputs]),
         (_wrenches(bag["/mechanism/handle/servo_cf"]), [o.mechanism for o in outputs]),

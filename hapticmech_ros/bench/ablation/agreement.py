@@ -8,8 +8,8 @@ import numpy as np
 
 from hapticmech_ros.bench.ablation.loop import PARTS
 from hapticmech_ros.control import PointMeasurement, control_for
+from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.rendering_loop import RenderingLoop
-from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.device import DeviceState, device_for
 from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.mechanism.evaluation import Evaluation
@@ -65,7 +65,8 @@ class _Readable:
     def __init__(self, scene: Scene, session: Session) -> None:
         self._simulator = Simulator(scene, compiled=False)
         self._kernels = Simulator(scene)
-        self._analyser = Analyser(self._simulator.mechanism)
+        mechanism, lateness = self._simulator.mechanism, loop_lateness(scene)
+        self._analyser = Analyser(mechanism, lateness=lateness)
         self._control = control_for(scene, compiled=False)
         self._device = device_for(scene, compiled=False)
         self._index = self._analyser.index
@@ -83,7 +84,9 @@ class _Readable:
         """Return the relative difference of each part of one tick."""
         terms = self._simulator.evaluate(sample.mechanism)
         analysis = self._analyser.analyse(terms)
-        device, point, model = sample.device, sample.point, rendering_model(sample.analysis)
+        state = sample.mechanism
+        late = self._analyser.late(terms, state.q, state.v, state.active, analysis)
+        device, point, model = sample.device, sample.point, sample.model
         environment = sample.external_wrench + sample.contact_wrench
         seen = PointMeasurement(point.pose, point.twist, environment)
         measured = np.concatenate((device.published[:13], sample.hand_wrench))
@@ -97,7 +100,11 @@ class _Readable:
         held = self._device.step(device, acting.device, self._held, tick)
         return {
             "evaluate": _terms_apart(self._kernels.evaluate(sample.mechanism), terms),
-            "analyse": _analysis_apart(sample.analysis, analysis),
+            "analyse": max(
+                _analysis_apart(sample.analysis, analysis),
+                _apart(model.inverse_inertia, late.inverse_inertia),
+                _apart(model.free_acceleration, late.free_acceleration),
+            ),
             "control": max(
                 _apart(sample.output.device, output.device),
                 _apart(sample.output.mechanism, output.mechanism),

@@ -7,6 +7,7 @@ from time import perf_counter_ns
 import numpy as np
 
 from hapticmech_ros.control import PointMeasurement, control_for
+from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.device import device_for
@@ -31,7 +32,7 @@ class Loop:
 
     def __init__(self, scene: Scene) -> None:
         self.simulator = Simulator(scene)
-        self.analyser = Analyser(self.simulator.mechanism)
+        self.analyser = Analyser(self.simulator.mechanism, lateness=loop_lateness(scene))
         self.control = control_for(scene)
         self.device = device_for(scene)
         self.state = self.simulator.initial_state()
@@ -51,9 +52,10 @@ class Loop:
         terms = self.simulator.evaluate(state)
         evaluated = perf_counter_ns()
         analysis = self.analyser.analyse(terms)
+        late = self.analyser.late(terms, state.q, state.v, state.active, analysis)
         contact = touching_wrench(terms, analysis, state.touching, self._index)
         analysed = perf_counter_ns()
-        point, model = terms.points[self._index], rendering_model(analysis)
+        point, model = terms.points[self._index], rendering_model(analysis, late)
         time = self.ticks * self.simulator.period
         seen = PointMeasurement(point.pose, point.twist, self._nothing + contact)
         sample = device.published[:19]

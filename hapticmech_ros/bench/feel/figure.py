@@ -13,8 +13,9 @@ from hapticmech_ros.experiment.figure_style import BLUE, GREY, ORANGE, dress, ne
 CAPTION = (
     "Felt over desired impedance along each free direction of each scene, at the smallest delay. "
     "Blue: the device corrects commands by what the hand has done since. Orange: it does not. "
-    "Dotted: 3 dB."
+    "Lines: measured. Circles: predicted by the model. Dotted: 3 dB."
 )
+CIRCLES = {"marker": "o", "markersize": 4.0, "fillstyle": "none", "linestyle": "none"}
 
 
 def draw(rows: Sequence[Row], path: Path) -> Path:
@@ -26,12 +27,13 @@ def draw(rows: Sequence[Row], path: Path) -> Path:
         if row.delay != least:
             continue
         colour = BLUE if row.loop == "device" else ORANGE
-        ratio = row.felt.ratio
-        for axes, values in (
-            (sizes, 20.0 * np.log10(np.abs(ratio))),
-            (phases, np.rad2deg(np.angle(ratio))),
-        ):
-            axes.semilogx(row.felt.frequencies, values, color=colour, linewidth=1.0, alpha=0.8)
+        ways = (row.felt.ratio, {"linewidth": 1.0}), (row.felt.predicted, CIRCLES)
+        for ratio, style in ways:
+            for axes, values in (
+                (sizes, 20.0 * np.log10(np.abs(ratio))),
+                (phases, np.rad2deg(np.angle(ratio))),
+            ):
+                axes.semilogx(row.felt.frequencies, values, color=colour, alpha=0.7, **style)
     for level in (-3.0, 3.0):
         sizes.axhline(level, color=GREY, linestyle=":", linewidth=1.0)
     dress(sizes, "frequency (Hz)", "size (dB)")

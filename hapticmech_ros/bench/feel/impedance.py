@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.control.felt_model import felt_model
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
@@ -36,16 +37,29 @@ class Felt:
         mass: that X promises there, kg for a push by a force: 1 / (dᵀ X d).
         frequencies: (k,) Hz.
         ratio: (k,) complex, felt over desired impedance: 1 is right, larger is heavier.
+        predicted: (k,) the same by the model of control/felt_model.py, pushed as the session is.
+        steady: (k,) what the model says is left once all that the push began with has died away.
     """
 
     direction: Array
     mass: float
     frequencies: Array
     ratio: Array
+    predicted: Array
+    steady: Array
 
     def error(self, frequency: float) -> float:
         """Return the largest |ratio - 1| up to a frequency, Hz."""
         return float(np.abs(self.ratio - 1.0)[self.frequencies <= frequency].max())
+
+    def steady_error(self, frequency: float) -> float:
+        """Return the largest |steady - 1| up to a frequency, Hz."""
+        return float(np.abs(self.steady - 1.0)[self.frequencies <= frequency].max())
+
+    def model_error(self, frequency: float) -> float:
+        """Return the largest |predicted / ratio - 1| up to a frequency, Hz."""
+        off = np.abs(self.predicted / self.ratio - 1.0)
+        return float(off[self.frequencies <= frequency].max())
 
     @property
     def bandwidth(self) -> float:
@@ -74,15 +88,19 @@ def felt(scene: Scene, point: str = "", delay: int = 1) -> list[Felt]:
         rule = f"must divide {WINDOW_S:g} s and be below {0.25 / FREQUENCIES_HZ[-1]:.4f} s"
         raise InvalidInputError("simulation.period", alone.simulation.period, rule)
     analysis = Session(alone, point).tick().analysis
-    calm = _device(alone, point, delay, None), _mechanism(alone, point, None)
+    calm = _device(alone, point, delay, None), _mechanism(alone, point, delay, None)
+    model, frequencies = felt_model(alone, point, delay), np.array(FREQUENCIES_HZ, dtype=float)
     found = []
     for direction in free_directions(analysis):
         push = _push(alone.simulation.period)[:, None] * direction
         device = (_device(alone, point, delay, push) - calm[0]) @ direction
-        desired = (_mechanism(alone, point, push) - calm[1]) @ direction
+        desired = (_mechanism(alone, point, delay, push) - calm[1]) @ direction
         ratio = _lines(desired, samples) / _lines(device, samples)
+        alike = (one.run(push) @ direction for one in (model.mechanism, model))
+        predicted = np.divide(*(_lines(one, samples) for one in alike))
+        steady = model.ratio(direction, frequencies)
         mass = 1.0 / float(direction @ analysis.inverse_inertia @ direction)
-        found.append(Felt(direction, mass, np.array(FREQUENCIES_HZ, dtype=float), ratio))
+        found.append(Felt(direction, mass, frequencies, ratio, predicted, steady))
     return found
 
 
@@ -116,8 +134,10 @@ def _push(period: float) -> Array:
 
 
 def _device(scene: Scene, point: str, delay: int, push: Array | None) -> Array:
-    """Return twists (n, 6) of the device in a session."""
+    """Return twists (n, 6) of the device in a session, once its first command has arrived."""
     session = Session(scene, point, delay)
+    for _ in range(delay):
+        session.tick()
     count = round((SETTLING_S + WINDOW_S) / session.period)
     twists = np.empty((count, 6))
     for index in range(count):
@@ -126,14 +146,16 @@ def _device(scene: Scene, point: str, delay: int, push: Array | None) -> Array:
     return twists
 
 
-def _mechanism(scene: Scene, point: str, push: Array | None) -> Array:
-    """Return twists (n, 6) of the operational point of the mechanism alone."""
+def _mechanism(scene: Scene, point: str, delay: int, push: Array | None) -> Array:
+    """Return twists (n, 6) of the operational point of the mechanism alone, from the same time."""
     simulator = Simulator(scene)
     index = simulator.mechanism.point_index(point)
     state = simulator.initial_state()
     count = round((SETTLING_S + WINDOW_S) / simulator.period)
     twists = np.empty((count, 6))
     wrenches = np.zeros((len(simulator.mechanism.point_names), 6))
+    for _ in range(delay):
+        state = simulator.step(state, wrenches)
     for tick in range(count):
         twists[tick] = simulator.evaluate(state).points[index].twist
         if push is not None:

@@ -35,7 +35,13 @@ class Row:
             "frequencies_hz": found.frequencies.tolist(),
             "ratio_real": found.ratio.real.tolist(),
             "ratio_imaginary": found.ratio.imag.tolist(),
+            "predicted_real": found.predicted.real.tolist(),
+            "predicted_imaginary": found.predicted.imag.tolist(),
+            "steady_real": found.steady.real.tolist(),
+            "steady_imaginary": found.steady.imag.tolist(),
             "error_to_10_hz": found.error(10.0),
             "error_to_30_hz": found.error(30.0),
+            "steady_error_to_10_hz": found.steady_error(10.0),
+            "model_error_to_30_hz": found.model_error(30.0),
             "bandwidth_hz": found.bandwidth,
         }

@@ -91,6 +91,50 @@ def element_slopes(
 
 
 @inner
+def element_resistance(
+    tables: Tables,
+    space: Packed,
+    q: Array,
+    v: Array,
+    rates: Array,
+    stiff: float,
+    damped: float,
+    force: Array,
+) -> None:
+    """Fill ``force`` (nv,) with (stiff K + damped C) rates; see ``Elements.tangents``.
+
+    In time proportional to nv: no matrix is filled.
+    """
+    for c in range(tables.nv):
+        force[c] = damped * tables.damping[c] * rates[c]
+    for row in range(tables.elements.shape[0]):
+        rate, values = tables.elements[row, 0], tables.element_values[row]
+        position = q[tables.elements[row, 1]]
+        steep = 1.0 - math.tanh(v[rate] / values[FRICTION_SPEED]) ** 2
+        stiffness = values[STIFFNESS]
+        damping = steep * values[FRICTION] / values[FRICTION_SPEED]
+        for side in range(2):
+            entered, speed = _contact(values, side, position, v[rate])
+            if entered > 0.0:
+                soft = values[STOP_DAMPING] * min(entered / values[DEPTH], 1.0)
+                if values[STOP] * entered + soft * speed > 0.0:
+                    stiffness += values[STOP]
+                    damping += soft
+        force[rate] += (stiff * stiffness + damped * damping) * rates[rate]
+    if tables.springs.shape[0] == 0:
+        return
+    pair = tables.handful[0]
+    joints, axes = tables.joints, space.joint_jacobian
+    for row in range(tables.springs.shape[0]):
+        values = tables.spring_values[row]
+        _stretch(tables, space, row, pair)
+        a, b = tables.carriers[tables.springs[row, 0]], tables.carriers[tables.springs[row, 1]]
+        gain = stiff * values[PULL] + damped * values[PULL_DAMPING]
+        gain *= pair_power(joints, axes, a, b, pair, rates)
+        add_pair(joints, axes, a, b, pair, gain, force)
+
+
+@inner
 def _joint_forces(values: Array, position: float, rate: float) -> tuple[float, float]:
     """Return elastic and dissipative force of a joint's spring, friction and stops."""
     elastic = values[STIFFNESS] * (values[REST] - position)

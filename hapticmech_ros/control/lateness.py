@@ -1,0 +1,30 @@
+"""How late a loop is with what a mechanism does by itself: the τ of ``operational/late_answer``.
+
+A command computed from a state acts d periods later, on average half a period longer for being
+held. Where the device closes the force channel, the mechanism's state is d periods late besides: it
+learns of F_h that much later than the device. A controller that closes it tells both at once. A
+connection between device and controller makes both ways longer.
+"""
+
+from __future__ import annotations
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene.document import Scene
+
+
+def loop_lateness(scene: Scene, delay: int = 1) -> float:
+    """Return τ in s: 2 t_c + (2 d + ½) T with the force channel closed in the device, else half.
+
+    Closed in the controller it is t_c + (d + ½) T, t_c the connection's delay.
+
+    Args:
+        scene: its period, and what closes the force channel.
+        delay: whole periods d from measuring to acting.
+
+    Raises:
+        InvalidInputError: a negative delay.
+    """
+    if delay < 0:
+        raise InvalidInputError("delay", delay, "must be 0 or more periods")
+    times = 2 if scene.controller.force_channel.local else 1
+    return times * scene.connection.delay + (times * delay + 0.5) * scene.simulation.period

@@ -1,0 +1,173 @@
+"""A mechanism as its operational point shows it for small motions: x⁺ = A x + B F, y = C x.
+
+x holds θ and v in coordinates that the closures leave free and that are orthonormal in the mass
+metric: q = q_0 ⊕ L⁻ᵀ N θ, v = v_0 + L⁻ᵀ N v', N an orthonormal complement of range(L⁻¹Wᵀ). A and B
+are central differences of the simulator's own step, so they have its integrator's errors; C those
+of kinematics and analysis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.mechanism import MechanismState, Simulator
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.operational.analysis import Analyser, OperationalAnalysis
+from hapticmech_ros.operational.late_answer import LateAnswer
+
+# Of a difference, in √kg m and √kg m/s, and N and N m. Errors are about 1e-9 of it where nothing
+# but rounding counts, and its square where something bends.
+CHANGE = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class LinearSystem:
+    """A wrench in, a twist out: x⁺ = A x + B F, V = C x, once a period.
+
+    Attributes:
+        period: s.
+        step: (n, n) A.
+        push: (n, 6) B, of F held over the period, N and N m, world axes.
+        twist: (6, n) C, of V at the period's start, m/s and rad/s.
+    """
+
+    period: float
+    step: Array
+    push: Array
+    twist: Array
+
+    def admittance(self, frequencies: Array) -> Array:
+        """Return C (z - A)⁻¹ B at z = exp(i ω T), (k, 6, 6) complex, at frequencies (k,) in Hz."""
+        turns = np.exp(2j * np.pi * self.period * np.asarray(frequencies, dtype=float))
+        one = np.eye(len(self.step))
+        answers = [np.linalg.solve(z * one - self.step, self.push) for z in turns]
+        return np.array([self.twist @ answer for answer in answers])
+
+    def run(self, pushes: Array) -> Array:
+        """Return twists (k, 6) from rest under wrenches (k, 6), one a period."""
+        driven = np.asarray(pushes, dtype=float) @ self.push.T
+        states = np.zeros((len(driven), len(self.step)))
+        for index in range(len(driven) - 1):
+            states[index + 1] = self.step @ states[index] + driven[index]
+        return np.asarray(states @ self.twist.T)
+
+    @property
+    def growth(self) -> float:
+        """Largest eigenvalue's size of A; above 1 it is unstable."""
+        return float(np.abs(np.linalg.eigvals(self.step)).max())
+
+
+@dataclass(frozen=True, slots=True)
+class LinearPoint(LinearSystem):
+    """What one period makes of a mechanism's small deviations: n/2 positions, then velocities.
+
+    Attributes:
+        pose: (6, n) of the point, deviation in m and rad, world axes, per deviation.
+        acceleration: (6, n) of the point's free acceleration, m/s² and rad/s²: of a_0, or of a_τ
+            for a loop late by τ.
+        analysis: of the point where the mechanism is linearised.
+        late: X and a_0 there as such a loop needs them.
+    """
+
+    pose: Array
+    acceleration: Array
+    analysis: OperationalAnalysis
+    late: LateAnswer
+
+
+def linear_point(
+    simulator: Simulator, state: MechanismState, point: str = "", lateness: float = 0.0
+) -> LinearPoint:
+    """Return the linear model of a mechanism at a state.
+
+    A state at rest that stays so is what it is meant for; of another one it is the tangent there.
+
+    Args:
+        simulator: of the mechanism.
+        state: where; loops may be closed.
+        point: operational point; the first one if empty.
+        lateness: τ, s, of the loop that free accelerations are for; 0 for none.
+
+    Raises:
+        InvalidInputError: unknown point.
+        ClosureError: a closed loop came apart.
+    """
+    return _Differences(simulator, state, point, lateness).found()
+
+
+class _Differences:
+    def __init__(
+        self, simulator: Simulator, state: MechanismState, point: str, lateness: float
+    ) -> None:
+        self._simulator, self._state = simulator, state
+        self._mechanism = simulator.mechanism
+        self._analyser = Analyser(self._mechanism, point, lateness)
+        terms = simulator.evaluate(state)
+        self._pose = terms.points[self._analyser.index].pose
+        self._analysis = self._analyser.analyse(terms)
+        self._late = self._analyser.late(terms, state.q, state.v, state.active, self._analysis)
+        space = terms.space
+        self._factor = space.factor
+        nv = self._mechanism.nv
+        basis = np.hstack((space.basis, np.eye(nv)))
+        self._free = np.linalg.qr(basis)[0][:, space.rank : nv]
+        self._rates = np.linalg.solve(self._factor.T, self._free)
+        self._wrenches = np.zeros((len(self._mechanism.point_names), 6))
+
+    def found(self) -> LinearPoint:
+        """Return the model."""
+        size, calm = 2 * self._free.shape[1], np.zeros(6)
+        stepped = self._columns(size, lambda x: self._stepped(self._moved(x), calm))
+        pushed = self._columns(6, lambda wrench: self._stepped(self._state, wrench))
+        shown = self._columns(size, lambda x: self._shown(self._moved(x)))
+        rows = shown.reshape(3, 6, size)
+        return LinearPoint(
+            period=self._simulator.period,
+            step=stepped,
+            push=pushed,
+            twist=rows[1],
+            pose=rows[0],
+            acceleration=rows[2],
+            analysis=self._analysis,
+            late=self._late,
+        )
+
+    @staticmethod
+    def _columns(size: int, function: Callable[[Array], Array]) -> Array:
+        """Return the derivative of a function of ``size`` numbers, where they are 0."""
+        changes = CHANGE * np.eye(size)
+        columns = [(function(one) - function(-one)) / (2.0 * CHANGE) for one in changes]
+        return np.array(columns).T
+
+    def _moved(self, x: Array) -> MechanismState:
+        """Return the state with these coordinates, its closures met."""
+        mechanism, state = self._mechanism, self._state
+        theta, speed = np.split(x, 2)
+        q = mechanism.integrate(state.q, self._rates @ theta)
+        v = state.v + self._rates @ speed
+        q, v, error, _ = project(mechanism, q, v, state.active)
+        return replace(state, q=q, v=v, closure_error=error)
+
+    def _stepped(self, state: MechanismState, wrench: Array) -> Array:
+        """Return the coordinates a period later."""
+        wrenches = self._wrenches.copy()
+        wrenches[self._analyser.index] = wrench
+        after, start = self._simulator.step(state, wrenches), self._state
+        moved = pin.difference(self._mechanism.model, start.q, after.q)
+        both = np.column_stack((moved, after.v - start.v))
+        return np.asarray((self._free.T @ self._factor.T @ both).T.ravel())
+
+    def _shown(self, state: MechanismState) -> Array:
+        """Return deviation of the pose, twist and free acceleration of the point, (18,)."""
+        terms = self._simulator.evaluate(state)
+        seen = terms.points[self._analyser.index]
+        found = self._analyser.analyse(terms)
+        late = self._analyser.late(terms, state.q, state.v, state.active, found)
+        turned = pin.log3(seen.pose.rotation @ self._pose.rotation.T)
+        away = seen.pose.translation - self._pose.translation
+        return np.concatenate((away, turned, seen.twist, late.free_acceleration))

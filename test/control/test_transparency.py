@@ -1,0 +1,122 @@
+"""The transparency oracle on the sampled, delayed loop: exact as the period goes to zero.
+
+A device and a mechanism of the same Λ, C2 = C3 = 1 and C_m = C_s: then (sΛ + C_m + C_s)(V_h - V_e)
+is 0 and sΛ (V_h + V_e)/2 is F_h - F_e, so drift decays as a damped oscillation and the hand feels Λ
+and what pushes on the mechanism. That is the loop without delay; a session has one of a period, and
+holds. Both are first order in the period, and so is what is left.
+"""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros.bench.ablation.loop import Loop
+from hapticmech_ros.scene import scene_from_document
+from hapticmech_ros.session import Session
+
+MASS, STIFFNESS, DAMPING = 0.5, 100.0, 4.0
+# Of a wall that holds the mechanism from outside, N/m and N s/m.
+WALL = (100.0, 5.0)
+PERIODS = (4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4)
+FREQUENCIES_HZ = np.array([1.0, 2.0, 5.0, 10.0, 30.0])
+# So that motions die away by exp(-10) that the push began with: they decay by 5 per s at least.
+SETTLING_S, WINDOW_S = 2.0, 1.0
+# The first order's share of an error is 1 less about half of what the loop's 2.5 periods turn a
+# wave by, which takes 0.15 off the order up to 10 Hz at 4 ms and, at 30 Hz, from 0.5 ms on.
+ORDER, TOLERANCE = 1.0, 0.15
+
+
+def block(period):
+    """Return a block on a rail, held by a device as heavy as itself."""
+    matter = {"ixx": 1e-3, "iyy": 1e-3, "izz": 1e-3}
+    rail = {"name": "rail", "type": "prismatic", "axis": [1, 0, 0]}
+    channel = {"stiffness": STIFFNESS, "damping": DAMPING}
+    return scene_from_document(
+        {
+            "format": "hapticmech-scene/1",
+            "name": "block",
+            "task_space": "planar",
+            "gravity": [0, 0, 0],
+            "links": [
+                {
+                    "name": "block",
+                    "parent": "world",
+                    "joint": rail,
+                    "inertial": {"mass": MASS, "inertia": matter},
+                }
+            ],
+            "operational_points": [{"name": "grip", "link": "block"}],
+            "simulation": {"period": period, "integrator": "rk4"},
+            "device": {"mass": MASS, "inertia": 1e-3},
+            "controller": {"engagement_ramp": 0.0, "position_channel": channel},
+            "hand": {"kind": "constant_wrench"},
+        }
+    )
+
+
+def along_x(value):
+    return np.array([value, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def lines(values, period):
+    """Return complex amplitudes over the last second, without what drifts."""
+    last = values[-round(WINDOW_S / period) :]
+    turns = 2.0 * np.pi * period * np.arange(last.size)
+    columns = [np.ones(last.size), turns]
+    for frequency in FREQUENCIES_HZ:
+        columns += [np.cos(frequency * turns), np.sin(frequency * turns)]
+    fit = np.linalg.lstsq(np.array(columns).T, last, rcond=None)[0][2:].reshape(-1, 2)
+    return fit[:, 0] - 1j * fit[:, 1]
+
+
+def felt(period, wall):
+    """Return felt impedance: the hand's push over the mean velocity while it is held."""
+    session = Session(block(period))
+    time = period * np.arange(round((SETTLING_S + WINDOW_S) / period))
+    push = np.zeros(time.size)
+    for index, frequency in enumerate(FREQUENCIES_HZ):
+        push += 0.02 * frequency * np.cos(2.0 * np.pi * frequency * time - 0.7 * index)
+    # Nothing is pushed before the first command has arrived; until then all is at rest.
+    sample = session.tick()
+    start, places, wrench = sample.point.pose.translation[0], [], 0.0
+    for value in (*push, 0.0):
+        sample = session.tick(along_x(wrench), along_x(value))
+        places.append(sample.device.pose.translation[0])
+        # The point of this sample, and its velocity: the wall pushes on it from the next one on.
+        away, speed = sample.point.pose.translation[0] - start, sample.point.twist[0]
+        wrench = -wall[0] * away - wall[1] * speed
+    return lines(push, period) / lines(np.diff(places) / period, period)
+
+
+@pytest.mark.parametrize("wall", [(0.0, 0.0), WALL])
+def test_the_felt_impedance_converges_to_the_mass_and_what_pushes_on_it(wall):
+    s = 2j * np.pi * FREQUENCIES_HZ
+    desired = MASS * s + wall[1] + wall[0] / s
+    errors = np.array([np.abs(felt(period, wall) / desired - 1.0) for period in PERIODS])
+    orders = np.log2(errors[:-1] / errors[1:])
+    assert orders[:, :4] == pytest.approx(ORDER, abs=TOLERANCE)
+    assert orders[-1, 4] == pytest.approx(ORDER, abs=TOLERANCE)
+    assert errors[-1, 4] < 0.01
+
+
+def test_drift_decays_as_the_loops_own_oscillation():
+    drift, until = 0.005, 0.4
+    # ë + 2 b/m ė + 2 k/m e = 0
+    rate, square = DAMPING / MASS, 2.0 * STIFFNESS / MASS
+    turn = np.sqrt(square - rate**2)
+    errors = []
+    for period in PERIODS:
+        loop, found, taken = Loop(block(period)), [], np.zeros(5)
+        start = loop.device_state.pose
+        away = np.array([drift, 0.0, 0.0])
+        loop.device_state = loop.device.at_rest(pin.SE3(start.rotation, start.translation + away))
+        for _ in range(round(until / period)):
+            point = loop.simulator.evaluate(loop.state).points[0].pose
+            found.append(loop.device_state.pose.translation[0] - point.translation[0])
+            loop.tick(taken)
+        time = period * np.arange(len(found))
+        wave = np.cos(turn * time) + rate / turn * np.sin(turn * time)
+        exact = drift * np.exp(-rate * time) * wave
+        errors.append(np.abs(np.array(found) - exact).max() / drift)
+    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(ORDER, abs=TOLERANCE)
+    assert errors[-1] < 0.005

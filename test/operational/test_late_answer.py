@@ -1,0 +1,185 @@
+"""X and a_0 for a late loop: what the mechanism will do by then, and never more than X."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.mechanism import Simulator
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from oracles.generator import closed_chain, random_mechanism
+from oracles.implementations import apart, condition, falling, pair_of, sample_pair
+from oracles.running import with_start
+
+# As in test_seeing_a_point: sums in another order, and what conditions take.
+ROUNDING = 1e-12
+LATENESS = 0.0025
+
+
+def resisting(seed, planar):
+    """Return a sample with springs, friction and dampers wherever they can be."""
+    base = random_mechanism(seed, planar, duplicated=seed % 3 == 0)
+    document = copy.deepcopy(base.document)
+    for link in document["links"]:
+        if link["joint"]["type"] in ("revolute", "prismatic"):
+            link["joint"] |= {"stiffness": 3.0, "friction": 1.0, "damping": 0.4}
+    ends = {"a": {"link": "link4"}, "b": {"link": "world"}}
+    document["springs"] = [{"name": "s", "stiffness": 5.0, "damping": 1.0} | ends]
+    return pair_of(scene_from_document(with_start(document, base.q, base.v)))
+
+
+def pairs():
+    for name in shipped_scenes():
+        yield from (pair_of(load_scene(name), seed, 0.2 * seed) for seed in range(3))
+    for seed in range(8):
+        yield resisting(seed, seed % 2 == 0)
+        yield sample_pair(closed_chain(seed, ("spherical", "revolute", "weld")[seed % 3]))
+
+
+def rates(pair, active):
+    """Return rates that keep the loops closed: only then is it known where they will be."""
+    return pair.readable.evaluate(pair.q, pair.v, active).space.closed_rates(pair.v)
+
+
+def late(mechanism, pair, active, lateness=LATENESS, name=""):
+    """Return terms, analysis and late answer of one implementation."""
+    analyser, v = Analyser(mechanism, name, lateness), rates(pair, active)
+    terms = mechanism.evaluate(pair.q, v, active)
+    found = analyser.analyse(terms)
+    return terms, found, analyser.late(terms, pair.q, v, active, found)
+
+
+@pytest.mark.parametrize("pair", list(pairs()))
+def test_both_implementations_answer_the_same(pair):
+    for active in pair.sets:
+        for name in pair.readable.point_names:
+            terms, found, expected = late(pair.readable, pair, active, name=name)
+            _, _, answer = late(pair.compiled, pair, active, name=name)
+            bound = ROUNDING * condition(terms.space)
+            size = np.abs(found.inverse_inertia).max()
+            assert apart(answer.inverse_inertia, expected.inverse_inertia, size) < bound
+            # Where closures leave no way to move, accelerations are rounding themselves.
+            falls = max(falling(terms, pair.readable.point_index(name)), 1e-3)
+            assert apart(answer.free_acceleration, expected.free_acceleration, falls) < bound
+
+
+@pytest.mark.parametrize("pair", list(pairs())[::3])
+def test_in_one_go_or_not_is_the_same_to_the_bit(pair):
+    for active in pair.sets:
+        analyser, seen = Analyser(pair.compiled, "", LATENESS), np.zeros(133)
+        _, _, answer = late(pair.compiled, pair, active)
+        analyser.see(pair.q, rates(pair, active), active, seen)
+        assert (seen[6:42].reshape(6, 6) == answer.inverse_inertia).all()
+        assert (seen[114:120] == answer.free_acceleration).all()
+
+
+@pytest.mark.parametrize("pair", list(pairs())[::2])
+def test_no_gain_is_larger_than_that_of_a_loop_in_time(pair):
+    """X - X_τ and X_τ are positive semi-definite, and X_τ falls as τ grows."""
+    before = None
+    for lateness in (0.0, 1e-3, 1e-2, 1e-1):
+        terms, found, answer = late(pair.readable, pair, pair.readable.initially_active, lateness)
+        size = np.abs(found.inverse_inertia).max()
+        bound = ROUNDING * condition(terms.space) * size
+        assert np.linalg.eigvalsh(answer.inverse_inertia)[0] > -bound
+        if before is not None:
+            assert np.linalg.eigvalsh(before - answer.inverse_inertia)[0] > -bound
+        before = answer.inverse_inertia
+
+
+@pytest.mark.parametrize("name", ["two_link", "ur5e"])
+def test_as_many_joints_as_ways_make_it_the_inertia_with_dampers_on(name):
+    """X_τ is then J (D + τ C)⁻¹ Jᵀ to the last digit, not only to first order."""
+    pair = pair_of(load_scene(name))
+    terms, found, answer = late(pair.readable, pair, (), lateness=0.01)
+    elements = pair.readable.elements
+    _, damping = elements.tangents(pair.readable.model, pair.readable.data, pair.q, pair.v)
+    jacobian = terms.points[0].jacobian
+    expected = jacobian @ np.linalg.solve(terms.inertia + 0.01 * damping, jacobian.T)
+    rows = np.ix_(found.rows, found.rows)
+    bound = ROUNDING * condition(terms.space)
+    assert apart(answer.inverse_inertia[rows], expected[rows]) < bound
+    assert apart(found.inverse_inertia[rows], expected[rows]) > 0.01
+
+
+def resting(name):
+    """Return a scene at rest as it starts: with springs in its joints where it has no weight."""
+    document = load_scene(name).model_dump(mode="json", exclude_none=True)
+    # Ten steps in the shortest time that is looked at.
+    document["simulation"] |= {"period": 5e-5, "integrator": "rk4"}
+    if not any(document["gravity"]):
+        start = document["initial_state"]["q"]
+        for link in document["links"]:
+            joint = link["joint"]
+            if joint["name"] in start:
+                joint |= {"stiffness": 0.5, "rest": start[joint["name"]]}
+    return scene_from_document(document)
+
+
+@pytest.mark.parametrize("name", ["two_link", "spatial_arm", "five_bar", "crane", "door"])
+def test_the_answer_of_now_is_the_acceleration_of_then(name):
+    """Under a wrench that stays, X_τ F + a_τ is V̇ after τ: the error is second order in τ."""
+    simulator, errors = Simulator(resting(name)), []
+    state, point = simulator.initial_state(), simulator.mechanism.scene.operational_points[0].name
+    rng = np.random.default_rng(0)
+    wrench = 1e-5 * rng.normal(size=6) * np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+    rows = Analyser(simulator.mechanism).rows
+    wrench = np.where(np.isin(np.arange(6), rows), wrench, 0.0)
+    held = np.zeros((len(simulator.mechanism.point_names), 6))
+    held[0] = wrench
+    for _ in range(400):
+        # So that it moves, still by so little that nothing bends.
+        state = simulator.step(state, held)
+    first = simulator.evaluate(state)
+    steps, twists = (10, 20, 40), {}
+    for number in range(steps[-1] + 2):
+        twists[number] = simulator.evaluate(state).points[0].twist
+        if number == 0:
+            begun = state
+        state = simulator.step(state, held)
+    for count in steps:
+        lateness = count * simulator.period
+        then = (twists[count + 1] - twists[count - 1]) / (2.0 * simulator.period)
+        analyser = Analyser(simulator.mechanism, point, lateness)
+        answer = analyser.late(first, begun.q, begun.v, begun.active, analyser.analyse(first))
+        now = answer.inverse_inertia @ wrench + answer.free_acceleration
+        errors.append(np.linalg.norm((then - now)[rows]) / np.linalg.norm(then[rows]))
+    assert np.log2(np.divide(errors[1:], errors[:-1])) == pytest.approx(2.0, abs=0.15)
+    # At 0.5 ms.
+    assert errors[0] < 1e-3
+
+
+def test_a_loop_in_time_gets_x_and_a_0_themselves():
+    pair = pair_of(load_scene("spatial_arm"))
+    _, found, answer = late(pair.compiled, pair, (), lateness=0.0)
+    assert answer.inverse_inertia is found.inverse_inertia
+    assert answer.free_acceleration is found.free_acceleration
+
+
+def test_where_closures_will_not_be_known_the_state_is_taken_as_it_is():
+    """Rates that tear a loop open lead where nothing closes: a_τ is then found at q itself."""
+    pair = pair_of(load_scene("five_bar"))
+    active = pair.readable.initially_active
+    torn = pair.v + np.array([2.0, -1.0, 0.5, 3.0])
+    for mechanism in (pair.readable, pair.compiled):
+        analyser = Analyser(mechanism, lateness=LATENESS)
+        terms = mechanism.evaluate(pair.q, torn, active)
+        found = analyser.analyse(terms)
+        answer = analyser.late(terms, pair.q, torn, active, found)
+        own, _ = terms.acceleration(np.zeros(mechanism.nv))
+        elements = pair.readable.elements
+        pair.readable.evaluate(pair.q, torn, active)
+        _, damping = elements.tangents(pair.readable.model, pair.readable.data, pair.q, torn)
+        space, rows = terms.space, np.ix_(found.rows, found.rows)
+        # In as many ways as the loop leaves free, B says it all: (D + τ C) v̇ = -τ C v̇_0.
+        free = np.linalg.qr(np.hstack((space.basis, np.eye(4))))[0][:, space.rank : 4]
+        way = np.linalg.solve(space.factor.T, free)
+        slope = LATENESS * damping
+        change = way @ np.linalg.solve(
+            np.eye(free.shape[1]) + way.T @ slope @ way, way.T @ slope @ own
+        )
+        expected = found.free_acceleration - terms.points[0].jacobian @ change
+        assert apart(answer.free_acceleration, expected) < 1e-10
+        assert apart(answer.inverse_inertia[rows], found.inverse_inertia[rows]) > 1e-3
