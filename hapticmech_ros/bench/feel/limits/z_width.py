@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.bench.feel.stability.frontier import frontier
+from hapticmech_ros.bench.feel.stability.frontier import FINE, frontier
 from hapticmech_ros.bench.feel.stability.law import law_of
 from hapticmech_ros.bench.feel.stability.linear_loop import (
     NOBODY,
@@ -162,7 +162,7 @@ class Wall:
 
         period = self.scene.simulation.period
         guess = damping / (period * (0.5 + delay))
-        return frontier(stable, max(guess, 1.0), SOFTEST, STIFFEST)
+        return frontier(stable, guess, SOFTEST, STIFFEST, FINE)
 
     def most_damping(self, delay: int) -> float:
         """Return B, N s/m, at which a damper alone is unstable: T B / m = 2 sin(π / (4 d + 2)).

@@ -8,14 +8,18 @@ import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
 
-# Relative: finer than gains are ever chosen.
-RESOLUTION = 0.01
+# Relative: of sessions, finer than gains are ever chosen; of eigenvalues.
+RESOLUTION, FINE = 0.01, 1e-4
 
 
 def frontier(
-    stable: Callable[[float], bool], guess: float, least: float, most: float
+    stable: Callable[[float], bool],
+    guess: float,
+    least: float,
+    most: float,
+    resolution: float = RESOLUTION,
 ) -> float | None:
-    """Return the largest value that is stable, to 1 %; None if not even ``least`` is.
+    """Return the largest value that is stable; None if not even ``least`` is.
 
     Looks outward from a guess until one value is stable and another one is not, then between them.
     What it returns does not depend on the guess where there is one frontier only.
@@ -24,6 +28,7 @@ def frontier(
         stable: whether a value is; called with positive values.
         guess: where to look first.
         least, most: where to give up; ``most`` is returned if it is stable itself.
+        resolution: relative, of what is returned.
 
     Raises:
         InvalidInputError: bounds that are not 0 < least < most.
@@ -48,7 +53,7 @@ def frontier(
             if stable(low):
                 break
             high, step = low, step**2
-    while high > (1.0 + RESOLUTION) * low:
+    while high > (1.0 + resolution) * low:
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if stable(middle) else (low, middle)
     return low

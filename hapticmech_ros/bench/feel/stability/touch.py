@@ -5,13 +5,13 @@ subtracted, so that what moves by itself does not count. What is left is watched
 under a window of Hann's shape, so that neither the phase of an oscillation nor where a half begins
 is mistaken for growth:
 
-    stable if  rms of the second half < rms of the first half,  or below the floor
+    stable if  rms of the second half < 0.98 rms of the first half,  or below the floor
 
 A run ends, and is unstable, where something is as large as nothing stable gets: before limits of
 forces hold it, and before the rounding of the run without a touch has grown to the same size.
 
-A linear loop that is stable by as little as 0.2 % of damping per cycle passes, over ten cycles; one
-that diverges, and one that has come to a limit cycle, does not.
+Over ten cycles a linear loop passes that has 0.1 % of critical damping. One that diverges does not,
+nor one that has come to a limit cycle.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ from hapticmech_ros.session import Sample, Session
 Observe = Callable[[Sample], Array]
 # Rounding of a session that is at rest, in m/s or N; far below what anybody feels.
 FLOOR = 1e-9
+# Of the first half, what is left in the second.
+LEFT = 0.98
 # Of what is watched before it is, so that the touch itself has passed.
 PASSED = 0.2
 
@@ -77,7 +79,7 @@ class Touched:
     @property
     def stable(self) -> bool:
         """Whether it dies out."""
-        return self.late < max(self.early, self.floor)
+        return self.late < max(LEFT * self.early, self.floor)
 
 
 def touched(
