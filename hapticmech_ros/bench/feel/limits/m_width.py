@@ -28,6 +28,7 @@ from hapticmech_ros.bench.feel.stability.variations import (
 )
 from hapticmech_ros.control import RenderingModel, control_for
 from hapticmech_ros.control.architecture import device_inertia
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample, Session
@@ -39,6 +40,7 @@ LOST_N = 8.0 * TOUCH_N
 WATCHED_S, SLOW_S = 0.6, 6.0
 # Felt over device inertia; nothing lighter or heavier is looked for.
 LIGHTEST, HEAVIEST = 1e-3, 300.0
+HEAVY = (10.0, 100.0, HEAVIEST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ class MPoint:
         predicted: where the linear copy of the loop has an eigenvalue on the unit circle; None of
             a hand that is not linear.
         rule: m_a / (m_d + 2 m_a), of a hand with mass; None of the scene's.
-        heaviest: that is stable, of those tried: 10, 30, 100, 300 times the device.
+        heaviest: that is stable, of 10, 100 and 300 times the device; 0 if none is.
     """
 
     scene: str
@@ -84,15 +86,19 @@ def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None =
             scene's hand.
 
     Raises:
-        InvalidInputError: a negative share, or a delay below 0.
+        InvalidInputError: a negative share, a delay below 0, or the hand of a scene that holds at no
+            place: what it does not hold, does not come to rest.
     """
+    if share is None and "waypoints" not in type(scene.hand).model_fields:
+        raise InvalidInputError("hand", scene.hand.kind, "must hold the device at a place")
     case = _Case(scene, point, delay, share)
     # Of lightness, 1 / inertia, so that larger is harder.
     guess = 1.0 if share in (None, 0.0) else 1.0 / lightest_mass(1.0, share or 0.0)
     bounds = 1.0 / HEAVIEST, 1.0 / LIGHTEST
     measured = frontier(case.stable, guess, *bounds)
     predicted = frontier(case.foreseen, guess, *bounds, FINE) if case.linear else None
-    heavy = [one for one in (10.0, 30.0, 100.0, 300.0) if case.stable(1.0 / one, SLOW_S)]
+    seconds = SLOW_S if share is None else WATCHED_S
+    heavy = [one for one in HEAVY if case.stable(1.0 / one, seconds)]
     return MPoint(
         scene=scene.name,
         delay=delay,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.bench.feel.stability.directions import directions
 from hapticmech_ros.bench.feel.stability.frontier import FINE, frontier
 from hapticmech_ros.bench.feel.stability.law import law_of
 from hapticmech_ros.bench.feel.stability.linear_loop import (
@@ -33,9 +34,8 @@ from hapticmech_ros.control import control_for
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.session import Sample, Session, rendering_model
+from hapticmech_ros.session import Sample, rendering_model
 
 # Of the damping that is unstable by itself: small to nearly all of it.
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -104,14 +104,10 @@ class Wall:
         device = scene.device.model_copy(update={"substeps": substeps})
         continuous = scene.model_copy(update={"device": device})
         self.scene, self._point = without_channel(at_once(continuous)), point
-        session = Session(held_by_nobody(self.scene), point)
-        self._analysis = session.tick().analysis
-        unit = np.sqrt(Analyser(session.simulator.mechanism, point).metric.mass)
-        held = self._analysis.weights == 1.0
-        if not held.any():
+        found = directions(self.scene, point)
+        self._analysis, self._normals = found.analysis, found.held
+        if not self._normals.size:
             raise InvalidInputError("scene", scene.name, "must have a joint constraint at its start")
-        self._normals = np.zeros((6, int(held.sum())))
-        self._normals[self._analysis.rows] = self._analysis.spectrum.wrenches[:, held] / unit
         mobility = np.linalg.inv(device_inertia(scene.device))
         gain = self._normals.T @ mobility @ self._normals
         sizes, ways = np.linalg.eigh(gain)
