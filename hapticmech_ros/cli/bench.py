@@ -10,6 +10,7 @@ import typer
 from hapticmech_ros.cli.bench_ablation import ablation
 from hapticmech_ros.cli.bench_accuracy import accuracy
 from hapticmech_ros.cli.bench_feel import feel
+from hapticmech_ros.cli.bench_feel_limits import compare, limits
 from hapticmech_ros.cli.bench_memory import memory
 from hapticmech_ros.cli.bench_speed import speed
 from hapticmech_ros.cli.console import OutOption, SceneArgument, console, errors, words
@@ -21,6 +22,8 @@ app = typer.Typer(help="Benchmarks.", no_args_is_help=True)
 app.command()(accuracy)
 app.command()(ablation)
 app.command()(feel)
+app.command("feel-limits")(limits)
+app.command("feel-compare")(compare)
 app.command()(memory)
 app.command()(speed)
 

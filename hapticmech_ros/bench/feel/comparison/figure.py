@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,8 +31,24 @@ CAPTION = (
     "bear with these gains, of up to 50. 'Stiffest' gains leave a margin of 2 at the delay "
     "drawn; unstable is not drawn."
 )
-# Nothing smaller is told apart: 0.1 % and 1 N/m.
-LEAST_ERROR, LEAST_STIFFNESS = 1e-3, 1.0
+# Nothing smaller is told apart: 0.1 % and 1 N/m. Periods are drawn as they are.
+LEAST = (1e-3, 1.0, None)
+FREQUENCY_HZ = 10
+
+
+def _error(row: Column) -> float:
+    return row.errors[FREQUENCIES_HZ.index(FREQUENCY_HZ)]
+
+
+def _stiffness(row: Column) -> float:
+    return np.nan if row.softest_held is None else row.softest_held
+
+
+def _borne(row: Column) -> float:
+    return np.nan if row.largest_delay is None else row.largest_delay
+
+
+VALUES: tuple[Callable[[Column], float], ...] = (_error, _stiffness, _borne)
 
 
 def draw(columns: Sequence[Column], path: Path) -> Path:
@@ -44,12 +60,7 @@ def draw(columns: Sequence[Column], path: Path) -> Path:
     figure = new_figure(13.0, height, CAPTION)
     axes = figure.subplots(1, 3, sharey=not over_delay)
     shown = columns if over_delay else [row for row in columns if row.delay == delays[0]]
-    frequency = FREQUENCIES_HZ.index(10)
-    for panel, least, value in (
-        (axes[0], LEAST_ERROR, lambda row: row.errors[frequency]),
-        (axes[1], LEAST_STIFFNESS, lambda row: row.softest_held or np.nan),
-        (axes[2], None, lambda row: np.nan if row.largest_delay is None else row.largest_delay),
-    ):
+    for panel, least, value in zip(axes, LEAST, VALUES, strict=True):
         for name in COLOURS:
             rows = [row for row in shown if row.variant == name]
             values = [value(row) for row in rows]
@@ -67,8 +78,8 @@ def draw(columns: Sequence[Column], path: Path) -> Path:
         axes[0].set_yticks(range(len(scenes)), scenes)
         axes[0].invert_yaxis()
     handles, names = axes[0].get_legend_handles_labels()
-    style = {"fontsize": SMALL, "ncols": len(names), "frameon": False}
-    figure.legend(handles, names, loc="outside upper left", **style)
+    where = "outside upper left"
+    figure.legend(handles, names, loc=where, fontsize=SMALL, ncols=len(names), frameon=False)
     return save(figure, path)
 
 
@@ -79,5 +90,5 @@ def _dots(axes: Axes, rows: list[int], values: list[float], name: str) -> None:
 
 
 def _line(axes: Axes, delays: list[int], values: list[float], name: str) -> None:
-    style = {"color": COLOURS[name], "marker": MARKS[name], "linewidth": 1.3, "label": name}
-    axes.plot(delays, values, **style)
+    colour, mark = COLOURS[name], MARKS[name]
+    axes.plot(delays, values, color=colour, marker=mark, linewidth=1.3, label=name)

@@ -1,7 +1,7 @@
 """Felt over desired impedance of any way to render, at a few frequencies.
 
-As :mod:`hapticmech_ros.bench.feel.impedance` has it: a small push of several frequencies on the hand
-of a session, and on the mechanism alone; runs without a push are subtracted.
+As :mod:`hapticmech_ros.bench.feel.impedance` has it: a small push of several frequencies on the
+hand of a session, and on the mechanism alone; runs without a push are subtracted.
 """
 
 from __future__ import annotations

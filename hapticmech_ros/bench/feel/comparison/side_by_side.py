@@ -20,7 +20,7 @@ from hapticmech_ros.bench.feel.stability.touch import Setup
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.scene.document import Scene
 
-# N/m: half of what joint constraints have by default. A direction that is felt stiffer counts as one.
+# N/m: half of what joint constraints have by default. What is felt stiffer counts as one.
 RIGID = 1000.0
 
 
@@ -31,7 +31,7 @@ class Column:
     Attributes:
         scene, variant: names.
         delay: periods from measuring to acting.
-        stiffness, damping: of the gains, N/m and N s/m: joint constraint, position channel or proxy.
+        stiffness, damping: of the joint constraint or of the proxy, N/m and N s/m.
         errors: (k,) largest |felt / desired - 1| over the free directions, at each frequency.
         sizes: (k,) |felt / desired| farthest from 1, at each frequency: felt over desired inertia.
         stiffest_free: N/m, felt along free directions under a push of 0.3 s, at most.

@@ -1,8 +1,8 @@
 """What is compared: the architecture, the same without joint constraints, and proxies.
 
 Both the architecture and the proxy come with two pairs of gains, the scene's own joint-constraint
-gains and the stiffest that the loop bears with a gain margin of 2, chosen in the same way: how stiff
-a wall is, is a choice of gains, and no merit of what is compared.
+gains and the stiffest that the loop bears with a gain margin of 2, chosen in the same way: how
+stiff a wall is, is a choice of gains, and no merit of what is compared.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ PROXY, SOFT = "proxy, stiffest", "proxy, as soft"
 # Speed of the device after the touch, m/s of the metric; what dies out stays near it.
 TOUCH_SPEED, LOST_SPEED = 2e-3, 0.04
 WATCHED_S = 1.5
-# Of the touch: what a mechanism that swings by itself leaves between device and point. A loop that is
-# unstable starts from more, and grows.
+# Of the touch: what a mechanism that swings by itself leaves between device and point. A loop that
+# is unstable starts from more, and grows.
 FLOOR_SHARE = 0.05
 # Periods; nothing later is looked for.
 MOST_DELAY = 50
@@ -100,9 +100,7 @@ def _architecture(name: str, scene: Scene, point: str, delay: int) -> Variant:
     model = rendering_model(found.analysis)
     law, joint = law_of(control_for(scene), model), scene.controller.joint_constraint
     holds = joint.stiffness > 0.0 or not found.held.size
-    return Variant(
-        name, Setup(scene, point, delay), law, holds, (joint.stiffness, joint.damping)
-    )
+    return Variant(name, Setup(scene, point, delay), law, holds, (joint.stiffness, joint.damping))
 
 
 def _proxy(name: str, scene: Scene, point: str, delay: int, kappa: float, beta: float) -> Variant:

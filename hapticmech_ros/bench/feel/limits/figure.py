@@ -25,6 +25,7 @@ from hapticmech_ros.experiment.figure_style import (
     new_figure,
     save,
 )
+from hapticmech_ros.mechanism.model import Array
 
 Z_CAPTION = (
     "Stiffest joint constraint that is stable, held by nobody, over its damping. Marks: sessions. "
@@ -53,8 +54,8 @@ def draw_z_width(points: Sequence[ZPoint], path: Path) -> Path:
         tau = latency(group)
         dampings = np.array([one.damping for one in rows])
         scale = np.array([one.mass for one in rows]) / tau
-        for axes, x, y in ((left, 1.0, 1.0), (right, scale, scale / tau)):
-            _walls(axes, rows, dampings / x, y, {"color": colour, "label": label})
+        _walls(left, rows, dampings, np.ones(len(rows)), colour, label)
+        _walls(right, rows, dampings / scale, scale / tau, colour, label)
         rules = [one.rule for one in rows]
         left.plot(dampings, rules, color=colour, linestyle=":", linewidth=1.0)
     ends = np.array([0.0, 1.0])
@@ -66,8 +67,8 @@ def draw_z_width(points: Sequence[ZPoint], path: Path) -> Path:
     dress(left, "damping B (N s/m)", f"stiffness K of {first} (N/m)")
     dress(right, "B τ / m (1)", "K τ² / m (1)")
     handles, names = left.get_legend_handles_labels()
-    style = {"fontsize": SMALL, "frameon": False, "title": "delay, periods"}
-    figure.legend(handles, names, loc="outside right upper", **style)
+    where = "outside right upper"
+    figure.legend(handles, names, loc=where, fontsize=SMALL, frameon=False, title="delay, periods")
     return save(figure, path)
 
 
@@ -77,12 +78,12 @@ def latency(group: tuple[int, float]) -> float:
 
 
 def _walls(
-    axes: Axes, rows: Sequence[ZPoint], x: np.ndarray, unit: object, style: dict[str, object]
+    axes: Axes, rows: Sequence[ZPoint], x: Array, unit: Array, colour: Array, label: str
 ) -> None:
     measured = np.array([np.nan if one.measured is None else one.measured for one in rows])
     predicted = np.array([np.nan if one.predicted is None else one.predicted for one in rows])
-    axes.plot(x, measured / unit, "o", markersize=5, **style)
-    axes.plot(x, predicted / unit, color=style["color"], linewidth=1.2)
+    axes.plot(x, measured / unit, "o", markersize=5, color=colour, label=label)
+    axes.plot(x, predicted / unit, color=colour, linewidth=1.2)
 
 
 def draw_m_width(points: Sequence[MPoint], path: Path) -> Path:
@@ -102,8 +103,8 @@ def draw_m_width(points: Sequence[MPoint], path: Path) -> Path:
             x = [one.share or alone for one in rows]
             y = [np.nan if one.measured is None else one.measured for one in rows]
             label = f"{scene}, loop in {'device' if local else 'controller'}"
-            style = {"color": colours[index % len(colours)], "label": label}
-            axes.plot(x, y, mark, markersize=6 + 2 * (index % 3), fillstyle="none", **style)
+            colour, size = colours[index % len(colours)], 6 + 2 * (index % 3)
+            axes.plot(x, y, mark, markersize=size, fillstyle="none", color=colour, label=label)
     axes.set_xscale("log")
     axes.set_yscale("log")
     dress(axes, "mass of the hand / mass of the device (1)", "lightest felt / device inertia (1)")

@@ -1,9 +1,9 @@
 """M-width: the lightest and the heaviest mechanism that a device renders without diverging.
 
-The mechanism's inertias are scaled, and with them X⁻¹, the inertia that is felt. What holds is a mass
-that is rigidly fixed to the device, or the scene's own hand, which stays where it took hold. What
-is watched is the command to the device: where the loop diverges, limits of the actuators hold it in
-a limit cycle, which the hand's force shows less.
+The mechanism's inertias are scaled, and with them X⁻¹, the inertia that is felt. What holds is a
+mass that is rigidly fixed to the device, or the scene's own hand, which stays where it took hold.
+What is watched is the command to the device: where the loop diverges, limits of the actuators hold
+it in a limit cycle, which the hand's force shows less.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None =
             scene's hand.
 
     Raises:
-        InvalidInputError: a negative share, a delay below 0, or the hand of a scene that holds at no
+        InvalidInputError: a negative share, a delay below 0, or a scene's hand that holds at no
             place: what it does not hold, does not come to rest.
     """
     if share is None and "waypoints" not in type(scene.hand).model_fields:

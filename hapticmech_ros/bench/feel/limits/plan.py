@@ -84,9 +84,9 @@ def plan(
     for delay in delays:
         if delay < 0:
             raise InvalidInputError("delay", delay, "must be 0 or more periods")
-    for one in what:
-        if one not in WHAT:
-            raise InvalidInputError("what", one, f"must be one of {', '.join(WHAT)}")
+    for name in what:
+        if name not in WHAT:
+            raise InvalidInputError("what", name, f"must be one of {', '.join(WHAT)}")
     cases = []
     for scene in scenes:
         hands = ["nobody", "still"] if "waypoints" in type(scene.hand).model_fields else ["nobody"]

@@ -43,8 +43,8 @@ SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
 TOUCH_SPEED = 2e-3
 # m/s; an oscillation that dies out stays near the speed of the touch.
 LOST_SPEED = 20.0 * TOUCH_SPEED
-# The device's equation of motion is continuous, and the rules are about that. Semi-implicit substeps
-# take T / (2 n) off the hold: with the 4 that scenes have, walls seem 10 to 30 % stiffer.
+# The device's equation of motion is continuous, and the rules are about that. Semi-implicit
+# substeps take T / (2 n) off the hold: with the 4 that scenes have, walls seem 7 to 33 % stiffer.
 SUBSTEPS = 32
 # Of the wall's own oscillation, and of the loop's delay; no shorter and no longer than this, ticks.
 CYCLES, DELAYS = 10.0, 60
@@ -107,7 +107,9 @@ class Wall:
         found = directions(self.scene, point)
         self._analysis, self._normals = found.analysis, found.held
         if not self._normals.size:
-            raise InvalidInputError("scene", scene.name, "must have a joint constraint at its start")
+            raise InvalidInputError(
+                "scene", scene.name, "must have a joint constraint at its start"
+            )
         mobility = np.linalg.inv(device_inertia(scene.device))
         gain = self._normals.T @ mobility @ self._normals
         sizes, ways = np.linalg.eigh(gain)
@@ -131,7 +133,8 @@ class Wall:
         """Return whether a session with these gains comes to rest after a touch.
 
         Args:
-            stiffness, damping: of the joint constraint, N/m and N s/m.
+            stiffness: of the joint constraint, N/m.
+            damping: of it, N s/m.
             delay: periods.
             hand: ``nobody`` or ``still``.
         """

@@ -15,7 +15,7 @@ from hapticmech_ros.session import Session
 
 @dataclass(frozen=True, slots=True)
 class Directions:
-    """Wrenches n_i / √m_ℓ, world axes at the operational point: 1 N for a link pushed at its centre.
+    """Wrenches n_i / √m_ℓ, world axes at the point: 1 N for a link pushed at its centre.
 
     Attributes:
         normals: (6, t) wrenches, N and N m per N; n_iᵀ e / √m_ℓ is a displacement in m.

@@ -27,7 +27,8 @@ def frontier(
     Args:
         stable: whether a value is; called with positive values.
         guess: where to look first.
-        least, most: where to give up; ``most`` is returned if it is stable itself.
+        least: where to give up.
+        most: likewise; returned if it is stable itself.
         resolution: relative, of what is returned.
 
     Raises:

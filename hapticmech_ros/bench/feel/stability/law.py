@@ -1,6 +1,6 @@
 """Linear laws of a controller at a position: what it answers to force, error and its rate.
 
-    u = G F_h - K e - B ė   on the device,      C3 F_h + K_m e + B_m ė   on the mechanism
+u = G F_h - K e - B ė   on the device,      C3 F_h + K_m e + B_m ė   on the mechanism
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from hapticmech_ros.device.hand import spring_gains
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.rendering import SpringDamperHand
+from hapticmech_ros.scene.rendering import ConstantWrenchHand, SpringDamperHand
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +45,11 @@ NOBODY = Held(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)))
 
 def held_by(scene: Scene) -> Held | None:
     """Return what the scene's hand is to the device; None for a hand that is not linear here."""
-    if isinstance(scene.hand, SpringDamperHand):
-        stiffness, damping = spring_gains(scene.hand)
+    hand: object = scene.hand
+    if isinstance(hand, SpringDamperHand):
+        stiffness, damping = spring_gains(hand)
         return Held(np.diag(stiffness), np.diag(damping), np.zeros((6, 6)))
-    return NOBODY if scene.hand.kind == "constant_wrench" else None
+    return NOBODY if isinstance(hand, ConstantWrenchHand) else None
 
 
 def tick_matrix(

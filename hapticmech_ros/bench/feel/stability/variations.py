@@ -101,9 +101,7 @@ def scaled(scene: Scene, factor: float) -> Scene:
         point
         if point.metric is None
         else point.model_copy(
-            update={
-                "metric": point.metric.model_copy(update={"mass": factor * point.metric.mass})
-            }
+            update={"metric": point.metric.model_copy(update={"mass": factor * point.metric.mass})}
         )
         for point in scene.operational_points
     )
