@@ -26,7 +26,7 @@ from hapticmech_ros.experiment.figure_style import (
 COLOURS = {FULL: BLUE, STIFF: SKY, FREE: GREY, PROXY: VERMILION, SOFT: ORANGE}
 MARKS = {FULL: "o", STIFF: "s", FREE: "x", PROXY: "^", SOFT: "v"}
 CAPTION = (
-    "Left: error of felt impedance along free directions at 10 Hz, the worst of each scene. Middle: "
+    "Left: error of felt impedance along free directions at 10 Hz, the worst of each. Middle: "
     "stiffness felt along what the joints hold, the softest. Right: periods of delay that sessions "
     "bear with these gains, of up to 50. 'Stiffest' gains leave a margin of 2 at the delay "
     "drawn; unstable is not drawn."
@@ -78,8 +78,14 @@ def draw(columns: Sequence[Column], path: Path) -> Path:
         axes[0].set_yticks(range(len(scenes)), scenes)
         axes[0].invert_yaxis()
     handles, names = axes[0].get_legend_handles_labels()
-    where = "outside upper left"
-    figure.legend(handles, names, loc=where, fontsize=SMALL, ncols=len(names), frameon=False)
+    figure.legend(
+        handles,
+        names,
+        loc="outside upper left",
+        fontsize=SMALL,
+        ncols=len(names),
+        frameon=False,
+    )
     return save(figure, path)
 
 

@@ -28,13 +28,13 @@ from hapticmech_ros.experiment.figure_style import (
 from hapticmech_ros.mechanism.model import Array
 
 Z_CAPTION = (
-    "Stiffest joint constraint that is stable, held by nobody, over its damping. Marks: sessions. "
+    "Stiffest joint constraint that is stable, held by nobody, over damping. Marks: sessions. "
     "Lines: eigenvalues of the loop. Dotted: the rule (b + B) / (T / 2 + t_d). Right: the same "
     "without units, m the device's mass along the constraint and τ = T / 2 + t_d; what little "
     "differs is the shortest delay."
 )
 M_CAPTION = (
-    "Lightest felt inertia that is stable over the mass of a hand that is fixed to the device, both "
+    "Lightest felt inertia that is stable, over the mass of a hand fixed to the device, both "
     "over the device's. Marks: sessions. Line: the rule m_a / (m_d + 2 m_a). Left of the dashed "
     "line: the scene's own hand, without mass."
 )
@@ -67,8 +67,14 @@ def draw_z_width(points: Sequence[ZPoint], path: Path) -> Path:
     dress(left, "damping B (N s/m)", f"stiffness K of {first} (N/m)")
     dress(right, "B τ / m (1)", "K τ² / m (1)")
     handles, names = left.get_legend_handles_labels()
-    where = "outside right upper"
-    figure.legend(handles, names, loc=where, fontsize=SMALL, frameon=False, title="delay, periods")
+    figure.legend(
+        handles,
+        names,
+        loc="outside right upper",
+        fontsize=SMALL,
+        frameon=False,
+        title="delay, periods",
+    )
     return save(figure, path)
 
 

@@ -1,6 +1,6 @@
 """How far the device gives way along what the joints hold: a steady push, beside F / k.
 
-    u_jc = -(k / m_ℓ) Σ w_i n_i n_iᵀ e    with    F_h = f n_i / √m_ℓ    gives    n_iᵀ e / √m_ℓ = f / k
+    u_jc = -(k / m_ℓ) Σ w_i n_i n_iᵀ e,   F_h = f n_i / √m_ℓ   give   n_iᵀ e / √m_ℓ = f / k
 
 at rest, whatever the direction's mix of force and torque. The same session without the push is
 subtracted.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
@@ -27,21 +28,30 @@ def tables(limits: Limits) -> Iterator[Table]:
 
 
 def z_table(points: Sequence[ZPoint]) -> Table:
-    """Return the stiffest stable joint constraints, beside eigenvalues and rules."""
-    shown = _table("stiffest joint constraint that is stable, N/m")
-    for name in ("Hz", "delay", "hand", "b N s/m", "measured", "/ eigen", "/ rule", "passive"):
+    """Return the stiffest stable joint constraint at each rate, delay and hand, and its damping.
+
+    Beside it: all dampings' stiffnesses over the eigenvalues', from the least to the largest ratio,
+    and over the rule at little damping and where it is stiffest.
+    """
+    shown = _table("stiffest joint constraint that is stable")
+    for name in ("Hz", "delay", "hand", "K N/m", "B N s/m", "/ eigenvalues", "/ rule"):
         shown.add_column(name, justify="right", no_wrap=True)
-    for one in points:
+    for (scene, rate, delay, hand), group in groupby(
+        points, lambda one: (one.scene, one.rate_hz, one.delay, one.hand)
+    ):
+        rows = list(group)
+        best = max(rows, key=lambda one: one.measured or 0.0)
+        seen = [ratio(one.measured, one.predicted) for one in rows]
+        known = [one for one in seen if one is not None]
         shown.add_row(
-            escape(one.scene),
-            f"{one.rate_hz:.0f}",
-            str(one.delay),
-            one.hand,
-            f"{one.damping:.2f}",
-            _number(one.measured, ".4g"),
-            _number(ratio(one.measured, one.predicted), ".2f"),
-            _number(ratio(one.measured, one.rule), ".2f"),
-            f"{one.passive:.4g}",
+            escape(scene),
+            f"{rate:.0f}",
+            str(delay),
+            hand,
+            _number(best.measured, ".4g"),
+            f"{best.damping:.3g}",
+            f"{min(known):.2f} - {max(known):.2f}" if known else NOTHING,
+            ", ".join(_number(ratio(one.measured, one.rule), ".2f") for one in (rows[0], best)),
         )
     return shown
 
@@ -67,9 +77,9 @@ def m_table(points: Sequence[MPoint]) -> Table:
 
 
 def load_table(loads: Sequence[Load]) -> Table:
-    """Return penetration over F / k, and what happened during experiments."""
+    """Return penetration over F / k where it is farthest off, and what happened in experiments."""
     shown = _table("penetration, drift, contact, energy")
-    heads = ("held", "depth k / F", "drift mm", "depth mm", "contact", "E_h mJ", "left mJ")
+    heads = ("held", "depth k/F", "drift mm", "depth mm", "contact", "E_h mJ", "left mJ")
     for name in heads:
         shown.add_column(name, justify="right", no_wrap=True)
     for load in loads:
@@ -79,7 +89,7 @@ def load_table(loads: Sequence[Load]) -> Table:
         shown.add_row(
             escape(load.scene),
             str(len(depths)),
-            f"{min(depths):.4f} to {max(depths):.4f}" if depths else NOTHING,
+            f"{max(depths, key=lambda one: abs(one - 1.0)):.4f}" if depths else NOTHING,
             f"{1e3 * seen.drift_rms:.3f}" + ("" if seen.kept else " (lost)"),
             f"{1e3 * seen.penetration_rms:.3f}",
             NOTHING if contact is None else f"{100.0 * contact:.2g} %",
