@@ -60,7 +60,6 @@ def draw_z_width(points: Sequence[ZPoint], path: Path) -> Path:
         left.plot(dampings, rules, color=colour, linestyle=":", linewidth=1.0)
     ends = np.array([0.0, 1.0])
     right.plot(ends, ends, color=GREY, linestyle=":", linewidth=1.2)
-    right.annotate("rule", (0.72, 0.78), fontsize=SMALL, color="#555555", rotation=0)
     right.set_ylim(0.0, 1.1)
     left.set_xscale("log")
     left.set_yscale("log")
@@ -101,6 +100,7 @@ def draw_m_width(points: Sequence[MPoint], path: Path) -> Path:
     axes.plot(shares, rule, color=BLACK, linewidth=1.2, label="rule")
     alone = 0.1
     axes.axvline(0.13, color=GREY, linestyle="--", linewidth=1.0)
+    axes.annotate("scene's\nhand", (0.085, 0.5), fontsize=SMALL, color="#555555")
     colours = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
     scenes = list(dict.fromkeys(one.scene for one in points))
     for index, scene in enumerate(scenes):

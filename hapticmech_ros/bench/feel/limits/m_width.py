@@ -37,7 +37,8 @@ from hapticmech_ros.session import Sample, Session
 # a command that dies out stays near it.
 TOUCH_N = 0.5
 LOST_N = 8.0 * TOUCH_N
-WATCHED_S, SLOW_S = 0.6, 6.0
+# s: a mass that is fixed to the device answers within samples, a hand that is a spring swings.
+WATCHED_S, SWINGING_S, SLOW_S = 0.6, 2.0, 6.0
 # Felt over device inertia; nothing lighter or heavier is looked for.
 LIGHTEST, HEAVIEST = 1e-3, 300.0
 HEAVY = (10.0, 100.0, HEAVIEST)
@@ -95,7 +96,8 @@ def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None =
     # Of lightness, 1 / inertia, so that larger is harder.
     guess = 1.0 if share in (None, 0.0) else 1.0 / lightest_mass(1.0, share or 0.0)
     bounds = 1.0 / HEAVIEST, 1.0 / LIGHTEST
-    measured = frontier(case.stable, guess, *bounds)
+    watched = WATCHED_S if share is not None else SWINGING_S
+    measured = frontier(lambda lightness: case.stable(lightness, watched), guess, *bounds)
     predicted = frontier(case.foreseen, guess, *bounds, FINE) if case.linear else None
     seconds = SLOW_S if share is None else WATCHED_S
     heavy = [one for one in HEAVY if case.stable(1.0 / one, seconds)]
@@ -140,7 +142,7 @@ class _Case:
         """Whether the hand has a linear law."""
         return self._held is not None
 
-    def stable(self, lightness: float, seconds: float = WATCHED_S) -> bool:
+    def stable(self, lightness: float, seconds: float) -> bool:
         """Return whether a session with so light a mechanism comes to rest after a touch."""
         scene = scaled(self._scene, 1.0 / (lightness * self.own))
         share = self._share
