@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from oracles.rough_device import RoughDevice
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.bench.feel.stability import rules
@@ -29,6 +28,7 @@ from hapticmech_ros.control.engagement import pose_error
 from hapticmech_ros.control.loop_stability import loop_terms, spectral_radius
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.session import rendering_model
+from oracles.rough_device import RoughDevice
 
 
 def matrix_of(scene, delay, held=NOBODY):

@@ -18,10 +18,10 @@ NOTHING = "-"
 
 def table(columns: Sequence[Column]) -> Table:
     """Return a row for each scene, delay and way to render."""
-    shown = Table(title="the architecture beside simpler ones", title_justify="left")
+    shown = Table(title="the architecture beside simpler ones; drift and depth in mm", title_justify="left")
     shown.box = SIMPLE_HEAD
     shown.add_column("", no_wrap=True)
-    heads = ("2 Hz %", "10 Hz %", "held N/m", "rigid", "bears", "drift mm", "depth mm")
+    heads = ("2 Hz %", "10 Hz %", "held N/m", "rigid", "bears", "drift", "depth")
     for name in heads:
         shown.add_column(name, justify="right")
     for (scene, delay), group in groupby(columns, lambda row: (row.scene, row.delay)):
@@ -35,8 +35,8 @@ def table(columns: Sequence[Column]) -> Table:
                 NOTHING if row.softest_held is None else f"{row.softest_held:.0f}",
                 f"{row.count}/{row.constraints}",
                 NOTHING if row.largest_delay is None else str(row.largest_delay),
-                f"{1e3 * seen.drift_rms:.3f}" if seen.kept else "lost",
-                f"{1e3 * seen.penetration_rms:.3f}" if seen.kept else "lost",
+                f"{1e3 * seen.drift_rms:.2g}" if seen.kept else "lost",
+                f"{1e3 * seen.penetration_rms:.2g}" if seen.kept else "lost",
             )
     return shown
 
@@ -48,4 +48,4 @@ def error_at(row: Column, frequency: int) -> float:
 
 def percent(value: float) -> str:
     """Return an error in percent, for a table."""
-    return "unstable" if not np.isfinite(value) else f"{100.0 * value:.3g}"
+    return "lost" if not np.isfinite(value) else f"{100.0 * value:.3g}"
