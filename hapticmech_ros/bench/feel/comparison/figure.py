@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from hapticmech_ros.bench.feel.comparison.ratio import FREQUENCIES_HZ
 from hapticmech_ros.bench.feel.comparison.side_by_side import Column
@@ -74,7 +75,10 @@ def draw(columns: Sequence[Column], path: Path) -> Path:
     labels = ("error at 10 Hz (1)", "stiffness held (N/m)", "delay borne (periods)")
     for panel, label in zip(axes, labels, strict=True):
         dress(panel, *(("delay (periods)", label) if over_delay else (label, "")))
-    if not over_delay:
+    if over_delay:
+        for panel in axes:
+            panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+    else:
         axes[0].set_yticks(range(len(scenes)), scenes)
         axes[0].invert_yaxis()
     handles, names = axes[0].get_legend_handles_labels()

@@ -18,7 +18,9 @@ NOTHING = "-"
 
 def table(columns: Sequence[Column]) -> Table:
     """Return a row for each scene, delay and way to render."""
-    shown = Table(title="the architecture beside simpler ones; drift and depth in mm", title_justify="left")
+    shown = Table(
+        title="the architecture beside simpler ones; drift and depth in mm", title_justify="left"
+    )
     shown.box = SIMPLE_HEAD
     shown.add_column("", no_wrap=True)
     heads = ("2 Hz %", "10 Hz %", "held N/m", "rigid", "bears", "drift", "depth")

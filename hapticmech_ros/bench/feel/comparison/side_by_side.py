@@ -16,7 +16,7 @@ from hapticmech_ros.bench.feel.comparison.variants import (
 )
 from hapticmech_ros.bench.feel.limits.experience import Experience, experience
 from hapticmech_ros.bench.feel.limits.penetration import Yield, penetration
-from hapticmech_ros.bench.feel.stability.touch import Setup
+from hapticmech_ros.bench.feel.stability.directions import directions
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.scene.document import Scene
 
@@ -35,7 +35,8 @@ class Column:
         errors: (k,) largest |felt / desired - 1| over the free directions, at each frequency.
         sizes: (k,) |felt / desired| farthest from 1, at each frequency: felt over desired inertia.
         stiffest_free: N/m, felt along free directions under a push of 0.3 s, at most.
-        softest_held: N/m, felt along what the joints hold, at least; None where they hold nothing.
+        softest_held: N/m, felt along what the joints hold, at least; None where they hold nothing,
+            or where sessions diverge.
         count: directions felt stiffer than 1000 N/m.
         constraints: that the joints hold.
         largest_delay: most periods at which sessions come to rest, of up to 50; -1 if none, None
@@ -90,14 +91,15 @@ def _column(name: str, variant: Variant) -> Column:
     setup = variant.setup
     most = largest_delay(variant)
     ratio = np.full((1, len(FREQUENCIES_HZ)), np.inf, dtype=complex)
+    yields: list[Yield] = []
     # Of a session that diverges nothing is felt that means anything.
     if most is None or most >= setup.delay:
         with suppress(HapticMechError):
             ratio = np.array([one.ratio for one in ratios(setup)])
+            yields = penetration(setup)
     errors = np.abs(ratio - 1.0).max(axis=0)
     logs = np.abs(np.log(np.abs(ratio)))
     sizes = np.abs(ratio)[logs.argmax(axis=0), np.arange(ratio.shape[1])]
-    yields = _yields(setup)
     free = [one.stiffness for one in yields if not one.held]
     held = [one.stiffness for one in yields if one.held]
     return Column(
@@ -111,15 +113,8 @@ def _column(name: str, variant: Variant) -> Column:
         stiffest_free=max(free, default=0.0),
         softest_held=min(held, default=None),
         count=sum(one.stiffness > RIGID for one in yields),
-        constraints=len(held),
+        constraints=directions(setup.scene, setup.point).held.shape[1],
         largest_delay=most,
         foreseen_delay=foreseen_delay(variant),
         experience=experience(setup),
     )
-
-
-def _yields(setup: Setup) -> list[Yield]:
-    try:
-        return penetration(setup)
-    except HapticMechError:
-        return []

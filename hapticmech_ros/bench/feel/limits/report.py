@@ -34,7 +34,7 @@ def z_table(points: Sequence[ZPoint]) -> Table:
     and over the rule at little damping and where it is stiffest.
     """
     shown = _table("stiffest joint constraint that is stable")
-    for name in ("Hz", "delay", "hand", "K N/m", "B N s/m", "/ eigenvalues", "/ rule"):
+    for name in ("Hz", "delay", "hand", "K N/m", "B N s/m", "/ eigen", "/ rule"):
         shown.add_column(name, justify="right", no_wrap=True)
     for (scene, rate, delay, hand), group in groupby(
         points, lambda one: (one.scene, one.rate_hz, one.delay, one.hand)
@@ -48,7 +48,7 @@ def z_table(points: Sequence[ZPoint]) -> Table:
             f"{rate:.0f}",
             str(delay),
             hand,
-            _number(best.measured, ".4g"),
+            _number(best.measured, ".3g"),
             f"{best.damping:.3g}",
             f"{min(known):.2f} - {max(known):.2f}" if known else NOTHING,
             ", ".join(_number(ratio(one.measured, one.rule), ".2f") for one in (rows[0], best)),
