@@ -100,13 +100,6 @@ def draw_m_width(points: Sequence[MPoint], path: Path) -> Path:
     axes.plot(shares, rule, color=BLACK, linewidth=1.2, label="rule")
     alone = 0.1
     axes.axvline(0.13, color=GREY, linestyle="--", linewidth=1.0)
-    axes.annotate(
-        "scene's\nhand",
-        (0.02, 0.85),
-        xycoords="axes fraction",
-        fontsize=SMALL,
-        color="#555555",
-    )
     colours = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
     scenes = list(dict.fromkeys(one.scene for one in points))
     for index, scene in enumerate(scenes):
