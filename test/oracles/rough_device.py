@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 
@@ -48,8 +50,7 @@ class RoughDevice(ImpedanceDevice):
             twist = np.sign(twist) * np.maximum(np.abs(twist) - self._stops, 0.0)
             turned = pin.exp3(self._step * twist[3:]) @ pose.rotation
             pose = pin.SE3(turned, pose.translation + self._step * twist[:3])
-        if self._ideal:
-            return DeviceState(pose, twist, pose, twist, NO_WRENCH, smooth.applied)
         measured = self._quantised(pose)
-        seen = self._estimated(state, measured)
-        return DeviceState(pose, twist, measured, seen, NO_WRENCH, smooth.applied)
+        seen = twist if self._ideal else self._estimated(state, measured)
+        moved = {"pose": pose, "twist": twist, "measured_pose": measured, "measured_twist": seen}
+        return replace(smooth, **moved)

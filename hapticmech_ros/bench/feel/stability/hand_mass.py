@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice
@@ -46,6 +48,4 @@ class MassHeldDevice(ImpedanceDevice):
         """Advance one period; see :meth:`ImpedanceDevice.step`."""
         new = super().step(state, command, None, ticks, push)
         inert = -self._own * (new.twist - state.twist) / self.period
-        return DeviceState(
-            new.pose, new.twist, new.measured_pose, new.measured_twist, inert, new.applied
-        )
+        return replace(new, hand_wrench=inert)
