@@ -17,12 +17,14 @@ from hapticmech_ros.control import (
     RenderingModel,
     control_for,
 )
+from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.energy_ledger import LedgerEntry
 from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.passivity import PassivityController
 from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
+from hapticmech_ros.device.impedance_device import ImpedanceDevice
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
 from hapticmech_ros.mechanism.grasp import grasped
@@ -73,9 +75,18 @@ class Session:
         point: operational point that the device holds; the scene's first one if empty.
         command_delay: whole periods between measuring and acting. One is what the graph of nodes
             has: a command computed from this tick's measurements acts from the next tick on.
+        control: controllers other than the scene's; None for the scene's.
+        device: a device other than the scene's; None for the scene's.
     """
 
-    def __init__(self, scene: Scene, point: str = "", command_delay: int = 1) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        point: str = "",
+        command_delay: int = 1,
+        control: ControlArchitecture | None = None,
+        device: ImpedanceDevice | None = None,
+    ) -> None:
         if command_delay < 0:
             raise InvalidInputError("command_delay", command_delay, "must be 0 or more periods")
         self.scene = scene
@@ -85,8 +96,8 @@ class Session:
         self._analyser = Analyser(self.simulator.mechanism, point, self._lateness)
         self._index = self._analyser.index
         self._points = len(self.simulator.mechanism.point_names)
-        self._control = control_for(scene)
-        self._device = device_for(scene)
+        self._control = control_for(scene) if control is None else control
+        self._device = device_for(scene) if device is None else device
         self._mechanism_state = self.simulator.initial_state()
         start = self.simulator.evaluate(self._mechanism_state).points[self._index].pose
         self._device_state = self._held = self._device.at_rest(start, held=True)

@@ -10,6 +10,7 @@ import typer
 from hapticmech_ros.cli.bench_ablation import ablation
 from hapticmech_ros.cli.bench_accuracy import accuracy
 from hapticmech_ros.cli.bench_feel import feel
+from hapticmech_ros.cli.bench_feel_limits import compare, limits
 from hapticmech_ros.cli.bench_memory import memory
 from hapticmech_ros.cli.bench_passivity import passivity
 from hapticmech_ros.cli.bench_speed import speed
@@ -23,6 +24,8 @@ app.command()(accuracy)
 app.command()(ablation)
 app.command()(feel)
 app.command()(passivity)
+app.command("feel-limits")(limits)
+app.command("feel-compare")(compare)
 app.command()(memory)
 app.command()(speed)
 

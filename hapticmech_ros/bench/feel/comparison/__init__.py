@@ -1,0 +1,1 @@
+"""The architecture beside simpler ones: the same motions of the same hand."""

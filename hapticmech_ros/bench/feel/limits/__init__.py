@@ -1,0 +1,1 @@
+"""How stiff, how light, how deep: what a rendering can do, beside what theory says it can."""

@@ -1,0 +1,91 @@
+"""The rules of the literature for a wall of stiffness K and damping B that is sampled and held.
+
+They are for one degree of freedom of mass m, with physical damping b, in the hands of anybody who
+is passive. None of them knows how large B may be; see docs/limits.md for how far each holds here.
+"""
+
+from __future__ import annotations
+
+from hapticmech_ros.errors import InvalidInputError
+
+
+def passive_stiffness(physical: float, damping: float, period: float) -> float:
+    """Return K up to which a wall is passive, N/m: b > K T / 2 + |B|. 0 if at none.
+
+    Colgate and Schenkel, "Passivity of a class of sampled-data systems", J. Robotic Systems 1997.
+
+    Args:
+        physical: b of the device, N s/m.
+        damping: B of the wall, N s/m.
+        period: T, s.
+
+    Raises:
+        InvalidInputError: a damping below 0, or a period that is not positive.
+    """
+    _check(physical, damping, period, 0.0)
+    return max(0.0, 2.0 * (physical - abs(damping)) / period)
+
+
+def delayed_stiffness(physical: float, damping: float, period: float, delay: float) -> float:
+    """Return K up to which a wall is stable by the rule with delay, N/m: (b + B) / (T / 2 + t_d).
+
+    Gil, Sanchez, Hulin, Preusche and Hirzinger, "Stability boundary for haptic rendering: influence
+    of damping and delay", J. Computing and Information Science in Engineering 2009.
+
+    Args:
+        physical: b of the device, N s/m.
+        damping: B of the wall, N s/m.
+        period: T, s.
+        delay: t_d, s, from measuring to acting, hold not counted.
+
+    Raises:
+        InvalidInputError: as :func:`passive_stiffness`, or a delay below 0.
+    """
+    _check(physical, damping, period, delay)
+    return (physical + damping) / (0.5 * period + delay)
+
+
+def quantised_stiffness(physical: float, friction: float, period: float, step: float) -> float:
+    """Return K up to which encoder steps Δ give no limit cycle, N/m: min(2 b / T, 2 f_c / Δ).
+
+    Diolaiti, Niemeyer, Barbagli and Salisbury, "Stability of haptic rendering: discretization,
+    quantization, time delay, and Coulomb effects", IEEE Trans. Robotics 2006.
+
+    Args:
+        physical: b of the device, N s/m.
+        friction: f_c, Coulomb friction of the device, N.
+        period: T, s.
+        step: Δ, m; 0 is ideal.
+
+    Raises:
+        InvalidInputError: as :func:`passive_stiffness`, or friction or step below 0.
+    """
+    _check(physical, friction, period, step)
+    by_damping = 2.0 * physical / period
+    return by_damping if step == 0.0 else min(by_damping, 2.0 * friction / step)
+
+
+def lightest_mass(device: float, hand: float) -> float:
+    """Return the virtual mass that must be exceeded, kg: m_d m_a / (m_d + 2 m_a).
+
+    The force channel of a device of mass m_d, held by a rigid mass m_a, answers F_h = -m_a ẍ of one
+    sample with u = (m_d / m_v - 1) F_h in a later one. With (m_d + m_a) ẍ = u the answers follow
+    u' = -(m_d / m_v - 1) m_a / (m_d + m_a) u: they die out where the factor is inside (-1, 1),
+    however many samples lie between.
+
+    Args:
+        device: m_d, kg.
+        hand: m_a, kg.
+
+    Raises:
+        InvalidInputError: a mass below 0, or no device.
+    """
+    if not (device > 0.0 and hand >= 0.0):
+        raise InvalidInputError("masses", (device, hand), "device above 0, hand 0 or more")
+    return device * hand / (device + 2.0 * hand)
+
+
+def _check(first: float, second: float, period: float, other: float) -> None:
+    if not (first >= 0.0 and second >= 0.0 and other >= 0.0 and period > 0.0):
+        rule = "must be 0 or more, the period above 0"
+        raise InvalidInputError("b, B or f_c, T, t_d or Δ", (first, second, period, other), rule)
