@@ -1,10 +1,12 @@
 """The controller alone: the core's answer to the measurements, and silence when any is missing."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from std_msgs.msg import Float64MultiArray
 
@@ -12,10 +14,13 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.messages import write_array, write_pose
+from hapticmech_ros.scene import document_of
+from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.wire.layouts import DeviceSample, Rendering, pack_device, pack_rendering
-from ros.harness import Peer, refuses, running, six
+from ros.harness import Peer, figures, refuses, running, six
 
 pytestmark = pytest.mark.ros
 SCENE = load_scene("five_bar")
@@ -226,3 +231,56 @@ def _pose(pose: pin.SE3, now: int) -> PoseStamped:
 
 class _none:
     message = ""
+
+
+def test_gains_change_while_it_renders_without_a_step(domain: int, peer: Peer) -> None:
+    aside = 1e-3
+    names = {"position_stiffness": 0.0, "constraint_stiffness": 0.0}
+    start = Session(SCENE).tick()
+    pose, model = start.point.pose, rendering_model(start.analysis)
+    moved = pin.SE3(pose.rotation, pose.translation + np.array([0.0, aside, 0.0]))
+
+    def answer(gains: Controller) -> np.ndarray:
+        control = ControlArchitecture(SCENE)
+        control.adopt(gains)
+        device = DeviceMeasurement(moved, np.zeros(6), np.array(HAND))
+        seen = PointMeasurement(pose, np.zeros(6), np.zeros(6))
+        return control.compute(10.0, control.engage(0.0, pose, pose), device, seen, model).device
+
+    first, last = answer(SCENE.controller), answer(tuned(SCENE.controller, names))
+    assert np.abs(first - last).max() > 0.5
+    with running("teleoperation_controller", domain, input_timeout=1.0):
+        world = World(peer)
+
+        def engaged() -> bool:
+            world.send()
+            return bool(world.commands)
+
+        def arrived(wanted: np.ndarray) -> bool:
+            world.send(aside)
+            return bool(np.abs(np.array(six(world.commands[-1])) - wanted).max() < 1e-9)
+
+        peer.until(engaged, "the controller to engage")
+        peer.until(lambda: arrived(first), "an answer with the scene's gains")
+        passed = len(world.commands)
+        assert peer.set_parameters("teleoperation_controller", **names).successful
+        peer.until(lambda: arrived(last), "an answer with the new gains")
+        way = np.array([six(one) for one in world.commands[passed - 1 :]])[:, :3]
+        # 0.3 s in samples some milliseconds apart; a machine that stalls skips a part of the way.
+        assert len(way) > 5
+        steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
+        assert np.median(steps) < 0.1 * np.linalg.norm(first - last)
+        assert steps[0] < 0.5 * np.linalg.norm(first - last)
+
+
+def test_a_loop_that_bears_no_delay_is_warned_of(domain: int, peer: Peer, tmp_path: Path) -> None:
+    document = document_of(SCENE)
+    document["controller"]["joint_constraint"].update(stiffness=2e5, damping=400.0, local=False)
+    weak = tmp_path / "weak.yaml"
+    weak.write_text(yaml.safe_dump(document), encoding="utf-8")
+    statuses = peer.statuses()
+    with running("teleoperation_controller", domain, scene=str(weak)):
+        peer.until(lambda: "teleoperation_controller" in statuses, "diagnostics")
+        warning = figures(statuses["teleoperation_controller"])["loop_warning"]
+        assert warning.startswith("at handle the loop bears")
+        assert "times as large, no more" in warning
