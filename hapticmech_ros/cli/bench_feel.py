@@ -15,13 +15,17 @@ def feel(
         list[str] | None, typer.Argument(help="shipped scenes or paths; all shipped ones if none")
     ] = None,
     delays: Annotated[str, typer.Option(help="periods from measuring to acting")] = "1",
+    over: Annotated[
+        str,
+        typer.Option(help="session; composed or processes: a graph of real nodes, with a recorder"),
+    ] = "session",
     out: OutOption = Path("bench"),
     json_only: Annotated[
         bool, typer.Option("--json", help="print the results as JSON, and nothing else")
     ] = False,
 ) -> None:
     """Push small at many frequencies: is the impedance felt the one of the mechanism?"""
-    from hapticmech_ros.bench.feel.benchmark import run_feel
+    from hapticmech_ros.bench.feel.benchmark import OVER, run_feel
     from hapticmech_ros.bench.feel.report import table
     from hapticmech_ros.errors import InvalidInputError
     from hapticmech_ros.scene import shipped_scenes
@@ -31,12 +35,15 @@ def feel(
     except ValueError:
         rule = "must be whole numbers with commas between"
         raise InvalidInputError("--delays", delays, rule) from None
+    if over not in OVER:
+        raise InvalidInputError("--over", over, f"must be one of {', '.join(OVER)}")
     told = errors if json_only else console
     rows = run_feel(
         scenes or list(shipped_scenes()),
         periods,
         out,
         lambda line: told.print(line, highlight=False, markup=False),
+        over,
     )
     if json_only:
         import json

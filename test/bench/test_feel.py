@@ -7,8 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.bench.feel.benchmark import JSON_NAME, PLOT_NAME, with_loop
+from hapticmech_ros.bench.feel.benchmark import JSON_NAME, PLOT_NAME
 from hapticmech_ros.bench.feel.impedance import FREQUENCIES_HZ, Felt, felt
+from hapticmech_ros.bench.feel.stability.variations import with_loop
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.bench.feel.benchmark import with_loop
 from hapticmech_ros.bench.feel.impedance import FREQUENCIES_HZ, felt
+from hapticmech_ros.bench.feel.stability.variations import with_loop
 from hapticmech_ros.control import control_for
 from hapticmech_ros.control.felt_model import felt_model, loop_model
 from hapticmech_ros.control.loop_stability import loop_margins

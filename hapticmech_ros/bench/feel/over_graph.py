@@ -1,0 +1,139 @@
+"""What is felt over a graph of real nodes: its hand pushes by a script, its device is recorded.
+
+F_h and the twist of the same samples are fitted at the push's frequencies, whatever samples a busy
+machine missed; their ratio is the admittance felt. Desired is the mechanism's own linear model.
+
+The push is as large at every frequency: a sample that is missed leaves the device alone with an
+old command for as long, and what F_h does meanwhile is noise on a light device.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from hapticmech_ros.bag import BagReader
+from hapticmech_ros.bench.feel.impedance import Felt, free_directions
+from hapticmech_ros.compilation.library import compile_ahead
+from hapticmech_ros.control.felt_model import felt_model
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.graph import Graph, private_environment, start_process, stop_process, told_by
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene import Scene, document_of, load_scene
+from hapticmech_ros.session import Session
+from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.topics import DEVICE_STATE
+
+RECORDER = "hapticmech_ros.nodes.recorder"
+FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30, 42)
+# At each frequency, N; and the time before and while it is watched, s.
+PUSH_N = 0.05
+SETTLING_S, WINDOW_S = 1.0, 4.0
+# What stalls is waited for, as in the demo: a simulated hand comes to no harm.
+PATIENCE = {"haptic_device.command_timeout": 0.05, "teleoperation_controller.input_timeout": 0.05}
+# Beside the push, s.
+SPARE_S = 0.3
+
+
+class FeelGraphError(HapticMechError):
+    """A graph that could not be felt."""
+
+
+def felt_over_graph(scene: Scene, composed: bool) -> list[Felt]:
+    """Return what is felt along every free direction over a graph of a scene.
+
+    Args:
+        scene: to feel.
+        composed: whether all nodes are in one process; in four otherwise.
+
+    Raises:
+        FeelGraphError: a node ended, or nothing was recorded.
+    """
+    compile_ahead()
+    sample = Session(scene).tick()
+    model = felt_model(scene)
+    frequencies = np.array(FREQUENCIES_HZ, dtype=float)
+    desired = model.mechanism.admittance(frequencies)
+    found = []
+    for direction in free_directions(sample.analysis):
+        with tempfile.TemporaryDirectory() as folder:
+            times, forces, twists = _recorded(scene, direction, composed, Path(folder))
+        felt = _lines(times, twists @ direction) / _lines(times, forces @ direction)
+        felt = felt * float(direction @ direction)
+        wanted = np.einsum("i,kij,j->k", direction, desired, direction)
+        steady = model.ratio(direction, frequencies)
+        mass = 1.0 / float(direction @ sample.analysis.inverse_inertia @ direction)
+        found.append(Felt(direction, mass, frequencies, wanted / felt, steady, steady))
+    return found
+
+
+def _recorded(
+    scene: Scene, direction: Array, composed: bool, folder: Path
+) -> tuple[Array, Array, Array]:
+    """Return times (n,), s, F_h and twists (n, 6) of a graph whose hand pushes."""
+    period, seconds = scene.simulation.period, SETTLING_S + WINDOW_S + SPARE_S
+    time = period * np.arange(round(seconds / period))
+    push = np.zeros(time.size)
+    for index, frequency in enumerate(FREQUENCIES_HZ):
+        phase = np.pi * index**2 / len(FREQUENCIES_HZ)
+        push += PUSH_N * np.cos(2.0 * np.pi * frequency * time - phase)
+    rows = np.column_stack((time, push[:, None] * direction))
+    script = folder / "push.csv"
+    np.savetxt(script, rows, "%.17g", ",", header="time,fx,fy,fz,tx,ty,tz", comments="")
+    document = document_of(scene)
+    document["hand"] = {"kind": "scripted", "file": script.name, "interpolation": "held"}
+    path = folder / "felt.yaml"
+    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    load_scene(str(path))
+    bag, environment = folder / "bag", private_environment()
+    command = [sys.executable, "-m", RECORDER, "--out", str(bag), "--scene", str(path)]
+    command += ["--duration", str(seconds + SPARE_S)]
+    recorder = start_process(command, environment, pipe_output=True)
+    parameters: dict[str, object] = {"haptic_device.hand_waits": True, **PATIENCE}
+    try:
+        events = told_by(recorder)
+        next(events, None)
+        with Graph(str(path), composed, "", parameters, environment) as graph:
+            for event in events:
+                graph.check()
+                if event["event"] == "failed":
+                    raise FeelGraphError(f"recording failed: {event['reason']}")
+                if event["event"] == "done":
+                    break
+    finally:
+        stop_process(recorder)
+    try:
+        return _samples(bag)
+    finally:
+        shutil.rmtree(bag, ignore_errors=True)
+
+
+def _samples(bag: Path) -> tuple[Array, Array, Array]:
+    with BagReader(bag) as reader:
+        (name,) = [one for one in reader.topics if one.endswith(f"/{DEVICE_STATE.name}")]
+        samples = [unpack_device(decode(data)) for _, _, data in reader.serialized(name)]
+    stamps = np.array([one.stamp_ns for one in samples], dtype=float) * 1e-9
+    forces = np.array([one.measured.hand_wrench for one in samples])
+    twists = np.array([one.measured.twist for one in samples])
+    pushed = np.flatnonzero(np.abs(forces).max(axis=1) > 0.0)
+    if pushed.size < 100:
+        raise FeelGraphError("the hand never pushed, or was let go")
+    first = stamps[pushed[0]]
+    window = (stamps >= first + SETTLING_S) & (stamps < first + SETTLING_S + WINDOW_S)
+    return stamps[window] - first, forces[window], twists[window]
+
+
+def _lines(times: Array, values: Array) -> Array:
+    """Return complex amplitudes at the push's frequencies of values at any times."""
+    columns = [np.ones(times.size), times - times.mean()]
+    for frequency in FREQUENCIES_HZ:
+        turn = 2.0 * np.pi * frequency * times
+        columns += [np.cos(turn), np.sin(turn)]
+    fit = np.linalg.lstsq(np.array(columns).T, values, rcond=None)[0][2:].reshape(-1, 2)
+    return np.asarray(fit[:, 0] - 1j * fit[:, 1])
