@@ -39,6 +39,8 @@ SETTLING_S, WINDOW_S = 1.0, 4.0
 PATIENCE = {"haptic_device.command_timeout": 0.05, "teleoperation_controller.input_timeout": 0.05}
 # Beside the push, s.
 SPARE_S = 0.3
+# Of the samples: a device that kept fewer was starved, and says nothing of what is felt.
+ENOUGH = 0.6
 
 
 class FeelGraphError(HapticMechError):
@@ -53,7 +55,7 @@ def felt_over_graph(scene: Scene, composed: bool) -> list[Felt]:
         composed: whether all nodes are in one process; in four otherwise.
 
     Raises:
-        FeelGraphError: a node ended, or nothing was recorded.
+        FeelGraphError: a node ended, nothing was recorded, or the machine starved the device.
     """
     compile_ahead()
     sample = Session(scene).tick()
@@ -109,12 +111,12 @@ def _recorded(
     finally:
         stop_process(recorder)
     try:
-        return _samples(bag)
+        return _samples(bag, period)
     finally:
         shutil.rmtree(bag, ignore_errors=True)
 
 
-def _samples(bag: Path) -> tuple[Array, Array, Array]:
+def _samples(bag: Path, period: float) -> tuple[Array, Array, Array]:
     with BagReader(bag) as reader:
         (name,) = [one for one in reader.topics if one.endswith(f"/{DEVICE_STATE.name}")]
         samples = [unpack_device(decode(data)) for _, _, data in reader.serialized(name)]
@@ -126,6 +128,9 @@ def _samples(bag: Path) -> tuple[Array, Array, Array]:
         raise FeelGraphError("the hand never pushed, or was let go")
     first = stamps[pushed[0]]
     window = (stamps >= first + SETTLING_S) & (stamps < first + SETTLING_S + WINDOW_S)
+    kept = int(np.count_nonzero(window))
+    if kept < ENOUGH * WINDOW_S / period:
+        raise FeelGraphError(f"starved: the device kept {kept / WINDOW_S:.0f} samples per second")
     return stamps[window] - first, forces[window], twists[window]
 
 
