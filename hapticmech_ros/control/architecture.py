@@ -25,8 +25,8 @@ from hapticmech_ros.control.prediction import InFlight, carried_on, foreseen
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.controller import Controller
+from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.rendering import Device
 
 
 class ControlArchitecture:

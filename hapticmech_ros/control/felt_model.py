@@ -28,8 +28,8 @@ from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.linear import LinearPoint, LinearSystem, linear_point
+from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.rendering import Device
 
 
 @dataclass(frozen=True, slots=True)

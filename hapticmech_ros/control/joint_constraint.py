@@ -3,8 +3,8 @@
     u_jc = -(k P_c e + b P_c ė), limited in force and torque as a whole
 
 P_c is smooth (see operational/projector.py), so u_jc has no step when a constraint comes or goes.
-Its spring does store 1/2 k eᵀ P_c e, so switching a direction on with an error there adds energy;
-:func:`spring_energy` lets the caller account for it.
+Its spring does store 1/2 k eᵀ P_c e, so switching a direction on with an error there adds energy,
+which :mod:`~hapticmech_ros.control.energy_ledger` accounts for.
 """
 
 from __future__ import annotations
@@ -27,8 +27,3 @@ def joint_constraint_wrench(
     """
     pull = -(projector @ (gains.stiffness * error + gains.damping * error_rate))
     return scaled_within(pull, gains.force_limit, gains.torque_limit)
-
-
-def spring_energy(gains: JointConstraintGains, projector: Array, error: Array) -> float:
-    """Return 1/2 k eᵀ P_c e in J."""
-    return 0.5 * gains.stiffness * float(error @ projector @ error)

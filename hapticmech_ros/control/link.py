@@ -64,10 +64,6 @@ class DelayLine(Generic[T]):
         self._on_the_way = deque(waiting)
         return found
 
-    def clear(self) -> None:
-        """Forget what is on the way."""
-        self._on_the_way.clear()
-
     def _drawn(self, index: int) -> float:
         """Return the random number of an index, in [0, 1)."""
         return _mixed(self._stream + index) / (_MASK + 1)

@@ -14,7 +14,9 @@ from pydantic import Field, model_validator
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.contacts import ContactPair, Shape
 from hapticmech_ros.scene.controller import Connection, Controller
+from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.gain_rule import by_rule
+from hapticmech_ros.scene.hand import Hand
 from hapticmech_ros.scene.mechanism import (
     Closure,
     Coupling,
@@ -25,7 +27,7 @@ from hapticmech_ros.scene.mechanism import (
     Spring,
 )
 from hapticmech_ros.scene.part import Name, Part, Vector3
-from hapticmech_ros.scene.rendering import Device, Experiment, Hand, Perception
+from hapticmech_ros.scene.rendering import Experiment, Perception
 
 TaskSpace = Literal["planar", "spatial"]
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from hapticmech_ros.scene.controller import Connection, JointConstraintGains
-from hapticmech_ros.scene.rendering import Device
+from hapticmech_ros.scene.device import Device
 
 MOST_N_PER_M = 2000.0
 BORNE = 0.3

@@ -6,19 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from hapticmech_ros.scene.device import Device
-from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, SpringDamperHand, Waypoint
 from hapticmech_ros.scene.part import NonNegative, Part, Positive
-
-__all__ = [
-    "ConstantWrenchHand",
-    "Device",
-    "Experiment",
-    "Hand",
-    "Perception",
-    "SpringDamperHand",
-    "Waypoint",
-]
 
 
 class Perception(Part):

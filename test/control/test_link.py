@@ -61,13 +61,6 @@ def test_the_same_seed_is_the_same_connection_and_directions_differ():
     assert heard(uneven, 500)[0] != heard(other, 500)[0]
 
 
-def test_what_is_on_the_way_can_be_forgotten():
-    line = DelayLine(Connection(delay=0.002), 0)
-    line.put(0, "lost")
-    line.clear()
-    assert line.take(10 * MS) is None
-
-
 def test_there_are_two_directions():
     with pytest.raises(InvalidInputError, match=r"direction: must be 0 or 1 \(got 2\)"):
         DelayLine(Connection(), 2)

@@ -5,7 +5,8 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.device import ImpedanceDevice, hand_law
-from hapticmech_ros.scene.rendering import ConstantWrenchHand, Device, SpringDamperHand, Waypoint
+from hapticmech_ros.scene.device import Device
+from hapticmech_ros.scene.hand import ConstantWrenchHand, SpringDamperHand, Waypoint
 
 HELD = pin.SE3(pin.exp3(np.array([0.2, 0.1, -0.4])), np.array([0.3, 0.0, 0.1]))
 STILL = np.zeros(6)

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.device import ImpedanceDevice, no_hand
-from hapticmech_ros.scene.rendering import Device
+from hapticmech_ros.scene.device import Device
 
 PERIOD = 1e-3
 START = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))

@@ -17,7 +17,7 @@ from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.rendering import ConstantWrenchHand
+from hapticmech_ros.scene.hand import ConstantWrenchHand
 from hapticmech_ros.session import Session
 
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30, 42, 60, 85)
