@@ -14,11 +14,14 @@ from hapticmech_ros.bench.feel.passive.trial import Found
 
 def table(found: Sequence[Found]) -> Table:
     """Return, for each scene, loop and delay, the worst of its devices and hands."""
-    shown = Table(title="energy at the hand, worst device and hand", title_justify="left")
+    shown = Table(
+        title="worst device and hand: least energy, most force, chatter, commands changed, drift",
+        title_justify="left",
+    )
     shown.box = SIMPLE_HEAD
     for name in ("scene", "loop in"):
         shown.add_column(name, no_wrap=True)
-    names = ("delay", "passive", "least, mJ", "most, N", "chatter, N", "changed", "drift, mm")
+    names = ("ms", "passive", "mJ", "N", "N/T", "changed", "mm")
     for name in names:
         shown.add_column(name, justify="right", no_wrap=True)
     ordered = sorted(found, key=_key)
@@ -27,7 +30,7 @@ def table(found: Sequence[Found]) -> Table:
         shown.add_row(
             escape(scene),
             "device" if local else "controller",
-            f"{1e3 * delay:g} ms",
+            f"{1e3 * delay:g}",
             f"{sum(one.passive for one in rows)} of {len(rows)}",
             f"{1e3 * min(one.lowest for one in rows):.2f}",
             f"{max(one.most_force for one in rows):.1f}",
