@@ -11,10 +11,7 @@ from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, Engag
 from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
 from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.control.local_model import NO_MODEL
-from hapticmech_ros.control.loop_stability import loop_margins, needed_periods
-from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.control.tuning import tuned
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
@@ -29,7 +26,7 @@ from hapticmech_ros.nodes.messages import (
 )
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
-from hapticmech_ros.operational import Analyser
+from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
 from hapticmech_ros.wire.readings import RenderingReading, read_device, read_rendering
@@ -78,8 +75,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._outputs = ControllerOutputs(self)
         self._devices: Stamped[Array] = Stamped()
         self._renderings: Stamped[RenderingReading] = Stamped()
-        self.loop_warning = ""
-        self._warn_of_loop()
+        gains = tuned(self.scene.controller, parameters.gains)
+        self.loop_warning = loop_warning(self.scene, self.point, gains)
+        if self.loop_warning:
+            node.get_logger().warning(self.loop_warning)
         qos = CONTROL_SUBSCRIBER
         self.input_array(
             DEVICE_STATE.name, self.control_input, self._on_device_state, DEVICE_FIELDS
@@ -90,20 +89,6 @@ class TeleoperationController(Actor[ControllerParameters]):
             RENDERING.of(self.point), self.control_input, self._on_rendering, RENDERING_FIELDS
         )
         self.input(DEVICE_POSE.name, PoseStamped, qos, self._on_device_pose)
-
-    def _warn_of_loop(self) -> None:
-        """Say so where the gains do not bear the loop's delay at the start."""
-        # Once, at the start: not worth the time that compiled kernels take to load.
-        simulator = Simulator(self.scene, compiled=False)
-        terms = simulator.evaluate(simulator.initial_state())
-        analysis = Analyser(simulator.mechanism, self.point).analyse(terms)
-        model, needed = rendering_model(analysis), needed_periods(self.scene)
-        margins = loop_margins(
-            self._control, model, analysis.rows, self.period_s, most_periods=needed
-        )
-        self.loop_warning = margins.warning(self.point, self.period_s, needed) or ""
-        if self.loop_warning:
-            self.node.get_logger().warning(self.loop_warning)
 
     @cached_property
     def _control(self) -> ControlArchitecture:
