@@ -15,7 +15,7 @@ Number = TypeVar("Number", int, float)
 # A closed loop, a spatial one, contacts, and nothing but free directions.
 SAMPLE = ("five_bar", "door", "peg_in_hole", "spatial_arm")
 DELAYS, ALL_DELAYS = "0,1,2,5,10", "0,1,2,5,10,20,50"
-RATES, ALL_RATES = "500,2000", "500,1000,2000,4000"
+RATES, ALL_RATES = "500,2000", "250,500,1000,2000,4000"
 
 ScenesArgument = Annotated[
     list[str] | None, typer.Argument(help=f"shipped scenes or paths; {', '.join(SAMPLE)} if none")
@@ -32,6 +32,7 @@ def limits(
     delays: Annotated[str, typer.Option(help="periods from measuring to acting")] = "",
     rates: Annotated[str, typer.Option(help="further rates of the loop, Hz")] = "",
     what: Annotated[str, typer.Option(help="of z, m and loads")] = "z,m,loads",
+    device: Annotated[str, typer.Option(help="preset instead of the scenes' devices")] = "",
     everything: AllOption = False,
     processes: ProcessesOption = 2,
     out: OutOption = Path("bench"),
@@ -41,13 +42,15 @@ def limits(
     from hapticmech_ros.bench.feel.limits.benchmark import run_limits
     from hapticmech_ros.bench.feel.limits.plan import plan
     from hapticmech_ros.bench.feel.limits.report import tables
+    from hapticmech_ros.bench.feel.stability.variations import with_device
     from hapticmech_ros.scene import load_scene
 
     periods = _numbers("--delays", delays or (ALL_DELAYS if everything else DELAYS), int)
     hertz = _numbers("--rates", rates or (ALL_RATES if everything else RATES), float)
-    cases = plan(
-        [load_scene(name) for name in _chosen(scenes, everything)], periods, hertz, words(what)
-    )
+    loaded = [load_scene(name) for name in _chosen(scenes, everything)]
+    if device:
+        loaded = [with_device(scene, device) for scene in loaded]
+    cases = plan(loaded, periods, hertz, words(what))
     found = run_limits(cases, out, processes, _tell(json_only))
     if json_only:
         import json

@@ -20,6 +20,7 @@ from hapticmech_ros.bench.feel.stability.variations import (
     held_still,
     scaled,
     with_constraint,
+    with_device,
     with_loop,
     without_channel,
 )
@@ -98,6 +99,17 @@ def test_a_mass_fixed_to_the_device_moves_with_it_and_says_what_it_takes():
     assert state.hand_wrench[0] == pytest.approx(-0.6, rel=1e-9)
     with pytest.raises(InvalidInputError, match=r"hand over device mass.*-1"):
         MassHeldDevice(scene, -1.0)
+
+
+def test_a_scene_on_another_device_has_its_figures_and_keeps_its_gains():
+    scene = load_scene("door")
+    found = with_device(scene, "omega_3")
+    assert found.name == "door_omega_3"
+    assert found.device.preset == "omega_3"
+    assert found.device.mass != scene.device.mass
+    assert found.controller == scene.controller
+    with pytest.raises(InvalidInputError, match=r"device.*touch.*got 'mine'"):
+        with_device(scene, "mine")
 
 
 def test_rules_by_hand():

@@ -6,6 +6,8 @@ import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import PositionChannelGains
+from hapticmech_ros.scene.device import Device
+from hapticmech_ros.scene.device_presets import device_presets
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.hand import ConstantWrenchHand
 from hapticmech_ros.scene.mechanism import Inertial
@@ -79,6 +81,18 @@ def with_loop(scene: Scene, local: bool) -> Scene:
     changed = {"force_channel": force, "joint_constraint": joint}
     controller = scene.controller.model_copy(update=changed)
     return scene.model_copy(update={"controller": controller})
+
+
+def with_device(scene: Scene, preset: str) -> Scene:
+    """Return a scene on another device, named after both; gains are those of its own.
+
+    Raises:
+        InvalidInputError: a preset that there is none of.
+    """
+    if preset not in device_presets():
+        raise InvalidInputError("device", preset, f"must be one of {sorted(device_presets())}")
+    device = Device.model_validate({"preset": preset})
+    return scene.model_copy(update={"name": f"{scene.name}_{preset}", "device": device})
 
 
 def at_rate(scene: Scene, rate_hz: float) -> Scene:
