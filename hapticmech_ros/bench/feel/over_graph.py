@@ -9,13 +9,13 @@ old command for as long, and what F_h does meanwhile is noise on a light device.
 
 from __future__ import annotations
 
+import json
 import shutil
 import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bench.feel.impedance import Felt, free_directions
@@ -91,7 +91,8 @@ def _recorded(
     document = document_of(scene)
     document["hand"] = {"kind": "scripted", "file": script.name, "interpolation": "held"}
     path = folder / "felt.yaml"
-    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    # JSON is YAML.
+    path.write_text(json.dumps(document), encoding="utf-8")
     load_scene(str(path))
     bag, environment = folder / "bag", private_environment()
     command = [sys.executable, "-m", RECORDER, "--out", str(bag), "--scene", str(path)]
