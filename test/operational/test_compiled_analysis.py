@@ -50,7 +50,11 @@ def compare(expected, found, free, falls, magnified):
     assert mine.shape == others.shape
     if mine.shape[1]:
         coordinates = np.linalg.lstsq(others, mine, rcond=None)[0]
-        assert np.linalg.norm(others @ coordinates - mine) < magnified * np.linalg.norm(mine)
+        # What is rigid turns into what is nearly so by the matrix's own rounding over the gap
+        # between them: next to a singular position by 1e-16 / 1e-7.
+        gap = expected.spectrum.s[: -mine.shape[1]].min(initial=1.0)
+        turned = magnified + 1e-15 / gap
+        assert np.linalg.norm(others @ coordinates - mine) < turned * np.linalg.norm(mine)
 
 
 @pytest.mark.parametrize("pair", list(pairs()))
