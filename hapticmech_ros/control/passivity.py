@@ -50,6 +50,8 @@ class PassivityController:
         acts: (6,) 1 where there are actuators; everywhere if left out.
         filtered: whether the twist of samples lags: what was moved over the last period then counts
             too, whichever says that more is given.
+        lag: s, of the actuators, of first order: they still give a part of what they gave before,
+            and go on with what they are told for as long.
 
     Attributes:
         actuators: W, J, since the last :meth:`begin`.
@@ -67,14 +69,19 @@ class PassivityController:
         limits: tuple[float, float],
         acts: Array | None = None,
         filtered: bool = False,
+        lag: float = 0.0,
     ) -> None:
         self.bounds = bounds
         self.changed = 0
         self._limits, self._filtered = limits, filtered
+        # Mean share, over a period, of what actuators gave before.
+        self._kept = lag / period * -math.expm1(-period / lag) if lag > 0.0 else 0.0
         self._acts = np.ones(6) if acts is None else acts
         self._inertia, self._period = inertia, period
-        # What a held wrench moves in a period, per acceleration, over semi-implicit steps.
-        self._moved = 0.5 * period**2 * (1.0 + 1.0 / substeps)
+        # What is foreseen, s, and what a held wrench moves in it, per acceleration, over
+        # semi-implicit steps.
+        self._ahead = period + lag
+        self._moved = 0.5 * self._ahead**2 * (1.0 + 1.0 / substeps)
         self._most = MOST_DAMPING / period
         self.begin()
 
@@ -83,7 +90,7 @@ class PassivityController:
         self.actuators = self.dissipated = 0.0
         self.mechanism: float | None = None
         self._place: Array | None = None
-        self._added = self._rate = NO_WRENCH
+        self._added = self._rate = self._applied = NO_WRENCH
 
     def hand(self, sample: Array) -> float:
         """Return E_h at a sample (19,), J, without what friction took."""
@@ -110,6 +117,7 @@ class PassivityController:
             self._rate = way / self._period
             self.actuators -= float(applied @ way) - float(self._added @ way)
         self._place = sample[:7].copy()
+        self._applied = applied - self._added if self._kept else NO_WRENCH
 
     def hold(self, command: Array, sample: Array, added: Array = NO_WRENCH) -> Array:
         """Return the command (6,), changed where it would give more than there is.
@@ -125,7 +133,8 @@ class PassivityController:
         if available == math.inf:
             return command
         twist, hand = sample[TWIST], sample[FORCE]
-        acting = limited(self._acts * command, *self._limits)
+        asked = limited(self._acts * command, *self._limits)
+        acting = asked + self._kept * (self._applied - asked) if self._kept else asked
         given = self._given(acting, twist, hand)
         if self._filtered:
             seen = self._given(acting, self._rate, hand)
@@ -136,11 +145,12 @@ class PassivityController:
         self.changed += 1
         held = self._within(acting, twist, hand, available)
         self.dissipated += given - self._given(held, twist, hand)
+        # Actuators that lag do it a little later: undoing their lag would shake the device.
         return held
 
     def _given(self, command: Array, twist: Array, hand: Array) -> float:
         """Return what a command gives in the next period, J, as far as can be foreseen."""
-        way = self._period * twist + self._moved * (command + hand) / self._inertia
+        way = self._ahead * twist + self._moved * (command + hand) / self._inertia
         return float(command @ way)
 
     def _within(self, command: Array, twist: Array, hand: Array, available: float) -> Array:
@@ -148,7 +158,7 @@ class PassivityController:
         # Given by command - λ momentum: square λ² - slope λ + given.
         given = self._given(command, twist, hand)
         square = self._moved * float(momentum @ twist)
-        way = self._period * twist + self._moved * (command + hand) / self._inertia
+        way = self._ahead * twist + self._moved * (command + hand) / self._inertia
         slope = float(momentum @ way) + self._moved * float(twist @ command)
         damping = _least_root(square, -slope, given - available)
         if damping <= self._most:
@@ -161,7 +171,7 @@ class PassivityController:
         """Return the largest share of a command in [0, 1] that gives no more than available."""
         # Given by share · command: square share² + slope share.
         square = self._moved * float(command @ (command / self._inertia))
-        slope = float(command @ (self._period * twist + self._moved * hand / self._inertia))
+        slope = float(command @ (self._ahead * twist + self._moved * hand / self._inertia))
         if square <= 0.0 or square + slope <= available:
             return 1.0
         if available <= 0.0:
@@ -178,8 +188,12 @@ def passivity_for(scene: Scene) -> PassivityController:
     limits = device.force_limit, device.torque_limit
     bounds, period = scene.controller.passivity, scene.simulation.period
     acts = np.array(device.acts)
+    bandwidth = 2.0 * math.pi * device.actuator_bandwidth
+    lag = 1.0 / bandwidth if bandwidth > 0.0 else 0.0
     filtered = device.position_resolution > 0.0 or device.angle_resolution > 0.0
-    return PassivityController(bounds, inertia, period, device.substeps, limits, acts, filtered)
+    return PassivityController(
+        bounds, inertia, period, device.substeps, limits, acts, filtered, lag
+    )
 
 
 def _least_root(square: float, slope: float, constant: float) -> float:
