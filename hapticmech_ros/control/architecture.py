@@ -157,11 +157,6 @@ class ControlArchitecture:
         faded = engagement.faded(time, self.ramp_of(engagement))
         return wrench if faded is None else limited(wrench + faded, *self.limits)
 
-    @property
-    def is_local(self) -> bool:
-        """Whether the device is to correct commands by itself; see :mod:`.local_model`."""
-        return self.gains.force_channel.local or self.gains.joint_constraint.local
-
     def local_model(self, time: float, engagement: Engagement, model: RenderingModel) -> LocalModel:
         """Return how the answer depends on the device, as let through at ``time`` (s)."""
         joint, force = self.gains.joint_constraint, self.gains.force_channel

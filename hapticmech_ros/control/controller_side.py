@@ -167,7 +167,7 @@ class ControllerSide:
         projector = rendered[36:72].reshape(6, 6)
         self.ledger.answered(wrenches[5], projector, gains, control.channels, self._period)
         model = NO_MODEL
-        if corrects and with_model and control.is_local:
+        if corrects and with_model and control.gains.local:
             model = control.local_model(reading.time, engagement, model_of(rendered))
         given = self.ledger.entry.to_mechanism
         return Answer(wrenches, model, seen.device, seen.stamp_ns, given)

@@ -25,9 +25,7 @@ import numpy as np
 
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.controller import ForceChannelGains, PositionChannelGains
-
-# ω τ of a spring and damper that a delayed loop bears with a margin of three.
-BORNE = 0.3
+from hapticmech_ros.scene.gain_rule import BORNE
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,7 +54,7 @@ def run_demo(
     seconds = scene.experiment.duration if duration is None else duration
     bag = out / "bag"
     _clear(bag)
-    _record_graph(scene_name, bag, composed, seconds, storage, show)
+    record_graph(scene_name, bag, composed, seconds, storage, show)
     show("reading the bag", None)
     record = record_from_bag(bag, scene, duration=seconds)
     show("simulating the same without ROS", None)
@@ -70,9 +70,27 @@ def run_demo(
     )
 
 
-def _record_graph(
-    scene_name: str, bag: Path, composed: bool, seconds: float, storage: str, show: Show
+def record_graph(
+    scene_name: str,
+    bag: Path,
+    composed: bool,
+    seconds: float,
+    storage: str = "mcap",
+    show: Show = lambda stage, done: None,
 ) -> None:
+    """Record a graph whose hand starts once everything is recorded.
+
+    Args:
+        scene_name: shipped scene, or path.
+        bag: folder to make.
+        composed: whether all nodes are in one process.
+        seconds: s, from when the hand starts.
+        storage: mcap or sqlite3.
+        show: told how far it is.
+
+    Raises:
+        DemoError: a node ended, or the hand never started.
+    """
     # Before the recorder waits for the graph: the first time it takes longer than that waits.
     compile_ahead()
     environment = private_environment()

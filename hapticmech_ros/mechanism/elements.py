@@ -12,7 +12,7 @@ None of them makes energy: T8 of docs/derivations.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -177,18 +177,11 @@ class Elements:
         self, model: pin.Model, data: pin.Data, q: Array, v: Array, horizon: float
     ) -> tuple[Array, Array]:
         """Return stiffness and damping, each (nv, nv); see ``Mechanism.slopes``."""
-        stiffness, damping = np.zeros((v.size, v.size)), np.diag(self.damping)
-        for element in self.joints:
-            at = element.rate
-            slopes = element.slopes(float(q[element.position]), float(v[at]), horizon)
-            stiffness[at, at] += slopes[0]
-            damping[at, at] += slopes[1]
-        for spring in self.springs:
-            _, gradient = self.stretch(model, data, spring)
-            square = np.outer(gradient, gradient)
-            stiffness += spring.stiffness * square
-            damping += spring.damping * square
-        return stiffness, damping
+        joints = (
+            element.slopes(float(q[element.position]), float(v[element.rate]), horizon)
+            for element in self.joints
+        )
+        return self._summed(model, data, joints)
 
     def tangents(self, model: pin.Model, data: pin.Data, q: Array, v: Array) -> tuple[Array, Array]:
         """Return K and C (nv, nv): what all forces lose per change of position, and of rate.
@@ -196,12 +189,20 @@ class Elements:
         As :meth:`slopes`, but of what pushes now, and with friction's own slope instead of its
         secant. Lines of springs are taken as fixed. ``data`` as in :meth:`forces`.
         """
-        stiffness, damping = np.zeros((v.size, v.size)), np.diag(self.damping)
-        for element in self.joints:
-            at = element.rate
-            slopes = element.tangents(float(q[element.position]), float(v[at]))
-            stiffness[at, at] += slopes[0]
-            damping[at, at] += slopes[1]
+        joints = (
+            element.tangents(float(q[element.position]), float(v[element.rate]))
+            for element in self.joints
+        )
+        return self._summed(model, data, joints)
+
+    def _summed(
+        self, model: pin.Model, data: pin.Data, joints: Iterable[tuple[float, float]]
+    ) -> tuple[Array, Array]:
+        """Return stiffness and damping of joints, given in order, dampers and springs."""
+        stiffness, damping = np.zeros((model.nv, model.nv)), np.diag(self.damping)
+        for element, slopes in zip(self.joints, joints, strict=True):
+            stiffness[element.rate, element.rate] += slopes[0]
+            damping[element.rate, element.rate] += slopes[1]
         for spring in self.springs:
             _, gradient = self.stretch(model, data, spring)
             square = np.outer(gradient, gradient)

@@ -103,8 +103,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     @property
     def _is_local(self) -> bool:
-        gains = self.scene.controller
-        return gains.force_channel.local or gains.joint_constraint.local
+        return self.scene.controller.local
 
     def adopt(self, parameters: DeviceParameters) -> None:
         """Take new parameters: the timeouts count from now on."""

@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +18,7 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.offline.analysis import FeltStates, felt_states
 from hapticmech_ros.operational.counter import first_count
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.workers import worker_pool
 
 # The led joints move in steps no longer than this (rad or m), so that loops stay on their branch.
 LONGEST_STEP = 0.02
@@ -163,12 +163,7 @@ class _Workers:
             return [_lead(self._mechanism, q, self._columns, goal) for q, goal in goals]
         if self._pool is None:
             # Forked, a process would lack the threads that this one has.
-            self._pool = ProcessPoolExecutor(
-                self._processes,
-                mp_context=get_context("spawn"),
-                initializer=_prepare,
-                initargs=(self._scene, self._columns),
-            )
+            self._pool = worker_pool(self._processes, _prepare, self._scene, self._columns)
         size = math.ceil(len(goals) / self._processes)
         return list(self._pool.map(_lead_prepared, goals, chunksize=size))
 

@@ -104,6 +104,11 @@ class Controller(Part):
     grasp_ramp: NonNegative = 0.3
     gain_ramp: NonNegative = 0.3
 
+    @property
+    def local(self) -> bool:
+        """Whether the device is to correct commands by itself; see docs/passivity.md."""
+        return self.force_channel.local or self.joint_constraint.local
+
 
 class Connection(Part):
     """What lies between device and controller, beside the graph itself: none by default.

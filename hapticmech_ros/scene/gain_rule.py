@@ -21,6 +21,7 @@ from hapticmech_ros.scene.controller import Connection, JointConstraintGains
 from hapticmech_ros.scene.device import Device
 
 MOST_N_PER_M = 2000.0
+# ω τ of a spring that a late loop bears with a margin of three.
 BORNE = 0.3
 DAMPING_RATIO = 0.8
 
@@ -40,6 +41,11 @@ def lag_of(device: Device, connection: Connection, period: float, local: bool) -
     return lag if local else lag + period + 2.0 * connection.delay
 
 
+def damping_for(stiffness: float, device: Device) -> float:
+    """Return b, N s/m, that goes with a stiffness, N/m."""
+    return 2.0 * DAMPING_RATIO * math.sqrt(stiffness * device.mass)
+
+
 def by_rule(
     gains: JointConstraintGains, device: Device, connection: Connection, period: float
 ) -> JointConstraintGains:
@@ -53,5 +59,5 @@ def by_rule(
         stiffness = min(MOST_N_PER_M, device.mass * (BORNE / lag) ** 2)
     damping = gains.damping
     if "damping" not in given:
-        damping = 2.0 * DAMPING_RATIO * math.sqrt(stiffness * device.mass)
+        damping = damping_for(stiffness, device)
     return gains.model_copy(update={"stiffness": stiffness, "damping": damping})

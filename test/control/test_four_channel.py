@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from hapticmech_ros.control.four_channel import BORNE, FourChannel
+from hapticmech_ros.control.four_channel import FourChannel
 from hapticmech_ros.control.impedance import impedance_wrench
 from hapticmech_ros.scene.controller import ForceChannelGains, PositionChannelGains
+from hapticmech_ros.scene.gain_rule import BORNE
 
 MASS, STIFFNESS, DAMPING, WALL = 0.5, 200.0, 6.0, 400.0
 GAINS = PositionChannelGains(stiffness=STIFFNESS, damping=DAMPING)

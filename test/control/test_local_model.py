@@ -78,7 +78,7 @@ def test_what_is_not_local_is_not_corrected():
     gains = {"joint_constraint": joint, "force_channel": force}
     controller = scene.controller.model_copy(update=gains)
     control = ControlArchitecture(scene.model_copy(update={"controller": controller}))
-    assert not control.is_local
+    assert not control.gains.local
     sample = Session(scene).tick()
     tie = control.engage(0.0, sample.point.pose, sample.point.pose)
     model = control.local_model(1.0, tie, rendering_model(sample.analysis))

@@ -10,8 +10,6 @@ old command for as long, and what F_h does meanwhile is noise on a light device.
 from __future__ import annotations
 
 import json
-import shutil
-import sys
 import tempfile
 from pathlib import Path
 
@@ -19,24 +17,20 @@ import numpy as np
 
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bench.feel.impedance import Felt, free_directions
-from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.control.felt_model import felt_model
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.graph import Graph, private_environment, start_process, stop_process, told_by
+from hapticmech_ros.experiment.demo import record_graph
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene import Scene, document_of, load_scene
+from hapticmech_ros.scene import Scene, document_of
 from hapticmech_ros.session import Session
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.topics import DEVICE_STATE
 
-RECORDER = "hapticmech_ros.nodes.recorder"
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30, 42)
 # At each frequency, N; and the time before and while it is watched, s.
 PUSH_N = 0.05
 SETTLING_S, WINDOW_S = 1.0, 4.0
-# What stalls is waited for, as in the demo: a simulated hand comes to no harm.
-PATIENCE = {"haptic_device.command_timeout": 0.05, "teleoperation_controller.input_timeout": 0.05}
 # Beside the push, s.
 SPARE_S = 0.3
 # Of the samples: a device that kept fewer was starved, and says nothing of what is felt.
@@ -55,9 +49,9 @@ def felt_over_graph(scene: Scene, composed: bool) -> list[Felt]:
         composed: whether all nodes are in one process; in four otherwise.
 
     Raises:
-        FeelGraphError: a node ended, nothing was recorded, or the machine starved the device.
+        DemoError: a node ended, or the hand never started.
+        FeelGraphError: nothing was recorded, or the machine starved the device.
     """
-    compile_ahead()
     sample = Session(scene).tick()
     model = felt_model(scene)
     frequencies = np.array(FREQUENCIES_HZ, dtype=float)
@@ -93,28 +87,9 @@ def _recorded(
     path = folder / "felt.yaml"
     # JSON is YAML.
     path.write_text(json.dumps(document), encoding="utf-8")
-    load_scene(str(path))
-    bag, environment = folder / "bag", private_environment()
-    command = [sys.executable, "-m", RECORDER, "--out", str(bag), "--scene", str(path)]
-    command += ["--duration", str(seconds + SPARE_S)]
-    recorder = start_process(command, environment, pipe_output=True)
-    parameters: dict[str, object] = {"haptic_device.hand_waits": True, **PATIENCE}
-    try:
-        events = told_by(recorder)
-        next(events, None)
-        with Graph(str(path), composed, "", parameters, environment) as graph:
-            for event in events:
-                graph.check()
-                if event["event"] == "failed":
-                    raise FeelGraphError(f"recording failed: {event['reason']}")
-                if event["event"] == "done":
-                    break
-    finally:
-        stop_process(recorder)
-    try:
-        return _samples(bag, period)
-    finally:
-        shutil.rmtree(bag, ignore_errors=True)
+    bag = folder / "bag"
+    record_graph(str(path), bag, composed, seconds)
+    return _samples(bag, period)
 
 
 def _samples(bag: Path, period: float) -> tuple[Array, Array, Array]:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 
 from hapticmech_ros.bench.feel.comparison.figure import draw
 from hapticmech_ros.bench.feel.comparison.side_by_side import Column, side_by_side
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.workers import worker_pool
 
 JSON_NAME, PLOT_NAME = "bench_feel_compare.json", "bench_feel_compare.png"
 
@@ -51,7 +50,7 @@ def run_comparison(
             columns += _told(_compared(case), show)
     else:
         # Forked, a process would lack the threads that this one has.
-        with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        with worker_pool(processes) as pool:
             for found in pool.map(_compared, cases):
                 columns += _told(found, show)
     out.mkdir(parents=True, exist_ok=True)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +14,7 @@ from hapticmech_ros.bench.feel.limits.m_width import MPoint
 from hapticmech_ros.bench.feel.limits.plan import Case, Found, Load, measure
 from hapticmech_ros.bench.feel.limits.z_width import ZPoint
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.workers import worker_pool
 
 JSON_NAME = "bench_feel_limits.json"
 Z_PLOT, M_PLOT = "bench_feel_z_width.png", "bench_feel_m_width.png"
@@ -83,7 +82,7 @@ def run_limits(
             show(str(case))
     else:
         # Forked, a process would lack the threads that this one has.
-        with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        with worker_pool(processes) as pool:
             for case, some in zip(cases, pool.map(measure, cases), strict=True):
                 found += some
                 show(str(case))

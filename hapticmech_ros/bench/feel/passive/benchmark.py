@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 
+from hapticmech_ros.bench.feel.benchmark import LOOPS
 from hapticmech_ros.bench.feel.passive.trial import Found, Trial, scene_of, tried
+from hapticmech_ros.workers import worker_pool
 
 JSON_NAME = "bench_passivity.json"
-# Where what the device can close itself is closed: by the device, or over the connection.
-LOOPS = {"device": True, "controller": False}
 SECONDS = 60.0
 
 Show = Callable[[str], None]
@@ -60,7 +57,7 @@ def run_passivity(asked: Sequence[Trial], out: Path, show: Show = lambda line: N
     for trial in {(trial.scene, trial.device, trial.hand): trial for trial in asked}.values():
         scene_of(trial)
     found = []
-    with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
+    with worker_pool() as pool:
         for one in pool.map(tried, asked):
             found.append(one)
             show(_line(one))

@@ -13,6 +13,7 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.device import Device
+from hapticmech_ros.scene.gain_rule import damping_for
 from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand
 from hapticmech_ros.session import Session
 
@@ -95,8 +96,8 @@ def scene_of(trial: Trial) -> Scene:
     if trial.device != "scene":
         device = Device.model_validate({"preset": trial.device})
     controller = scene.controller
-    ratio = np.sqrt(device.mass * STIFFNESS)
-    gains = {"stiffness": STIFFNESS, "damping": 1.6 * float(ratio), "local": trial.local}
+    damping = damping_for(STIFFNESS, device)
+    gains = {"stiffness": STIFFNESS, "damping": damping, "local": trial.local}
     updated = {
         "joint_constraint": controller.joint_constraint.model_copy(update=gains),
         "force_channel": controller.force_channel.model_copy(update={"local": trial.local}),
