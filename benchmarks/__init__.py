@@ -1,0 +1,1 @@
+"""What developers measure about the package; nothing here is installed."""

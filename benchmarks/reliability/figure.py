@@ -1,0 +1,69 @@
+"""What a part of the campaign found: one figure, its limit, and whether it was kept."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One measured figure.
+
+    Attributes:
+        part: of the campaign, such as ``clocks``.
+        name: what was measured.
+        value: the figure; NaN where it could not be measured.
+        unit: its unit.
+        most, least: bounds that it has to keep, both included; None for none.
+        trials: how many trials it summarises.
+        note: what a reader has to know, such as why it was not measured.
+    """
+
+    part: str
+    name: str
+    value: float
+    unit: str = ""
+    most: float | None = None
+    least: float | None = None
+    trials: int = 0
+    note: str = ""
+
+    @property
+    def kept(self) -> bool:
+        """Whether the figure was measured and keeps its bounds."""
+        if math.isnan(self.value):
+            return False
+        above = self.most is not None and self.value > self.most
+        below = self.least is not None and self.value < self.least
+        return not (above or below)
+
+
+def save(figures: Sequence[Figure], path: Path) -> None:
+    """Write figures as JSON."""
+    path.write_text(json.dumps([asdict(figure) for figure in figures], indent=1), "utf-8")
+
+
+def load(path: Path) -> list[Figure]:
+    """Read figures back."""
+    return [Figure(**one) for one in json.loads(path.read_text("utf-8"))]
+
+
+def table(figures: Sequence[Figure]) -> str:
+    """Return the figures as a table in Markdown."""
+    rows = ["| part | measured | trials | figure | limit | kept |", "|---|---|---|---|---|---|"]
+    for one in figures:
+        limits = []
+        if one.least is not None:
+            limits.append(f"≥ {one.least:g}")
+        if one.most is not None:
+            limits.append(f"≤ {one.most:g}")
+        limit = " and ".join(limits)
+        kept = ("yes" if one.kept else "**no**") if limit else ""
+        name = f"{one.name} ({one.note})" if one.note else one.name
+        value = "not measured" if math.isnan(one.value) else f"{one.value:.4g} {one.unit}".strip()
+        rows.append(f"| {one.part} | {name} | {one.trials} | {value} | {limit} | {kept} |")
+    return "\n".join(rows) + "\n"
