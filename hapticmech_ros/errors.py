@@ -72,5 +72,15 @@ class InvalidInputError(HapticMechError):
         super().__init__(f"{what}: {rule} (got {shown(value)})")
 
 
+class OutputError(HapticMechError):
+    """A value that a node was about to send, and that breaks a rule: it is not sent."""
+
+    def __init__(self, what: str, value: object, rule: str) -> None:
+        self.what = what
+        self.value = value
+        self.rule = rule
+        super().__init__(f"{what} is not sent: {rule} (got {shown(value)})")
+
+
 class BagError(HapticMechError):
     """A bag that cannot be read, or does not hold what was asked of it."""
