@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.mechanism.model import Array
@@ -109,12 +110,13 @@ class Bounds:
         except InvalidInputError as error:
             raise OutputError(error.what, error.value, error.rule) from None
 
-    def keeps(self, rows: Array) -> np.ndarray:
+    def keeps(self, rows: Array) -> npt.NDArray[np.bool_]:
         """Return which of n messages' data (n, size) are certain to keep every rule (n,)."""
         with np.errstate(invalid="ignore"):
             within = (np.abs(rows) <= self.most).all(axis=1)
             stamps = rows[:, :2]
-            return within & (stamps >= 0.0).all(axis=1) & (stamps == np.floor(stamps)).all(axis=1)
+            stamped = (stamps >= 0.0) & (stamps == np.floor(stamps))
+            return np.asarray(within & stamped.all(axis=1))
 
     def _told(self, values: Array) -> int:
         """Return the stamp, or name the rule that is broken."""
@@ -200,6 +202,11 @@ def twist_bounds(limits: Limits) -> SixBounds:
     """Return the bounds of a twist in a scene's messages."""
     quantities = ("linear_velocity", "angular_velocity")
     return SixBounds("twist", quantities, limits.linear_velocity, limits.angular_velocity)
+
+
+def pose_bounds(limits: Limits) -> SixBounds:
+    """Return the bounds of a position and of a quaternion's x, y and z; its length is looked at."""
+    return SixBounds("pose", ("position", ANY), limits.position)
 
 
 def bounds_of(what: str, fields: Mapping[str, int], limits: Limits | None = None) -> Bounds:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.wire.bounds import Bounds
+from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.wire.bounds import Bounds, SixBounds, twist_bounds
 from hapticmech_ros.wire.layouts import (
     COMMANDED,
     DEVICE_MEASURED,
@@ -20,6 +21,14 @@ from hapticmech_ros.wire.layouts import (
 )
 
 _DEVICE, _RENDERING = device_bounds(), rendering_bounds()
+
+
+class ReadingBounds(NamedTuple):
+    """Bounds of what a controller reads: ``device/state``, ``rendering``, and twists."""
+
+    device: Bounds
+    rendering: Bounds
+    twist: SixBounds
 
 
 class DeviceReading(NamedTuple):
@@ -43,6 +52,11 @@ class RenderingReading(NamedTuple):
     rendered: Array
     commanded: bool
     grasp: bytes
+
+
+def reading_bounds(limits: Limits) -> ReadingBounds:
+    """Return the bounds of a scene's limits."""
+    return ReadingBounds(device_bounds(limits), rendering_bounds(limits), twist_bounds(limits))
 
 
 def read_device(values: Array, bounds: Bounds = _DEVICE) -> DeviceReading:

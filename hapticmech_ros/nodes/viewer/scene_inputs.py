@@ -130,12 +130,16 @@ class SceneInputs:
             actor,
             DEVICE_POSE.name,
             PoseStamped,
-            lambda data: read_pose(deserialize_message(data, PoseStamped)),
+            lambda data: read_pose(_read(data, PoseStamped), actor.limits),
         )
-        self._hand = Ear(actor, DEVICE_FORCE.name, WrenchStamped, _wrench)
-        self._command = Ear(actor, DEVICE_COMMAND.name, WrenchStamped, _wrench)
+
+        def wrench(data: bytes) -> Array:
+            return read_wrench(_read(data, WrenchStamped), actor.wrenches)
+
+        self._hand = Ear(actor, DEVICE_FORCE.name, WrenchStamped, wrench)
+        self._command = Ear(actor, DEVICE_COMMAND.name, WrenchStamped, wrench)
         self._points = {
-            name: Ear(actor, POINT_COMMAND.of(name), WrenchStamped, _wrench)
+            name: Ear(actor, POINT_COMMAND.of(name), WrenchStamped, wrench)
             for name in mechanism.point_names
         }
         self._count = Ear(
@@ -186,12 +190,18 @@ class SceneInputs:
         )
 
 
-def _wrench(data: bytes) -> Array:
-    return read_wrench(deserialize_message(data, WrenchStamped))
+def _read(data: bytes, message_type: type[T]) -> T:
+    """Return the message in bytes that anybody may have sent."""
+    try:
+        message: T = deserialize_message(data, message_type)
+    except RuntimeError as error:
+        rule = f"must be a whole {message_type.__name__}"
+        raise InvalidInputError("message", f"{len(data)} bytes: {error}", rule) from None
+    return message
 
 
 def _count(data: bytes, largest: int) -> int:
-    count = int(deserialize_message(data, UInt8).data)
+    count = int(_read(data, UInt8).data)
     if count > largest:
         raise InvalidInputError("count", count, f"must be 0 to {largest}")
     return count
