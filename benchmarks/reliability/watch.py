@@ -1,6 +1,6 @@
 """Watches a graph from outside: every control message, when it arrived, and what nodes say.
 
-Usage: ``python watch.py RING [POINT]``; with an operational point it also listens to the mechanism's
+Usage: ``python watch.py RING [POINT]``; with a point it also listens to the mechanism's
 and the analyser's messages. Samples go into a ring that the parent reads; what nodes say in their
 diagnostics and logs is told by lines of JSON. Times of arrival are by the monotonic clock.
 """
@@ -76,7 +76,7 @@ class GraphWatch(Node):
             tell("said", node=status.name, text=text, well=well, by="diagnostics", at_ns=now)
 
     def _on_log(self, message: Log) -> None:
-        well = message.level < int.from_bytes(Log.WARN, "little")
+        well = message.level < Log.WARN
         now = time.monotonic_ns()
         tell("said", node=message.name, text=message.msg, well=well, by="log", at_ns=now)
 
@@ -101,7 +101,8 @@ def _stamped(message: bytes) -> Told:
 
 if __name__ == "__main__":
     wake_up_in_time()
-    gc.disable()
+    gc.collect()
+    gc.freeze()
     found, *rest = sys.argv[1:]
     kept = Ring(Path(found))
     sys.exit(watch(lambda: GraphWatch(kept, rest[0] if rest else ""), []))
