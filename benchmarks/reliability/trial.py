@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.reliability.figure import Figure
-from benchmarks.reliability.rig import MS, SETTLED_S, Rig, pushing
+from benchmarks.reliability.rig import MS, Rig, pushing
 from hapticmech_ros.bench.children import BenchError, wait_until
 
 GOAL_ZERO_MS, GOAL_BACK_S, GOAL_PEAK = 20.0, 2.0, 1.2
