@@ -22,8 +22,8 @@ SCENE, POINT = "five_bar", "handle"
 WITHIN_S = 20.0
 # Rendering for so long without a break before anything is done to the graph.
 SETTLED_S = 0.7
-CLEAN_S = 5.0
-TRIES = 5
+CLEAN_S = 2.0
+TRIES = 8
 MS = 1_000_000
 # Nodes of one host, and what their processes' environment has beyond the graph's.
 Host = tuple[Collection[str], Mapping[str, str]]
@@ -96,9 +96,9 @@ class Rig:
         with output_to(self._log):
             return self._stack.enter_context(Teller(command, environment or self.environment))
 
-    def new_graph(self, nodes: Collection[str], arguments: Sequence[str] = ()) -> Graph:
-        """Start further nodes with the graph's settings; whoever asked ends them."""
-        return self._graph(nodes, {}, arguments)
+    def another(self, node: str) -> Graph:
+        """Start a second node of a kind, called ``second_...``; whoever asked ends it."""
+        return self._graph([node], {}, ["-r", f"__node:=second_{node}"])
 
     def renew(self) -> None:
         """End the graph and start it again, all nodes."""
@@ -122,10 +122,10 @@ class Rig:
         with output_to(self._log):
             self.graph_of(node).restart(node)
 
-    def samples(self, since: int, topic: int = DEVICE) -> Samples:
-        """Return a topic's samples from a number of the ring on."""
+    def samples(self, since: int, *topics: int) -> Samples:
+        """Return topics' samples (the device's if none is named) from a number of the ring on."""
         found = self.ring.since(since)
-        return found[found["topic"] == topic]
+        return found[np.isin(found["topic"], topics or (DEVICE,))]
 
     def said(self, since_ns: int) -> list[dict[str, Any]]:
         """Return what nodes said in diagnostics and logs since a time of the monotonic clock."""

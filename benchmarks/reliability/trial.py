@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import MS, Rig, pushing
+from benchmarks.reliability.sample import DEVICE
 from hapticmech_ros.bench.children import BenchError, wait_until
 
 GOAL_ZERO_MS, GOAL_BACK_S, GOAL_PEAK = 20.0, 2.0, 1.2
@@ -31,6 +32,7 @@ class Fault:
         released_ns: when it was over, so that the device may push again.
         offset_ns: of the device's clock from then on, to the machine's.
         output_after_ns: outputs count from here: a device that is frozen puts nothing out.
+        topics: whose force is looked at.
     """
 
     kind: str
@@ -39,6 +41,7 @@ class Fault:
     released_ns: int
     offset_ns: int = 0
     output_after_ns: int = 0
+    topics: tuple[int, ...] = (DEVICE,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +98,7 @@ def observe(rig: Rig, fault: Fault, about: Callable[[str], bool], alive: bool = 
         # What did not happen stays infinite.
         pass
     zero, back = _times(rig, fault)
-    forces = rig.samples(fault.since)["force"]
+    forces = rig.samples(fault.since, *fault.topics)["force"]
     peak = float(np.nan_to_num(forces, nan=np.inf).max(initial=0.0))
     said = _said(rig, fault.cause_ns, about)
     return Trial(fault.kind, zero.stamped, zero.heard, back, peak, said, alive and not rig.ended())
@@ -110,20 +113,23 @@ class _Zero:
 
 
 def _times(rig: Rig, fault: Fault) -> tuple[_Zero, float]:
-    found = rig.samples(fault.since)
-    arrived = found["arrived_ns"]
-    made = _made_ns(found["arrived_ns"], found["stamp_ns"], fault.offset_ns)
+    """Return when the device let go for good, and when it came back after the fault's end, s."""
+    found = rig.samples(fault.since, *fault.topics)
+    arrived, on = found["arrived_ns"], pushing(found)
+    made = _made_ns(arrived, found["stamp_ns"], fault.offset_ns)
     counts = (made >= fault.cause_ns) & (arrived >= max(fault.cause_ns, fault.output_after_ns))
-    off = counts & ~pushing(found)
+    during = np.flatnonzero(counts & on & (made < fault.released_ns))
+    off = counts & ~on
+    if during.size:
+        off[: during[-1]] = False
     if not off.any():
         return _Zero(math.inf, math.inf), math.inf
     first = int(np.argmax(off))
     zero = _Zero((made[first] - fault.cause_ns) / 1e9, (arrived[first] - fault.cause_ns) / 1e9)
-    on = pushing(found) & (made >= fault.released_ns)
+    on &= made >= fault.released_ns
     on[: first + 1] = False
-    if not on.any():
-        return zero, math.inf
-    return zero, float((made[int(np.argmax(on))] - fault.released_ns) / 1e9)
+    back = (made[int(np.argmax(on))] - fault.released_ns) / 1e9 if on.any() else math.inf
+    return zero, float(back)
 
 
 def _made_ns(arrived: np.ndarray, stamps: np.ndarray, offset_ns: int) -> np.ndarray:
@@ -168,4 +174,19 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
         worst("largest force, of a clean run's", peaks, "", GOAL_PEAK),
         Figure(part, f"{name}: said", share, "%", None, 100.0, number),
         Figure(part, f"{name}: all other nodes went on", alive, "%", None, 100.0, number),
+    ]
+
+
+def tell_lateness(part: str, rig: Rig) -> list[Figure]:
+    """Return how late the watcher itself is, and what a clean run's force is."""
+    late = rig.lateness_ns / MS
+    note = "arrival less stamp, of a clean run"
+
+    def figure(name: str, value: float) -> Figure:
+        return Figure(part, f"watcher: lateness, {name}", value, "ms", trials=len(late), note=note)
+
+    return [
+        Figure(part, "clean run: largest force", rig.clean_max, "N", trials=1),
+        figure("median", float(np.median(late))),
+        figure("worst", float(late.max())),
     ]
