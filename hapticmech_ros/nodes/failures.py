@@ -33,7 +33,7 @@ class Failures:
         reseat: puts the actor back to where all was well, at rest, with nobody under a force.
 
     Attributes:
-        count: failures so far.
+        count, defects: failures so far, and those of them that nobody had foreseen.
         last: what failed last, and how.
     """
 
@@ -42,7 +42,8 @@ class Failures:
         self._reseat = reseat
         self.count = 0
         self.last = ""
-        self._defects: deque[int] = deque(maxlen=MOST_DEFECTS)
+        self.defects = 0
+        self._lately: deque[int] = deque(maxlen=MOST_DEFECTS)
         self._logged: dict[str, int] = {}
 
     def run(self, what: str, call: Callable[..., object], *arguments: object) -> None:
@@ -92,9 +93,10 @@ class Failures:
         if isinstance(error, HapticMechError):
             self._begin_anew()
             return
-        self._defects.append(now)
-        full = len(self._defects) == MOST_DEFECTS
-        if full and now - self._defects[0] <= DEFECTS_WITHIN_NS:
+        self.defects += 1
+        self._lately.append(now)
+        full = len(self._lately) == MOST_DEFECTS
+        if full and now - self._lately[0] <= DEFECTS_WITHIN_NS:
             self._give_up()
         else:
             self._begin_anew()
@@ -108,7 +110,7 @@ class Failures:
 
     def _give_up(self) -> None:
         """Deactivate the node, whatever becomes of it meanwhile."""
-        self._defects.clear()
+        self._lately.clear()
         self._node.get_logger().fatal(f"gives up and deactivates itself, {self.last}")
         try:
             self._node.end()
