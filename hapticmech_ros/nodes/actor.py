@@ -20,7 +20,7 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.failures import Failures
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.message_info import Info, WithInfo
-from hapticmech_ros.nodes.messages import checked_time
+from hapticmech_ros.nodes.messages import checked_time, deserialized
 from hapticmech_ros.nodes.parameters import NodeParameters
 from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLISHER
@@ -135,10 +135,16 @@ class Actor(Generic[P]):
 
         ``sources`` is told before whom each message comes from.
         """
-        callback: Callable[..., None] = self.guarded(name, accept)
+
+        def read(message: bytes, now_ns: int) -> None:
+            accept(deserialized(message, message_type), now_ns)
+
+        # As bytes: what is no whole message is refused here, as all others are, and counted.
+        callback: Callable[..., None] = self.guarded(name, read)
         if sources is not None:
             callback = self._watched(sources, callback)
-        made: Subscription = self.node.create_subscription(message_type, name, callback, qos)
+        create = self.node.create_subscription
+        made: Subscription = create(message_type, name, callback, qos, raw=True)
         return self.node.keep(made)
 
     def input_array(

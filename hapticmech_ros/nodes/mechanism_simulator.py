@@ -198,7 +198,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         now = self.now_ns()
         fault = next((fault for port in self._ports if (fault := port.fault(now))), "")
         figures["fault"] = fault
-        well = self.failures.count == 0 and not fault
+        if not fault and now < self._silent_until_ns:
+            fault = f"begins anew, {self.failures.last}"
+        well = not fault
         return well, fault or f"closed loops: {closed}", figures
 
     def _move(self) -> None:

@@ -6,11 +6,13 @@ Reading raises :class:`InvalidInputError` naming value and rule; writing fills a
 from __future__ import annotations
 
 import array
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, WrenchStamped
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
 from hapticmech_ros.errors import InvalidInputError
@@ -23,6 +25,21 @@ from hapticmech_ros.wire.layouts import pose_of
 from hapticmech_ros.wire.stamps import seconds_of, stamp_of
 
 WORLD = "world"
+M = TypeVar("M")
+
+
+def deserialized(message: bytes, message_type: type[M]) -> M:
+    """Return the message in bytes that anybody may have sent.
+
+    Raises:
+        InvalidInputError: cut short, or not such a message.
+    """
+    try:
+        found: M = deserialize_message(message, message_type)
+    except RuntimeError as error:
+        rule = f"must be a whole {message_type.__name__}"
+        raise InvalidInputError("message", f"{len(message)} bytes: {error}", rule) from None
+    return found
 
 
 def stamp_ns(header: Header) -> int:

@@ -8,7 +8,6 @@ from typing import Any, Generic, TypeVar
 
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray, UInt8
 
@@ -17,7 +16,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import Latest
-from hapticmech_ros.nodes.messages import read_pose, read_wrench
+from hapticmech_ros.nodes.messages import deserialized, read_pose, read_wrench
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.contact_points import ContactLayout, ContactPoints
@@ -130,11 +129,11 @@ class SceneInputs:
             actor,
             DEVICE_POSE.name,
             PoseStamped,
-            lambda data: read_pose(_read(data, PoseStamped), actor.limits),
+            lambda data: read_pose(deserialized(data, PoseStamped), actor.limits),
         )
 
         def wrench(data: bytes) -> Array:
-            return read_wrench(_read(data, WrenchStamped), actor.wrenches)
+            return read_wrench(deserialized(data, WrenchStamped), actor.wrenches)
 
         self._hand = Ear(actor, DEVICE_FORCE.name, WrenchStamped, wrench)
         self._command = Ear(actor, DEVICE_COMMAND.name, WrenchStamped, wrench)
@@ -190,18 +189,8 @@ class SceneInputs:
         )
 
 
-def _read(data: bytes, message_type: type[T]) -> T:
-    """Return the message in bytes that anybody may have sent."""
-    try:
-        message: T = deserialize_message(data, message_type)
-    except RuntimeError as error:
-        rule = f"must be a whole {message_type.__name__}"
-        raise InvalidInputError("message", f"{len(data)} bytes: {error}", rule) from None
-    return message
-
-
 def _count(data: bytes, largest: int) -> int:
-    count = int(_read(data, UInt8).data)
+    count = int(deserialized(data, UInt8).data)
     if count > largest:
         raise InvalidInputError("count", count, f"must be 0 to {largest}")
     return count
