@@ -50,6 +50,12 @@ def steps(number: int, sizes: Sequence[float]) -> list[float]:
     return [sign * sizes[i % len(sizes)] for i in range(number) for sign in (-1.0, 1.0)]
 
 
+def _by_turns(index: int) -> bool:
+    """Return every other time whether; of steps as :func:`steps` gives them, for each in turn."""
+    pair = index // 2
+    return (index + pair + pair // 2) % 2 == 0
+
+
 def try_step(rig: Rig, clock: SteppedClock, seconds: float, words: str) -> Trial:
     """Step a clock that the device lives by, and return what the device did."""
     since = rig.ready()
@@ -106,7 +112,7 @@ def _one_host(number: int, out: Path, told: Callable[[str], None]) -> list[Figur
         rig = stack.enter_context(Rig(out, "clocks_host", hosts))
         trials = []
         for index, seconds in enumerate(steps(number, STEPS_S)):
-            at_device = index // 2 % 2 == 0
+            at_device = _by_turns(index)
             clock, words = (near, "device's host") if at_device else (far, "other host")
             trials.append(try_wrong_host(rig, clock, seconds, at_device, words))
             told(trials[-1].line)
@@ -136,7 +142,7 @@ def _emergency_stops(number: int, out: Path, told: Callable[[str], None]) -> lis
         rig = Rig(out, "clocks_stop", [(tuple(NODES), clock.environment({}))])
         stack.enter_context(rig)
         stops = []
-        for seconds in steps(number, STEPS_S):
-            stops.append(try_stop(rig, clock, seconds))
+        for index, seconds in enumerate(steps(number, STEPS_S)):
+            stops.append(try_stop(rig, clock, seconds, at_once=_by_turns(index)))
             told(stops[-1].line)
         return summarised_stops(PART, stops)

@@ -1,4 +1,4 @@
-"""An emergency stop just after a clock was stepped: zero has left before it answers."""
+"""An emergency stop after a clock was stepped: zero has left before it answers."""
 
 from __future__ import annotations
 
@@ -39,13 +39,15 @@ class Stop:
         return f"emergency stop, {self.fault}: {answered}, zero {self.zero_ms:+.1f} ms after it"
 
 
-def try_stop(rig: Rig, clock: SteppedClock, seconds: float) -> Stop:
-    """Step the clock, stop at once, look, and let the device go on."""
+def try_stop(rig: Rig, clock: SteppedClock, seconds: float, at_once: bool) -> Stop:
+    """Step the clock, stop at once or once the device renders again, and let it go on."""
     since = rig.ready()
     with Caller(rig.environment) as caller:
         caller.stop(False)
         stepped_ns = clock.step(seconds)
         try:
+            if not at_once:
+                since = rig.settle(stepped_ns)
             success, answered_ns = caller.stop(True)
         except BenchError:
             success, answered_ns = False, time.monotonic_ns()
@@ -61,7 +63,8 @@ def try_stop(rig: Rig, clock: SteppedClock, seconds: float) -> Stop:
             rig.settle()
         except BenchError:
             rig.renew()
-    return Stop(f"clock {seconds:+g} s", success, zero_ms)
+    when = "at once" if at_once else "once it renders again"
+    return Stop(f"clock {seconds:+g} s, {when}", success, zero_ms)
 
 
 def summarised_stops(part: str, stops: Sequence[Stop]) -> list[Figure]:

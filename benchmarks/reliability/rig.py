@@ -42,6 +42,7 @@ class Rig:
         parameters: for the graph's nodes.
         all_topics: watch the mechanism's and the analyser's messages too.
         clock: what /clock says, for nodes with ``use_sim_time``; nobody publishes it if left out.
+        domain: ROS_DOMAIN_ID; one that is probably free if left out.
 
     Attributes:
         environment: of a process that is to meet the graph, with the machine's own clock.
@@ -57,6 +58,7 @@ class Rig:
         parameters: Mapping[str, object] | None = None,
         all_topics: bool = False,
         clock: SteppedClock | None = None,
+        domain: int | None = None,
     ) -> None:
         out.mkdir(parents=True, exist_ok=True)
         self._log = out / f"{name}.log"
@@ -66,7 +68,7 @@ class Rig:
         self._clock = clock
         self._stack = ExitStack()
         self._graphs: list[Graph] = []
-        self.environment = {**private_environment(), "OPENBLAS_NUM_THREADS": "1"}
+        self.environment = {**private_environment(domain), "OPENBLAS_NUM_THREADS": "1"}
         self.clean_max = 0.0
         self.lateness_ns = np.zeros(0)
 

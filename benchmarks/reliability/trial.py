@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import MS, Rig, pushing
-from benchmarks.reliability.sample import DEVICE
+from benchmarks.reliability.sample import DEVICE, Samples
 from hapticmech_ros.bench.children import BenchError, wait_until
 
 GOAL_ZERO_MS, GOAL_BACK_S, GOAL_PEAK = 20.0, 2.0, 1.2
@@ -105,22 +105,22 @@ def observe(
     with suppress(BenchError):
         wait_until(lambda: _seen(rig, fault).over, patience, "the device", rig.watch.check)
         rig.settle(fault.released_ns)
-    seen = _seen(rig, fault)
+    result = _seen(rig, fault)
     forces = rig.samples(fault.since, *fault.topics)["force"]
     return Trial(
         fault.kind,
-        seen.zero_s,
-        seen.heard_s,
-        seen.back_s,
+        result.zero_s,
+        result.heard_s,
+        result.back_s,
         float(np.nan_to_num(forces, nan=np.inf).max(initial=0.0)),
         _said(rig, said_since_ns or fault.cause_ns, about),
         alive and not rig.ended(),
-        seen.stale,
+        result.stale,
     )
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
+class Seen:
     """When the device let go and came back, s; infinite while it has not."""
 
     zero_s: float = math.inf
@@ -130,19 +130,28 @@ class _Seen:
 
     @property
     def over(self) -> bool:
+        """Whether it did both."""
         return math.isfinite(self.back_s)
 
 
-def _seen(rig: Rig, fault: Fault) -> _Seen:
-    """Return when the device let go for good, and when it came back after the fault's end."""
-    found = rig.samples(fault.since, *fault.topics)
+def _seen(rig: Rig, fault: Fault) -> Seen:
+    return seen(rig.samples(fault.since, *fault.topics), fault)
+
+
+def seen(found: Samples, fault: Fault) -> Seen:
+    """Return when the device let go for good, and when it came back after the fault's end.
+
+    Args:
+        found: samples of the fault's topics since before it.
+        fault: what was done.
+    """
     arrived, on = found["arrived_ns"], pushing(found)
     made = _made_ns(arrived, found["stamp_ns"], fault.offset_ns)
     cause_ns, counts = fault.cause_ns, made >= fault.cause_ns
     if fault.first_output:
         counts = arrived >= cause_ns
         if not counts.any():
-            return _Seen()
+            return Seen()
         # How long it was away is no matter: time begins with the first output.
         made = arrived
         cause_ns = int(made[int(np.argmax(counts))])
@@ -151,16 +160,16 @@ def _seen(rig: Rig, fault: Fault) -> _Seen:
     if during.size:
         off[: during[-1]] = False
     if not off.any():
-        return _Seen()
+        return Seen()
     first = int(np.argmax(off))
     zero, heard = (made[first] - cause_ns) / 1e9, (arrived[first] - cause_ns) / 1e9
     stale = int((counts & on)[:first].sum()) if fault.first_output else 0
     again = on & (made >= fault.released_ns)
     again[: first + 1] = False
     if not again.any():
-        return _Seen(float(zero), float(heard), stale=stale)
+        return Seen(float(zero), float(heard), stale=stale)
     back = (made[int(np.argmax(again))] - fault.released_ns) / 1e9
-    return _Seen(float(zero), float(heard), float(back), stale)
+    return Seen(float(zero), float(heard), float(back), stale)
 
 
 def _made_ns(arrived: np.ndarray, stamps: np.ndarray, offset_ns: int) -> np.ndarray:
