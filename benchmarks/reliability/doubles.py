@@ -7,7 +7,6 @@ renders again. Doubles leave in order, and by SIGKILL.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -125,7 +124,7 @@ def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Tria
         killed: it leaves by SIGKILL.
     """
     order = f"{kind.name} {'before' if before else 'after'} {kind.original}"
-    since = rig.settle()
+    since = rig.ready()
     if before:
         graph = rig.graph_of(kind.original)
         graph.kill(kind.original)
@@ -143,7 +142,7 @@ def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Tria
         fault = replace(fault, topics=kind.outputs)
         names = (kind.name, kind.original)
         trial = observe(rig, fault, lambda text: _names(text, names))
-        if math.isinf(trial.back_s):
+        if not trial.came_back:
             rig.renew()
         return trial
 
@@ -178,6 +177,9 @@ def _first(rig: Rig, kind: Kind, since: int, asked_ns: int, teller: Teller | Non
             return next((event["at_ns"] for event in teller.of("first")), None)
         found = rig.samples(since, kind.topic)
         found = found[found["arrived_ns"] > asked_ns]
+        if kind.name == "foreign_driver":
+            # It says nothing on this topic: whoever does is the newcomer.
+            return int(found["arrived_ns"][0]) if found.size else None
         gaps = np.diff(found["stamp_ns"])
         strange = np.flatnonzero((gaps <= 0) | (gaps % PERIOD_NS != 0))
         # Two of them: it is there, and goes on.

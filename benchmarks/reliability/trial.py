@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import MS, Rig, pushing
-from benchmarks.reliability.sample import DEVICE
+from benchmarks.reliability.sample import DEVICE, Samples
 from hapticmech_ros.bench.children import BenchError, wait_until
 
 GOAL_ZERO_MS, GOAL_BACK_S, GOAL_PEAK = 20.0, 2.0, 1.2
@@ -31,7 +32,7 @@ class Fault:
         cause_ns: when, by the monotonic clock.
         released_ns: when it was over, so that the device may push again.
         offset_ns: of the device's clock from then on, to the machine's.
-        output_after_ns: outputs count from here: a device that is frozen puts nothing out.
+        first_output: the device itself was away: its first output since counts, by arrival.
         topics: whose force is looked at.
     """
 
@@ -40,7 +41,7 @@ class Fault:
     cause_ns: int
     released_ns: int
     offset_ns: int = 0
-    output_after_ns: int = 0
+    first_output: bool = False
     topics: tuple[int, ...] = (DEVICE,)
 
 
@@ -56,6 +57,7 @@ class Trial:
         peak: largest force of any output, N.
         said: a sentence that a node said about it; empty if there was none.
         alive: whether all other nodes went on.
+        stale: outputs with force before the first one without, of a device that was away.
     """
 
     fault: str
@@ -65,6 +67,12 @@ class Trial:
     peak: float
     said: str
     alive: bool = True
+    stale: int = 0
+
+    @property
+    def came_back(self) -> bool:
+        """Whether the device pushes again."""
+        return math.isfinite(self.back_s)
 
     @property
     def line(self) -> str:
@@ -76,60 +84,92 @@ class Trial:
         )
 
 
-def observe(rig: Rig, fault: Fault, about: Callable[[str], bool], alive: bool = True) -> Trial:
+def observe(
+    rig: Rig,
+    fault: Fault,
+    about: Callable[[str], bool],
+    said_since_ns: int = 0,
+    alive: bool = True,
+) -> Trial:
     """Wait until the device has let go and come back, or has not in 8 s, and return what it did.
 
     Args:
         rig: where it happened.
         fault: what happened.
         about: whether a sentence that a node said when it was not well is about this fault.
+        said_since_ns: sentences count from here; from the fault on if left out.
         alive: as known so far.
     """
     patience = PATIENCE_S + (fault.released_ns - fault.cause_ns) / 1e9
-
-    def over() -> bool:
-        zero, back = _times(rig, fault)
-        return not math.isinf(zero.heard + back)
-
-    try:
-        wait_until(over, patience, "the device", rig.watch.check)
+    # What did not happen in time stays infinite.
+    with suppress(BenchError):
+        wait_until(lambda: _seen(rig, fault).over, patience, "the device", rig.watch.check)
         rig.settle(fault.released_ns)
-    except BenchError:
-        # What did not happen stays infinite.
-        pass
-    zero, back = _times(rig, fault)
+    result = _seen(rig, fault)
     forces = rig.samples(fault.since, *fault.topics)["force"]
-    peak = float(np.nan_to_num(forces, nan=np.inf).max(initial=0.0))
-    said = _said(rig, fault.cause_ns, about)
-    return Trial(fault.kind, zero.stamped, zero.heard, back, peak, said, alive and not rig.ended())
+    return Trial(
+        fault.kind,
+        result.zero_s,
+        result.heard_s,
+        result.back_s,
+        float(np.nan_to_num(forces, nan=np.inf).max(initial=0.0)),
+        _said(rig, said_since_ns or fault.cause_ns, about),
+        alive and not rig.ended(),
+        result.stale,
+    )
 
 
 @dataclass(frozen=True, slots=True)
-class _Zero:
-    """When the device let go, s after the fault."""
+class Seen:
+    """When the device let go and came back, s; infinite while it has not."""
 
-    stamped: float
-    heard: float
+    zero_s: float = math.inf
+    heard_s: float = math.inf
+    back_s: float = math.inf
+    stale: int = 0
+
+    @property
+    def over(self) -> bool:
+        """Whether it did both."""
+        return math.isfinite(self.back_s)
 
 
-def _times(rig: Rig, fault: Fault) -> tuple[_Zero, float]:
-    """Return when the device let go for good, and when it came back after the fault's end, s."""
-    found = rig.samples(fault.since, *fault.topics)
+def _seen(rig: Rig, fault: Fault) -> Seen:
+    return seen(rig.samples(fault.since, *fault.topics), fault)
+
+
+def seen(found: Samples, fault: Fault) -> Seen:
+    """Return when the device let go for good, and when it came back after the fault's end.
+
+    Args:
+        found: samples of the fault's topics since before it.
+        fault: what was done.
+    """
     arrived, on = found["arrived_ns"], pushing(found)
     made = _made_ns(arrived, found["stamp_ns"], fault.offset_ns)
-    counts = (made >= fault.cause_ns) & (arrived >= max(fault.cause_ns, fault.output_after_ns))
+    cause_ns, counts = fault.cause_ns, made >= fault.cause_ns
+    if fault.first_output:
+        counts = arrived >= cause_ns
+        if not counts.any():
+            return Seen()
+        # How long it was away is no matter: time begins with the first output.
+        made = arrived
+        cause_ns = int(made[int(np.argmax(counts))])
     during = np.flatnonzero(counts & on & (made < fault.released_ns))
     off = counts & ~on
     if during.size:
         off[: during[-1]] = False
     if not off.any():
-        return _Zero(math.inf, math.inf), math.inf
+        return Seen()
     first = int(np.argmax(off))
-    zero = _Zero((made[first] - fault.cause_ns) / 1e9, (arrived[first] - fault.cause_ns) / 1e9)
-    on &= made >= fault.released_ns
-    on[: first + 1] = False
-    back = (made[int(np.argmax(on))] - fault.released_ns) / 1e9 if on.any() else math.inf
-    return zero, float(back)
+    zero, heard = (made[first] - cause_ns) / 1e9, (arrived[first] - cause_ns) / 1e9
+    stale = int((counts & on)[:first].sum()) if fault.first_output else 0
+    again = on & (made >= fault.released_ns)
+    again[: first + 1] = False
+    if not again.any():
+        return Seen(float(zero), float(heard), stale=stale)
+    back = (made[int(np.argmax(again))] - fault.released_ns) / 1e9
+    return Seen(float(zero), float(heard), float(back), stale)
 
 
 def _made_ns(arrived: np.ndarray, stamps: np.ndarray, offset_ns: int) -> np.ndarray:
@@ -167,6 +207,15 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
     peaks = [trial.peak / clean_max for trial in trials]
     share = 100.0 * float(np.mean([bool(trial.said) for trial in trials])) if trials else math.nan
     alive = float(np.mean([100.0 * trial.alive for trial in trials])) if trials else math.nan
+    stale = Figure(
+        part,
+        f"{name}: outputs with force before the first zero",
+        sum(t.stale for t in trials),
+        "",
+        0.0,
+        None,
+        number,
+    )
     return [
         worst("zero force after, by the device's stamps, worst", zeros, "ms", GOAL_ZERO_MS),
         worst("zero force after, by arrival, worst", heard, "ms", None),
@@ -174,6 +223,7 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
         worst("largest force, of a clean run's", peaks, "", GOAL_PEAK),
         Figure(part, f"{name}: said", share, "%", None, 100.0, number),
         Figure(part, f"{name}: all other nodes went on", alive, "%", None, 100.0, number),
+        stale,
     ]
 
 
