@@ -231,7 +231,7 @@ def check_unit(quaternion: Array) -> None:
     Raises:
         InvalidInputError: off unit length by more than 1e-3.
     """
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         length = float(np.sqrt(quaternion @ quaternion))
     if not abs(length - 1.0) <= QUATERNION_TOLERANCE:
         rule = f"quaternion must have unit length within {QUATERNION_TOLERANCE:g}"
