@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
@@ -26,6 +26,37 @@ MECHANISM = "mechanism_simulator"
 
 class NodeDiedError(HapticMechError):
     """A node's process ended by itself."""
+
+
+class Bystander:
+    """A process beside a graph that nobody in it needs: its death is told, and the graph goes on.
+
+    Args:
+        name: what it is to a person.
+        process: the process.
+        loss: what its death means.
+        tell: shows a sentence to a person.
+    """
+
+    def __init__(
+        self, name: str, process: subprocess.Popen[str], loss: str, tell: Callable[[str], None]
+    ) -> None:
+        self.process = process
+        self._name, self._loss, self._tell = name, loss, tell
+        self._told = False
+
+    def look(self) -> None:
+        """Tell once if it has ended."""
+        if not self._told and self.process.poll() is not None:
+            self._told = True
+            self._tell(f"{ending(self._name, self.process)}: the graph goes on, but {self._loss}")
+
+    def end(self) -> bool:
+        """End it, if it still runs, and return whether it did its work to the end."""
+        if not self._told and stop_process(self.process):
+            self._told = True
+            self._tell(f"{ending(self._name, self.process)}: {self._loss}")
+        return not self._told
 
 
 class Graph:
@@ -176,9 +207,15 @@ def start_process(
 
 def check_running(name: str, process: subprocess.Popen[str]) -> None:
     """Raise NodeDiedError if a process has ended."""
-    code = process.poll()
-    if code is not None:
-        raise NodeDiedError(f"{name} ended by itself with exit code {code}")
+    if process.poll() is not None:
+        raise NodeDiedError(ending(name, process))
+
+
+def ending(name: str, process: subprocess.Popen[str]) -> str:
+    """Return how a process has ended, in words."""
+    code = process.wait()
+    why = f"exit code {code}" if code >= 0 else f"signal {-code}"
+    return f"{name} ended by itself: {why}"
 
 
 def stop_process(process: subprocess.Popen[str]) -> int:
