@@ -3,6 +3,7 @@
 #   make demo    the paper's experiment, into demo/
 #   make test    lint, types, tests
 #   make lint    lint and types only
+#   make campaign   every fault against the graph, for hours, into reliability/; QUICK=1: minutes
 #   make clean   remove .venv and everything else that was made here
 #
 # Another interpreter: make test PYTHON=python3.12
@@ -47,7 +48,7 @@ SOURCES := package.xml $(shell find $(PACKAGE) config launch resource \
 
 .PHONY: help
 help:
-	@sed -n '3,8s/^# *//p' Makefile
+	@sed -n '3,9s/^# *//p' Makefile
 
 .PHONY: demo
 demo: .venv/package
@@ -65,9 +66,14 @@ lint: .venv/test-requirements .venv/package
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# In .venv alone: what the tests need is not needed here.
+.PHONY: campaign
+campaign: .venv/package
+	$(BIN)/python -m benchmarks.reliability $(if $(QUICK),--quick) --out reliability $(PARTS)
+
 .PHONY: clean
 clean:
-	rm -rf .venv build dist demo install log $(PACKAGE).egg-info
+	rm -rf .venv build dist demo reliability install log $(PACKAGE).egg-info
 	rm -rf .coverage .mypy_cache .pytest_cache .ruff_cache
 	find . -name .git -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 

@@ -41,6 +41,12 @@ class CompiledState(DeviceState):
         holding = (*_place(state.home), *_place(state.anchor), (state.window,), state.hand_wrench)
         return cls(np.concatenate((state.published, *body, seen.rotation.ravel(), *holding)))
 
+    def without_force(self) -> CompiledState:
+        """Return the same state once the actuators are at zero."""
+        flat = self.flat.copy()
+        flat[APPLIED:PUBLISHED_SIZE] = 0.0
+        return CompiledState(flat)
+
     @property
     def pose(self) -> pin.SE3:
         """Pose of the point held, in the world."""

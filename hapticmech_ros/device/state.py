@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -39,6 +39,10 @@ class DeviceState:
     home: pin.SE3
     anchor: pin.SE3
     window: int
+
+    def without_force(self) -> DeviceState:
+        """Return the same state once the actuators are at zero."""
+        return replace(self, applied=np.zeros(6))
 
     @property
     def published(self) -> Array:

@@ -6,11 +6,10 @@ An actor is a thin shell around core objects of one scene. Its host (a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, ClassVar, Generic, TypeVar
 
 from geometry_msgs.msg import WrenchStamped
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
@@ -19,10 +18,12 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.messages import checked_time
 from hapticmech_ros.nodes.parameters import NodeParameters
 from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLISHER
+from hapticmech_ros.nodes.sources import WITHIN, Sources
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.times import nanoseconds
@@ -101,16 +102,26 @@ class Actor(Generic[P]):
         stays = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
         return self.node.exchange.outlet(publisher, publisher.topic_name, stays)
 
+    def sources(self, name: str) -> Sources:
+        """Return what watches that one publisher speaks on a topic; an input is told of it."""
+        return Sources(self.node, self.node.resolve_topic_name(name))
+
     def input(
         self,
         name: str,
         message_type: type[M],
         qos: QoSProfile,
         accept: Callable[[M, int], None],
+        sources: Sources | None = None,
     ) -> Subscription:
-        """Subscribe; what ``accept(message, now_ns)`` refuses with InvalidInputError is counted."""
-        guarded = self.guarded(name, accept)
-        made: Subscription = self.node.create_subscription(message_type, name, guarded, qos)
+        """Subscribe; what ``accept(message, now_ns)`` refuses with InvalidInputError is counted.
+
+        ``sources`` is told before whom each message comes from.
+        """
+        callback: Callable[..., None] = self.guarded(name, accept)
+        if sources is not None:
+            callback = self._watched(sources, callback)
+        made: Subscription = self.node.create_subscription(message_type, name, callback, qos)
         return self.node.keep(made)
 
     def input_array(
@@ -119,17 +130,19 @@ class Actor(Generic[P]):
         qos: QoSProfile,
         accept: Callable[[Array, int], None],
         fields: Mapping[str, int],
+        sources: Sources | None = None,
     ) -> None:
         """Subscribe to a Float64MultiArray's data, read from the bytes on the wire.
 
         Messages are expected to have ``fields``; those that have not are handed on as well.
+        ``sources`` is told before whom each message comes from.
         """
         decode = FlatArray(fields).decode
 
         def read(message: bytes, now_ns: int) -> None:
             accept(decode(message), now_ns)
 
-        self._input_raw(name, Float64MultiArray, qos, read)
+        self._input_raw(name, Float64MultiArray, qos, read, sources)
 
     def input_command(
         self,
@@ -137,12 +150,13 @@ class Actor(Generic[P]):
         qos: QoSProfile,
         accept: Callable[[Array, int, int], None],
         unstamped_is_now: bool = True,
-        events: SubscriptionEventCallbacks | None = None,
+        sources: Sources | None = None,
     ) -> None:
         """Subscribe to wrenches in ``world``, read from the bytes on the wire.
 
         ``accept(wrench, stamp_ns, now_ns)`` gets those that keep the rules. As CRTK has it, a
-        command's header may be left empty: it then stands for now, and for ``world``.
+        command's header may be left empty: it then stands for now, and for ``world``. ``sources``
+        is told before whom each message comes from.
         """
 
         def read(message: bytes, now_ns: int) -> None:
@@ -153,7 +167,7 @@ class Actor(Generic[P]):
             stamp = checked_time(found.stamp_ns, now_ns, limit, unstamped_is_now)
             accept(found.values, stamp, now_ns)
 
-        self._input_raw(name, WrenchStamped, qos, read, events)
+        self._input_raw(name, WrenchStamped, qos, read, sources)
 
     def guarded(self, name: str, accept: Callable[[M, int], None]) -> Callable[[M], None]:
         """Return a callback that hands on messages while active, and counts those refused."""
@@ -161,6 +175,7 @@ class Actor(Generic[P]):
         def callback(message: M) -> None:
             if not self.node.active:
                 return
+            self.node.look_at_clock()
             now = self.now_ns()
             try:
                 accept(message, now)
@@ -176,17 +191,52 @@ class Actor(Generic[P]):
         message_type: Any,
         qos: QoSProfile,
         read: Callable[[bytes, int], None],
-        events: SubscriptionEventCallbacks | None = None,
+        sources: Sources | None = None,
     ) -> None:
         """Subscribe to a topic's bytes, be they from this process or from outside."""
-        node, callback = self.node, self.guarded(name, read)
+        node = self.node
+        callback: Callable[..., None] = self.guarded(name, read)
+        # In lockstep all goes one way: what is late there is waited for, not dropped.
         if not self.lockstep:
-            # In lockstep all goes one way: what is late there is waited for, not dropped.
-            callback = node.hand_over(node.resolve_topic_name(name), callback)
-        made = node.create_subscription(
-            message_type, name, callback, qos, raw=True, event_callbacks=events
-        )
-        node.keep(made)
+            callback = self._handed_over(name, callback, sources)
+        elif sources is not None:
+            callback = self._watched(sources, callback)
+        node.keep(node.create_subscription(message_type, name, callback, qos, raw=True))
+
+    def _handed_over(
+        self, name: str, callback: Callable[[bytes], None], sources: Sources | None
+    ) -> Callable[..., None]:
+        """Hear a topic within the process, and return the callback for what comes from outside."""
+
+        def from_within(message: bytes) -> None:
+            if sources is not None:
+                sources.heard(WITHIN, self.now_ns())
+            callback(message)
+
+        own = self.node.hand_over(self.node.resolve_topic_name(name), from_within)
+        if sources is not None:
+            return self._watched(sources, callback, own)
+
+        def from_outside(message: bytes) -> None:
+            if not own(message):
+                callback(message)
+
+        return from_outside
+
+    def _watched(
+        self,
+        sources: Sources,
+        callback: Callable[[M], None],
+        own: Callable[[M], bool] = lambda message: False,
+    ) -> WithInfo:
+        """Return a callback that tells ``sources`` first whom a message comes from."""
+
+        def hear(message: M, info: Info) -> None:
+            if not own(message):
+                sources.heard(info["publication_sequence_number"], self.now_ns())
+                callback(message)
+
+        return WithInfo(hear)
 
 
 class ClockedActor(Actor[P]):
@@ -225,6 +275,17 @@ class ClockedActor(Actor[P]):
         while clock.next_ns <= now_ns and self.ready(clock.next_ns):
             clock.due(clock.next_ns)
             self.tick(1, clock.last_deadline_ns)
+
+    def times(self, periods: int, deadline_ns: int) -> Iterator[int]:
+        """Yield the time, ns, of each step to make for a deadline, those first that are caught up.
+
+        The last one is made now, with all that has come by now; in lockstep, at its deadline.
+        """
+        now = deadline_ns if self.lockstep else max(deadline_ns, self.now_ns())
+        steps = self.backlog.steps(periods)
+        for behind in reversed(range(steps)):
+            lag = self.backlog.owed + behind
+            yield deadline_ns - lag * self.period_ns if lag else now
 
     @property
     def period_ns(self) -> int:

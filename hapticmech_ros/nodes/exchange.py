@@ -110,22 +110,15 @@ class Exchange:
         """Return what to publish a topic (its full name) through."""
         return Outlet(self, publisher, self._line(topic), stays)
 
-    def listen(self, topic: str, listener: Listener) -> Listener:
-        """Hand a topic's messages to ``listener``, and return the callback for its subscription.
+    def listen(self, topic: str, listener: Listener) -> Callable[[bytes], bool]:
+        """Hand a topic's messages to ``listener``.
 
-        The subscription must hear the same topic, raw; it is told to nobody else in this process.
+        Its subscription must hear the same topic, raw. Returned is what tells of a message that it
+        brings whether it is one of this process, which has been handed over already.
         """
         line = self._line(topic)
         line.listeners.append(listener)
-        underway = line.underway
-
-        def from_outside(message: bytes) -> None:
-            # One of ours has been handed over already.
-            if message in underway:
-                return
-            listener(message)
-
-        return from_outside
+        return line.underway.__contains__
 
     def silence(self, topic: str, listener: Listener) -> None:
         """Hand over no more; what waits for the listener is dropped."""

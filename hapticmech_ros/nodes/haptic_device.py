@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 import pinocchio as pin
-from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
@@ -19,13 +18,13 @@ from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
-from hapticmech_ros.nodes.command_guard import CommandGuard
+from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
 from hapticmech_ros.nodes.device_view import DeviceView
+from hapticmech_ros.nodes.hand_port import HandPort
 from hapticmech_ros.nodes.host import Host
-from hapticmech_ros.nodes.inputs import Latest, Stamped
+from hapticmech_ros.nodes.inputs import Stamped, Standing
 from hapticmech_ros.nodes.local_loop import LocalLoop
 from hapticmech_ros.nodes.parameters import DeviceParameters
-from hapticmech_ros.nodes.pushes import Pushes
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
@@ -37,7 +36,6 @@ from hapticmech_ros.wire.topics import (
     DEVICE_GAIN,
     DEVICE_STATE,
     EMERGENCY_STOP,
-    HAND_WRENCH,
     START_HAND,
 )
 
@@ -54,21 +52,22 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     parameters_type = DeviceParameters
 
     def __init__(self, node: Host, parameters: DeviceParameters) -> None:
-        self._pushes: Pushes | None = None
+        self._hand: HandPort | None = None
         super().__init__(node, parameters)
         self._hand_waits = parameters.hand_waits
         self._envelope = SafetyEnvelope(self.period_s)
         self._loop = LocalLoop()
         self._passivity = passivity_for(self.scene)
-        self._answered_ns = 0
         self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
         self._push: Array = NO_WRENCH
-        self._awaited: Stamped[Array] = Stamped()
-        self._command: Latest[Array] = Latest()
+        # servo_cf, and the sample that it answers.
+        self._command: Standing[tuple[Array, int]] = Standing()
         self._commands: Stamped[Array] = Stamped()
         self._state: DeviceState = self._device.at_rest(self._start_pose())
         self._held: DeviceState | None = None
         self._ticks_held = 0
+        # Whether commands are obeyed; whether people have not been told yet that they are not.
+        self._powered = self._let_go_untold = False
         self.times_held = 0
         self.latency = DurationHistogram()
         self._ticks = 0
@@ -77,29 +76,13 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._view = DeviceView(self)
         node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
         node.keep(node.create_service(SetBool, EMERGENCY_STOP, self._on_stop))
-        commands = node.resolve_topic_name(DEVICE_COMMAND.name)
-        self._guard = CommandGuard(lambda: node.count_publishers(commands))
-        self.input_command(
-            DEVICE_COMMAND.name,
-            self.control_input,
-            self._on_command,
-            events=SubscriptionEventCallbacks(matched=self._on_matched),
-        )
+        sources = self.sources(DEVICE_COMMAND.name)
+        self._guard = CommandGuard(sources)
+        qos = self.control_input
+        self.input_command(DEVICE_COMMAND.name, qos, self._on_command, sources=sources)
         if self._is_local:
             self.input_array(DEVICE_GAIN.name, self.control_input, self._on_gain, GAIN_FIELDS)
-        if self._awaits_hand:
-            qos = self.control_input
-            self.input_command(HAND_WRENCH.name, qos, self._on_awaited, unstamped_is_now=False)
-        else:
-            verbs = {"hand_cf": False, "held_cf": True}
-            frames = ["device", "device_world"]
-            self._pushes = Pushes(self, {"hand": "device"}, verbs, frames)
-            self._pushes.listen(HAND_WRENCH.name)
-            self.adopt(parameters)
-
-    @property
-    def _awaits_hand(self) -> bool:
-        return self.lockstep and self.parameters.hand == "commanded"
+        self._hand = HandPort(self, lambda: np.asarray(self._state.pose.rotation), self.act)
 
     @property
     def _is_local(self) -> bool:
@@ -118,15 +101,15 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             ramp=parameters.start_ramp,
             radius=parameters.workspace_radius or math.inf,
         )
-        if self._pushes is not None:
-            self._pushes.set_timeout(nanoseconds(parameters.hand_timeout))
+        if self._hand is not None:
+            self._hand.adopt(parameters)
 
     def activate(self) -> None:
         """Begin where the device is, held by nobody; in lockstep, held from the start."""
-        if self._pushes is not None:
-            self._pushes.forget()
+        if self._hand is not None:
+            self._hand.forget()
         self._push = NO_WRENCH
-        self._command = Latest()
+        self._command.clear()
         self._state = self._device.at_rest(self._state.pose, self.lockstep, self._state.home)
         self._envelope.place(self._state.published[:3])
         self._envelope.stop()
@@ -136,13 +119,12 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def deactivate(self) -> None:
         """Put the actuators at zero and let go."""
-        self._command = Latest()
-        self._let_go()
+        self._put_at_zero()
         self._state = self._device.at_rest(self._state.pose, home=self._state.home)
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the command to act on, and the hand's wrench if awaited, are there."""
-        if self._awaits_hand and not self._awaited.has(deadline_ns):
+        if self._hand is None or not self._hand.ready(deadline_ns):
             return False
         answered = self.answered_ns(deadline_ns)
         known = self._commands.has(answered)
@@ -151,16 +133,25 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Move the device on under the command that stands, and publish what it measures."""
         if self._ticks or not self.lockstep:
-            for behind in reversed(range(self.backlog.steps(periods))):
-                self._move(self._standing_command(deadline_ns - behind * self.period_ns))
-        self._push = self._pushing(deadline_ns)
-        self._written.see(self._state, self._device.sensed(self._push), deadline_ns)
-        self._publish_wire.publish(self._wire.encode(self._written.values))
+            for time_ns in self.times(periods, deadline_ns):
+                self._move(self._standing_command(time_ns))
+            if not self.backlog.owed:
+                self._command.sampled()
+        self._push = NO_WRENCH if self._hand is None else self._hand.at(deadline_ns)
+        self._publish(deadline_ns)
         self._loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
-        if self._ticks % self.view_every == 0:
-            self._view.publish(self._state, self._written.hand_wrench, deadline_ns)
-            self._view.publish_energy(self._passivity, self._sample(), deadline_ns)
+        if self._ticks % self.view_every == 0 or self._let_go_untold:
+            self._publish_view(deadline_ns)
         self._ticks += 1
+
+    def _publish(self, stamp_ns: int) -> None:
+        self._written.see(self._state, self._device.sensed(self._push), stamp_ns)
+        self._publish_wire.publish(self._wire.encode(self._written.values))
+
+    def _publish_view(self, stamp_ns: int) -> None:
+        self._let_go_untold = False
+        self._view.publish(self._state, self._written.hand_wrench, stamp_ns)
+        self._view.publish_energy(self._passivity, self._sample(), stamp_ns)
 
     def _move(self, command: Array | None) -> None:
         held, ticks = self._held, self._ticks_held
@@ -169,8 +160,9 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the device's state and figures."""
-        fault, counts = self._guard.fault, self._envelope.counts
-        rendering = not fault and self._command.fresh(self.now_ns(), self.timeout_ns)
+        now, counts = self.now_ns(), self._envelope.counts
+        fault = self._guard.fault(now)
+        rendering = not fault and self._command.fresh(now, self.timeout_ns)
         sentence = "rendering" if rendering else f"{fault or 'no commands'}: actuators at zero"
         return (
             rendering,
@@ -182,30 +174,33 @@ class HapticDevice(ClockedActor[DeviceParameters]):
                 "changed_by_passivity": str(self._passivity.changed),
                 **{f"limited_by_{reason.value}": str(count) for reason, count in counts.items()},
                 **self.latency.summary("loop_latency"),
-                **({} if self._pushes is None else self._pushes.figures(self.now_ns())),
+                **({} if self._hand is None else self._hand.figures(now)),
             },
         )
 
     def _standing_command(self, now_ns: int) -> Array | None:
         """Return servo_cf, or None when it is stale; the hand takes hold and lets go with it."""
-        fault = self._guard.fault
+        fault = self._guard.fault(now_ns)
         if self.lockstep:
             answer = self._answer_of(self.answered_ns(now_ns)) if self._ticks >= 2 else NO_WRENCH
             if fault:
                 self._envelope.stop()
                 return None
             return self._safe(answer)
-        command = self._command.value
-        if command is None or fault or not self._command.fresh(now_ns, self.timeout_ns):
-            if self._held is not None:
-                self.node.get_logger().warning(f"{fault or 'servo_cf is lost'}: actuators at zero")
-            self._let_go()
+        stands, heard_ns = self._command.as_of(now_ns)
+        if stands is None or fault or now_ns - heard_ns > self.timeout_ns:
+            if self._powered:
+                self._warn(fault or "servo_cf is lost")
+                self._let_go()
+            self._loop.forget()
             return None
+        command, answered_ns = stands
         if self._held is None and not self._hand_waits:
             self._held = self._state
             self._ticks_held = 0
             self.times_held += 1
-        return self._safe(self._loop.correct(command, self._answered_ns, now_ns))
+        self._powered = True
+        return self._safe(self._loop.correct(command, answered_ns, now_ns))
 
     def _answer_of(self, answered_ns: int) -> Array:
         """Return the answer to a sample, in lockstep."""
@@ -231,25 +226,36 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def _let_go(self) -> None:
         """Let the hand go, and begin anew with the next command."""
         self._held = None
+        self._powered, self._let_go_untold = False, True
         self._loop.forget()
         self._passivity.begin()
         self._envelope.stop()
 
-    def _pushing(self, now_ns: int) -> Array:
-        """Return what others add to the hand's wrench from now on."""
-        if self._pushes is None:
-            return self._awaited.take(now_ns)
-        return self._pushes.at(now_ns, self._rotation_of).get("hand", NO_WRENCH)
+    def _put_at_zero(self) -> None:
+        """Put the actuators at zero now, and publish that at once rather than with a sample."""
+        self._command.clear()
+        self._let_go()
+        self._state = self._state.without_force()
+        if self.clock is None or not self.node.active:
+            return
+        # After the last sample, before the next.
+        now = self.now_ns()
+        stamp_ns = min(now, max(self.clock.next_ns - 1, now - self.period_ns))
+        if not self.lockstep:
+            self._publish(stamp_ns)
+        self._publish_view(stamp_ns)
 
-    def _rotation_of(self, frame: str) -> Array:
-        return np.eye(3) if frame == "device_world" else np.asarray(self._state.pose.rotation)
+    def _warn(self, reason: str) -> None:
+        self.node.get_logger().warning(f"{reason}: actuators at zero")
 
     def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
         self.latency.add(now_ns - stamp_ns)
         self.ages.add(now_ns - stamp_ns)
-        self._guard.heard(wrench.tobytes(), stamp_ns, now_ns)
-        self._command.put(wrench, now_ns)
-        self._answered_ns = stamp_ns
+        fault = self._guard.fault(now_ns)
+        if fault and self._powered:
+            self._warn(fault)
+            self._put_at_zero()
+        self._command.put((wrench, stamp_ns), now_ns)
         if self.lockstep:
             self._commands.put(wrench, stamp_ns)
             self.act(now_ns)
@@ -259,16 +265,12 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         if self.lockstep:
             self.act(now_ns)
 
-    def _on_awaited(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
-        self._awaited.put(wrench, stamp_ns)
-        self.act(now_ns)
-
-    def _on_matched(self, info: QoSSubscriptionMatchedInfo) -> None:
-        self._guard.matched(info.current_count, self.now_ns(), self.timeout_ns)
-
     def _on_stop(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        """Put the actuators at zero, until it is taken back."""
-        self._guard.stop(request.data)
+        """Put the actuators at zero, until it is taken back; answer once that was published."""
+        self._guard.stopped = request.data
+        if request.data:
+            self._warn(STOPPED)
+            self._put_at_zero()
         response.success = True
         response.message = "actuators at zero" if request.data else "commands are obeyed again"
         return response

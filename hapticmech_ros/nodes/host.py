@@ -53,8 +53,15 @@ class Host(Protocol):
         """As of an rclpy node."""
 
     @property
+    def get_publishers_info_by_topic(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
     def get_logger(self) -> Any:
         """As of an rclpy node."""
+
+    def look_at_clock(self) -> None:
+        """Begin anew if the machine's clock was set."""
 
     def now_ns(self) -> int:
         """Return the node's time, ns."""
@@ -65,10 +72,10 @@ class Host(Protocol):
     def drop(self, entity: object) -> None:
         """Destroy what is kept."""
 
-    def hand_over(self, topic: str, listener: Listener) -> Listener:
+    def hand_over(self, topic: str, listener: Listener) -> Callable[[bytes], bool]:
         """Give a listener a topic's messages within the process until cleanup.
 
-        Returns the callback for the subscription that brings those from outside.
+        Returns what tells of a message from the middleware whether it has been handed over.
         """
 
     def every(self, period_s: float, callback: Callable[[], None]) -> None:

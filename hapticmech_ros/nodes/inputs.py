@@ -31,6 +31,33 @@ class Latest(Generic[T]):
 
 
 @dataclass(slots=True)
+class Standing(Latest[T]):
+    """A command, and the one before it that stood at the last sample.
+
+    Samples that are caught up after a stall come before what was received after it: for them the
+    command of the time counts, which may have run out meanwhile.
+    """
+
+    _before: T | None = None
+    _before_ns: int = NEVER
+
+    def sampled(self) -> None:
+        """Note that a sample was taken under the value that stands."""
+        self._before, self._before_ns = self.value, self.stamp_ns
+
+    def as_of(self, time_ns: int) -> tuple[T | None, int]:
+        """Return what was known at a time, and since when, ns."""
+        if self.stamp_ns > time_ns:
+            return self._before, self._before_ns
+        return self.value, self.stamp_ns
+
+    def clear(self) -> None:
+        """Forget all."""
+        self.value = self._before = None
+        self.stamp_ns = self._before_ns = NEVER
+
+
+@dataclass(slots=True)
 class Stamped(Generic[T]):
     """Values by the time they stand for (ns): lockstep takes exactly the one it needs."""
 
@@ -60,7 +87,7 @@ class ExpiringWrench:
 
     timeout_ns: int
     ramp_ns: int
-    _latest: Latest[Array] = field(default_factory=Latest)
+    _latest: Standing[Array] = field(default_factory=Standing)
 
     def put(self, wrench: Array, now_ns: int) -> None:
         """Take a new command (6,)."""
@@ -68,7 +95,11 @@ class ExpiringWrench:
 
     def clear(self) -> None:
         """Forget the command: zero until the next one."""
-        self._latest = Latest()
+        self._latest.clear()
+
+    def sampled(self) -> None:
+        """Note that a sample was taken under the command that stands."""
+        self._latest.sampled()
 
     def heard(self, now_ns: int) -> bool:
         """Return whether a command came within the timeout."""
@@ -82,12 +113,12 @@ class ExpiringWrench:
 
     def at(self, now_ns: int) -> Array:
         """Return the wrench (6,) that stands at ``now_ns``."""
-        wrench = self._latest.value
+        wrench, heard_ns = self._latest.as_of(now_ns)
         if wrench is None:
             return np.zeros(6)
         if self.timeout_ns == 0:
             return wrench
-        over = now_ns - self._latest.stamp_ns - self.timeout_ns
+        over = now_ns - heard_ns - self.timeout_ns
         if over <= 0:
             return wrench
         if over >= self.ramp_ns:

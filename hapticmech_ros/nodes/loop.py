@@ -64,8 +64,14 @@ def wait_for_messages(executor: Executor, timeout_s: float, until: Future | None
 class HasDeadlines(Protocol):
     """A node that says when it wants to act next."""
 
+    def look_at_clock(self) -> None:
+        """Notice it if the machine's clock was set."""
+
+    def now_ns(self) -> int:
+        """Return the node's time, ns."""
+
     def next_deadline_ns(self) -> int | None:
-        """Return the time by the machine's clock, ns; None: never."""
+        """Return the next deadline by the node's time, ns; None: never."""
 
     def act(self, now_ns: int) -> None:
         """Act on the deadlines that have come."""
@@ -82,8 +88,9 @@ def run_until(stop: StopRequest, nodes: Sequence[HasDeadlines]) -> None:
     while rclpy.ok() and not stop.asked:
         wait_for_messages(executor, _wait_s(nodes))
         for node in nodes:
+            node.look_at_clock()
             deadline = node.next_deadline_ns()
-            if deadline is not None and deadline <= (now := time.time_ns()):
+            if deadline is not None and deadline <= (now := node.now_ns()):
                 node.act(now)
     executor.shutdown()
 
@@ -100,8 +107,9 @@ def _find_callers() -> None:
 
 def _wait_s(nodes: Sequence[HasDeadlines]) -> float:
     """Return how long to wait for messages: to the next deadline, within finite bounds."""
-    deadlines = [deadline for node in nodes if (deadline := node.next_deadline_ns()) is not None]
-    if not deadlines:
-        return LONGEST_WAIT_S
-    ahead = (min(deadlines) - time.time_ns()) / NANOSECONDS
-    return min(max(ahead, SHORTEST_WAIT_S), LONGEST_WAIT_S)
+    ahead = [
+        (deadline - node.now_ns()) / NANOSECONDS
+        for node in nodes
+        if (deadline := node.next_deadline_ns()) is not None
+    ]
+    return min(max(min(ahead, default=LONGEST_WAIT_S), SHORTEST_WAIT_S), LONGEST_WAIT_S)

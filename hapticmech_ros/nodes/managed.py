@@ -6,7 +6,6 @@ goes through both first steps at once.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -20,6 +19,7 @@ from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange, Listener
 from hapticmech_ros.nodes.hosted_parameters import HostedParameters
 from hapticmech_ros.nodes.messages import set_stamp
+from hapticmech_ros.nodes.node_time import NodeTime, said_of_step
 from hapticmech_ros.nodes.parameters import NodeParameters, ParameterError
 from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
@@ -30,6 +30,8 @@ from hapticmech_ros.wire.topics import DIAGNOSTICS
 E = TypeVar("E")
 # A refused message is logged at most this often for each topic; all of them are counted.
 REFUSAL_LOG_PERIOD_NS = NANOSECONDS
+# /clock may go on by so much at a time: what a clocked actor makes up for. More is a step.
+CLOCK_STEP_NS = NANOSECONDS // 2
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -60,6 +62,8 @@ class ManagedNode(LifecycleNode):
         self._kept: list[Any] = []
         self._refusal_logs: dict[str, int] = {}
         self._jumps: JumpHandle | None = None
+        self._time = NodeTime()
+        self._clock_steps, self._last_step = 0, ""
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._hosted = HostedParameters(
             self,
@@ -93,9 +97,9 @@ class ManagedNode(LifecycleNode):
             raise self.failure
 
     def next_deadline_ns(self) -> int | None:
-        """Return when the node wants to act next by the machine's clock; None: never."""
+        """Return when the node wants to act next by its own time; None: never, or by /clock."""
         actor = self.actor
-        if not (self.active and isinstance(actor, ClockedActor)) or self._jumps is not None:
+        if not (self.active and isinstance(actor, ClockedActor)) or self._in_sim_time:
             return None
         return None if actor.clock is None else actor.clock.next_ns
 
@@ -110,7 +114,13 @@ class ManagedNode(LifecycleNode):
         if self._in_sim_time:
             return int(self.get_clock().now().nanoseconds)
         # What ROS's clock says then, without its objects: asked for with every message.
-        return time.time_ns()
+        return self._time.now_ns()
+
+    def look_at_clock(self) -> None:
+        """Begin anew if the machine's clock was set; asked for with every message and deadline."""
+        step = self._time.step_ns()
+        if step and not self._in_sim_time:
+            self._begin_anew(f"the machine's {said_of_step(step)}")
 
     def keep(self, entity: E) -> E:
         """Remember a publisher, subscription or service until cleanup, and return it."""
@@ -122,7 +132,7 @@ class ManagedNode(LifecycleNode):
         self._kept.remove(entity)
         self._destroy(entity)
 
-    def hand_over(self, topic: str, listener: Listener) -> Listener:
+    def hand_over(self, topic: str, listener: Listener) -> Callable[[bytes], bool]:
         """Give a listener a topic's messages within the process until cleanup."""
         self._listeners.append((topic, listener))
         return self.exchange.listen(topic, listener)
@@ -174,6 +184,13 @@ class ManagedNode(LifecycleNode):
         if actor is None:
             return FAILURE
         self._look_for_clock()
+        self._activate(actor)
+        if self._in_sim_time:
+            self._follow_clock()
+        self.active = True
+        return super().on_activate(state)
+
+    def _activate(self, actor: Actor[Any]) -> None:
         actor.activate()
         if isinstance(actor, ClockedActor):
             actor.backlog = Backlog()
@@ -181,11 +198,18 @@ class ManagedNode(LifecycleNode):
                 # /clock does not wait for whoever is late: a step's periods are owed all at once.
                 actor.backlog.per_tick = actor.backlog.limit
                 actor.clock = None
-                self._follow_clock()
             else:
                 actor.begin(self.now_ns())
-        self.active = True
-        return super().on_activate(state)
+
+    def _begin_anew(self, reason: str) -> None:
+        """Leave nobody under a force, forget what was heard, and act again from now on."""
+        if self.actor is None or not self.active:
+            return
+        self._clock_steps += 1
+        self._last_step = reason
+        self.get_logger().warning(f"{reason}: begun anew")
+        self.actor.deactivate()
+        self._activate(self.actor)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop acting; devices are left without force."""
@@ -242,24 +266,28 @@ class ManagedNode(LifecycleNode):
         self._in_sim_time = bool(self.get_parameter("use_sim_time").value)
 
     def _follow_clock(self) -> None:
-        step = Duration(nanoseconds=1)
+        clocked = isinstance(self.actor, ClockedActor)
+        forward = Duration(nanoseconds=1 if clocked else CLOCK_STEP_NS)
         threshold = JumpThreshold(
-            min_forward=step, min_backward=Duration(nanoseconds=-1), on_clock_change=False
+            min_forward=forward, min_backward=Duration(nanoseconds=-1), on_clock_change=False
         )
         self._jumps = self.get_clock().create_jump_callback(threshold, post_callback=self._jumped)
 
     def _jumped(self, jump: TimeJump) -> None:
-        """Act at the time that /clock has just told; begin anew when it went back."""
-        now = self.now_ns()
+        """Act at the time that /clock has just told; begin anew when it was set."""
+        now, step = self.now_ns(), int(jump.delta.nanoseconds)
         actor = self.actor
-        if not (self.active and isinstance(actor, ClockedActor)) or now == 0:
+        if actor is None or not self.active or now == 0:
             return
-        if jump.delta.nanoseconds < 0:
-            actor.activate()
-            actor.clock = None
-        if actor.clock is None:
-            actor.begin(now)
-        self.act(now)
+        if step == now:
+            # From zero: time does not go on, it begins.
+            self._activate(actor)
+        elif not 0 <= step <= CLOCK_STEP_NS:
+            self._begin_anew(f"/{said_of_step(step)}")
+        if isinstance(actor, ClockedActor):
+            if actor.clock is None:
+                actor.begin(now)
+            self.act(now)
 
     def _adopt(self, before: NodeParameters) -> None:
         if self.actor is not None:
@@ -281,6 +309,8 @@ class ManagedNode(LifecycleNode):
             return False, f"unconfigured{reason}", {}
         well, sentence, figures = actor.status()
         figures = {**figures, **actor.ages.summary("message_age")}
+        figures["clock_steps"] = str(self._clock_steps)
+        figures["last_clock_step"] = self._last_step
         figures["refused_messages"] = str(self.refused)
         figures["last_refusal"] = self.last_refusal
         return (well, sentence, figures) if self.active else (False, "inactive", figures)

@@ -113,7 +113,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def activate(self) -> None:
         """Go on where the mechanism is; what was commanded before counts no more."""
         for port in self._ports:
-            port.command.clear()
+            port.forget()
         if self._pushes is not None:
             self._pushes.forget()
         self._commands = np.zeros_like(self._commands)
@@ -139,9 +139,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             return
         try:
             if self._ticks or not self.lockstep:
-                for behind in reversed(range(self.backlog.steps(periods))):
-                    self._commands = self._commanded(deadline_ns - behind * self.period_ns)
+                for time_ns in self.times(periods, deadline_ns):
+                    self._commands = self._commanded(time_ns)
                     self._move()
+                if not self.backlog.owed:
+                    for port in self._ports:
+                        port.command.sampled()
             self._external = self._pushing(deadline_ns)
             self._publish(deadline_ns)
         except HapticMechError as error:
@@ -151,7 +154,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         state, external = self._state, self._by_all()
         self._sampled_ns = deadline_ns
         lockstep = self.lockstep
-        heard = tuple([lockstep or p.command.heard(deadline_ns) for p in self._ports])
+        heard = tuple([lockstep or port.heard(deadline_ns) for port in self._ports])
         wire = WireState(
             deadline_ns, state.active, state.q, state.v, external, self._grasps.numbers, heard
         )
@@ -187,7 +190,11 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             "energy_balance_j": f"{energy.balance:.9g}",
             "failures": str(self.failures),
         }
-        return self.failures == 0, f"closed loops: {closed}", figures
+        now = self.now_ns()
+        fault = next((fault for port in self._ports if (fault := port.fault(now))), "")
+        figures["fault"] = fault
+        well = self.failures == 0 and not fault
+        return well, fault or f"closed loops: {closed}", figures
 
     def _move(self) -> None:
         wrenches = self._commands + self._external

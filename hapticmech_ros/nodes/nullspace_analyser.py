@@ -19,7 +19,7 @@ from hapticmech_ros.operational.counter import CountState, first_count, next_cou
 from hapticmech_ros.operational.spectrum import rank_of
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import RENDERING_FIELDS
+from hapticmech_ros.wire.layouts import COMMANDED, RENDERING_FIELDS
 from hapticmech_ros.wire.rendering_wire import RenderingWriter
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import (
@@ -63,20 +63,28 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._publish_wrenches = self.output(CONSTRAINT_WRENCHES, Float64MultiArray)
         self._publish_spectrum = self.output(SPECTRUM, Float64MultiArray)
         self._publish_count = self.output(COUNT, UInt8)
-        self.input_array(STATE.name, self.control_input, self._on_state, self._layout.fields)
+        self._mechanisms = self.sources(STATE.name)
+        self._silenced = False
+        self.input_array(
+            STATE.name, self.control_input, self._on_state, self._layout.fields, self._mechanisms
+        )
 
     def activate(self) -> None:
         """Start the count anew."""
         self._count = None
+        self._mechanisms.forget()
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return what was analysed and how often."""
-        fresh = self.now_ns() - self._last_ns < RESTART_PAUSE_NS
+        now = self.now_ns()
+        fault = self._mechanisms.fault(now)
+        fresh = now - self._last_ns < RESTART_PAUSE_NS and not fault
         span_s = (self._last_ns - self._first_ns) / NANOSECONDS
         rate = (self.analyses - 1) / span_s if span_s > 0.0 else 0.0
         count = "unknown" if self._count is None else str(self._count.count)
-        sentence = f"{count} joint constraints" if fresh else "no states of the mechanism"
+        sentence = f"{count} joint constraints" if fresh else fault or "no states of the mechanism"
         figures = {
+            "fault": fault,
             "analyses": str(self.analyses),
             "achieved_rate_hz": f"{rate:.1f}",
             "count": count,
@@ -92,6 +100,10 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         if grasp.tobytes() != self._grasp:
             self._follow(grasp)
         rendering = self._rendering
+        if fault := self._mechanisms.fault(now_ns):
+            self._fall_silent(fault)
+            return
+        self._silenced = False
         rendering.see(state)
         count = self._counted(rendering.s, state.stamp_ns)
         rendering.count(count)
@@ -100,6 +112,19 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             terms = self._mechanism.evaluate(state.q, state.v, state.active)
             self._publish_view(self._analyser.analyse(terms), count)
         self.analyses += 1
+
+    def _fall_silent(self, fault: str) -> None:
+        """Tell the controller at once that no mechanism hears it, and then say nothing.
+
+        Of two mechanisms neither is the one that the hand holds.
+        """
+        if self._silenced:
+            return
+        self._silenced = True
+        self._count = None
+        self.node.get_logger().warning(f"{fault}: silent")
+        self._rendering.values[COMMANDED] = 0.0
+        self._publish_rendering.publish(self._encoder.encode(self._rendering.values))
 
     def _follow(self, grasp: Array) -> None:
         """Analyse the point where the mechanism says that it is from now on."""

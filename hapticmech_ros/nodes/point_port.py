@@ -51,8 +51,9 @@ class PointPort:
         self._publish_twist = actor.output(POINT_TWIST, TwistStamped, point=name)
         self._publish_force = actor.output(POINT_FORCE, WrenchStamped, point=name)
         self._publish_joints = actor.output(POINT_JOINTS, JointState, point=name)
-        qos = actor.control_input
-        actor.input_command(POINT_COMMAND.of(name), qos, self._on_command)
+        qos, commands = actor.control_input, POINT_COMMAND.of(name)
+        self._controllers = actor.sources(commands)
+        actor.input_command(commands, qos, self._on_command, sources=self._controllers)
         if actor.parameters.awaits_external:
             topic = EXTERNAL_WRENCH.of(name)
             actor.input_command(topic, qos, self._on_awaited, unstamped_is_now=False)
@@ -60,6 +61,19 @@ class PointPort:
     def set_timeout(self, timeout_ns: int) -> None:
         """Set how long a command stands, and how long it then takes to reach zero."""
         self.command.timeout_ns = self.command.ramp_ns = timeout_ns
+
+    def heard(self, now_ns: int) -> bool:
+        """Return whether one controller commands, and its commands are heard."""
+        return self.command.heard(now_ns) and not self.fault(now_ns)
+
+    def fault(self, now_ns: int) -> str:
+        """Return which two command where one may; empty if none do."""
+        return self._controllers.fault(now_ns)
+
+    def forget(self) -> None:
+        """Forget what was commanded, and by whom."""
+        self.command.clear()
+        self._controllers.forget()
 
     def let_go(self, now_ns: int) -> None:
         """Hold the mechanism no more where it was: what answers earlier samples is heard as zero.
@@ -83,7 +97,10 @@ class PointPort:
         self._publish_pose.publish(self._pose)
 
     def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
-        self.command.put(wrench if stamp_ns > self._since_ns else np.zeros(6), now_ns)
+        if self.fault(now_ns):
+            self.command.clear()
+        else:
+            self.command.put(wrench if stamp_ns > self._since_ns else np.zeros(6), now_ns)
         self._actor.ages.add(now_ns - stamp_ns)
         if self._actor.lockstep:
             self.commands.put(wrench, stamp_ns)

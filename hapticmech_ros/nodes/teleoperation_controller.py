@@ -26,6 +26,7 @@ from hapticmech_ros.nodes.messages import (
 )
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
+from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
@@ -79,16 +80,28 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.loop_warning = loop_warning(self.scene, self.point, gains)
         if self.loop_warning:
             node.get_logger().warning(self.loop_warning)
-        qos = CONTROL_SUBSCRIBER
+        self._single: list[Sources] = []
         self.input_array(
-            DEVICE_STATE.name, self.control_input, self._on_device_state, DEVICE_FIELDS
+            DEVICE_STATE.name,
+            self.control_input,
+            self._on_device_state,
+            DEVICE_FIELDS,
+            self._watch(DEVICE_STATE.name),
         )
-        self.input(DEVICE_FORCE.name, WrenchStamped, qos, self._on_force)
-        self.input(DEVICE_TWIST.name, TwistStamped, qos, self._on_twist)
+        rendering = RENDERING.of(self.point)
         self.input_array(
-            RENDERING.of(self.point), self.control_input, self._on_rendering, RENDERING_FIELDS
+            rendering,
+            self.control_input,
+            self._on_rendering,
+            RENDERING_FIELDS,
+            self._watch(rendering),
         )
-        self.input(DEVICE_POSE.name, PoseStamped, qos, self._on_device_pose)
+        for topic, kind, accept in (
+            (DEVICE_FORCE, WrenchStamped, self._on_force),
+            (DEVICE_TWIST, TwistStamped, self._on_twist),
+            (DEVICE_POSE, PoseStamped, self._on_device_pose),
+        ):
+            self.input(topic.name, kind, CONTROL_SUBSCRIBER, accept, self._watch(topic.name))
 
     @cached_property
     def _control(self) -> ControlArchitecture:
@@ -108,6 +121,15 @@ class TeleoperationController(Actor[ControllerParameters]):
         """Refuse gains that are none."""
         tuned(self.scene.controller, parameters.gains)
 
+    def _watch(self, topic: str) -> Sources:
+        """Return what watches that only one device, or one analyser, speaks on a topic."""
+        self._single.append(self.sources(topic))
+        return self._single[-1]
+
+    def _fault(self, now_ns: int) -> str:
+        """Return which two speak where one may; empty if none do."""
+        return next((fault for one in self._single if (fault := one.fault(now_ns))), "")
+
     def _time_s(self, now_ns: int) -> float:
         return (now_ns - self._epoch_ns) / NANOSECONDS
 
@@ -119,14 +141,17 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._last_ns = self._state_ns = NEVER
         self._twist, self._hand, self._rendering = Latest(), Latest(), Latest()
         self._epoch_ns = self.now_ns()
+        for sources in self._single:
+            sources.forget()
 
     def deactivate(self) -> None:
         """Let go of device and mechanism."""
-        self._disengage(["activity"])
+        self._disengage("deactivated")
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return whether the controller is engaged, or which inputs it lacks."""
         now = self.now_ns()
+        fault = self._fault(now)
         silent = [
             name
             for name, heard in (
@@ -138,12 +163,16 @@ class TeleoperationController(Actor[ControllerParameters]):
         rendering = self._rendering.value
         if not silent and rendering is not None and not rendering.commanded:
             silent.append(POINT_COMMAND.of(self.point) + " to reach the mechanism")
-        engaged = self._engagement is not None and not silent
-        sentence = "engaged" if engaged else f"waiting for {', '.join(silent) or 'a device'}"
+        engaged = self._engagement is not None and not silent and not fault
+        lacks = ", ".join(silent) or "a device"
+        sentence = (
+            "engaged" if engaged else f"disengaged: {fault}" if fault else f"waiting for {lacks}"
+        )
         figures = {
             "answers": str(self._outputs.answers),
             "engagements": str(self.engagements),
             "grasps": str(self.grasps),
+            "fault": fault,
             "loop_warning": self.loop_warning,
             "lost_on_connection": str(self._side.lost),
         }
@@ -172,7 +201,12 @@ class TeleoperationController(Actor[ControllerParameters]):
         """Answer a device that speaks CRTK only: its pose comes last of a sample's three."""
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
         pose = read_pose(message)
-        if self.lockstep or now_ns - self._state_ns <= self.timeout_ns:
+        if self.lockstep:
+            return
+        if fault := self._fault(now_ns):
+            self._disengage(fault)
+            return
+        if now_ns - self._state_ns <= self.timeout_ns:
             return
         twist, hand = self._twist.value, self._hand.value
         lost = [
@@ -181,7 +215,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             if not held.fresh(now_ns, self.timeout_ns)
         ]
         if lost or twist is None or hand is None:
-            self._disengage(lost)
+            self._disengage_for(lost)
             return
         self._local = False
         self._answer(flat_device(DeviceMeasurement(pose, twist, hand)), stamp, now_ns)
@@ -190,15 +224,18 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.ages.add(now_ns - stamp)
         gap = now_ns - self._last_ns
         self._last_ns = now_ns
+        if fault := self._fault(now_ns):
+            self._disengage(fault)
+            return
         rendering = self._rendering.value
         if rendering is None or not self._rendering.fresh(now_ns, self.timeout_ns):
-            self._disengage([RENDERING.of(self.point)])
+            self._disengage_for([RENDERING.of(self.point)])
             return
         if gap > self.timeout_ns:
-            self._disengage([DEVICE_STATE.name])
+            self._disengage_for([DEVICE_STATE.name])
         if not rendering.commanded:
             # The mechanism does not hear us (yet): the device is left alone until it does.
-            self._disengage([POINT_COMMAND.of(self.point) + " at the mechanism"])
+            self._disengage_for([POINT_COMMAND.of(self.point) + " at the mechanism"])
             self._outputs.mechanism(NO_WRENCH, stamp)
             return
         self._answer_to(device, rendering, stamp, now_ns)
@@ -256,11 +293,15 @@ class TeleoperationController(Actor[ControllerParameters]):
         told, _ = side.tell()
         outputs.mechanism(told, stamp_ns)
 
-    def _disengage(self, lost: Sequence[str]) -> None:
+    def _disengage_for(self, lost: Sequence[str]) -> None:
+        """Disengage because inputs are lost."""
+        self._disengage(f"lost {', '.join(lost)}")
+
+    def _disengage(self, reason: str) -> None:
         """Say zero to both sides at once, rather than let them find out by waiting."""
         if self._engagement is None:
             return
-        self.node.get_logger().warning(f"disengaged: lost {', '.join(lost)}")
+        self.node.get_logger().warning(f"disengaged: {reason}")
         self._engagement = None
         self._outputs.zero(self.now_ns())
 
@@ -277,6 +318,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         check_age(found.stamp_ns, now_ns, self.age_limit_ns)
         self._rendering.put(found, found.stamp_ns)
         self.ages.add(now_ns - found.stamp_ns)
-        if self.lockstep:
+        if not self.lockstep:
+            if now_ns - self._last_ns > self.timeout_ns:
+                # The device says nothing that could be answered: the mechanism is told now.
+                self._disengage_for([DEVICE_STATE.name])
+        else:
             self._renderings.put(found, found.stamp_ns)
             self._answer_pair(found.stamp_ns)

@@ -20,8 +20,8 @@ from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
 from hapticmech_ros.nodes.bags.heard_topic import HeardTopic
-from hapticmech_ros.nodes.bags.message_info import Info
 from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
+from hapticmech_ros.nodes.message_info import Info
 from hapticmech_ros.times import nanoseconds
 
 DISCOVERY_PERIOD_S = 0.2

@@ -11,8 +11,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from hapticmech_ros.nodes.bags.bag_qos import adapted_request, as_recorded
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
-from hapticmech_ros.nodes.bags.message_info import Info, WithInfo
 from hapticmech_ros.nodes.message_class import message_class
+from hapticmech_ros.nodes.message_info import Info, WithInfo
 
 # All publishers of a topic are not discovered at once. Their offers are written down after this.
 SETTLE_S = 0.4

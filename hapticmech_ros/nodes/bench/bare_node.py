@@ -7,7 +7,6 @@ ones' names and deadlines; a callback hands on the stamp of its message, and tha
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -25,6 +24,7 @@ from hapticmech_ros.nodes.loop import (
     wake_up_in_time,
 )
 from hapticmech_ros.nodes.messages import set_stamp, stamp_ns
+from hapticmech_ros.nodes.node_time import NodeTime
 from hapticmech_ros.nodes.period_clock import PeriodClock
 from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, LATCHED, STREAM_PUBLISHER
 from hapticmech_ros.nodes.statistics import DurationHistogram
@@ -46,6 +46,7 @@ class BareNode(Node):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
+        self._time = NodeTime()
         self._scene_name = str(self.declare_parameter("scene", "five_bar").value)
         view_rate = float(self.declare_parameter("view_rate", 100.0).value)
         period_s = float(self.declare_parameter("diagnostics_period", 1.0).value)
@@ -69,11 +70,18 @@ class BareNode(Node):
         )
         self.create_timer(period_s, self._publish_diagnostics)
 
-    def begin(self, now_ns: int) -> None:
+    def begin(self) -> None:
         """Start the deadlines, if the node has any."""
         phase = PHASES.get(self.get_name())
         if phase is not None:
-            self._deadlines = PeriodClock.on_grid(self._period_s, phase, now_ns)
+            self._deadlines = PeriodClock.on_grid(self._period_s, phase, self.now_ns())
+
+    def look_at_clock(self) -> None:
+        """Leave the machine's clock alone."""
+
+    def now_ns(self) -> int:
+        """Return the node's time, ns."""
+        return self._time.now_ns()
 
     def next_deadline_ns(self) -> int | None:
         """Return when the node wants to publish next; None: only when asked."""
@@ -123,7 +131,7 @@ class BareNode(Node):
         closes_loop = topic == DEVICE_COMMAND
 
         def hear(message: Any) -> None:
-            now, stamp = time.time_ns(), stamp_of(message)
+            now, stamp = self.now_ns(), stamp_of(message)
             self._ages.add(now - stamp)
             self._heard_ns = now
             if closes_loop:
@@ -144,7 +152,7 @@ class BareNode(Node):
             publisher.publish(example(time_ns))
 
     def _hears(self) -> bool:
-        return time.time_ns() - self._heard_ns < SILENCE_NS
+        return self.now_ns() - self._heard_ns < SILENCE_NS
 
     def _figures(self) -> dict[str, str]:
         figures: dict[str, str] = {}
@@ -174,7 +182,7 @@ class BareNode(Node):
             values=[KeyValue(key=key, value=value) for key, value in self._figures().items()],
         )
         message = DiagnosticArray(status=[status])
-        set_stamp(message.header.stamp, time.time_ns())
+        set_stamp(message.header.stamp, self.now_ns())
         self._diagnostics.publish(message)
 
 
@@ -188,7 +196,7 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
         # One by one: those made before a failure are destroyed.
         for name in names:
             nodes.append(BareNode(name))
-            nodes[-1].begin(time.time_ns())
+            nodes[-1].begin()
         run_until(stop, nodes)
         for node in nodes:
             print(node.final_report(), flush=True)

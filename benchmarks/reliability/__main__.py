@@ -1,0 +1,105 @@
+"""The campaign: ``python -m benchmarks.reliability [PARTS...] [--quick] [--out FOLDER]``."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import math
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.reliability.document import publish
+from benchmarks.reliability.figure import Figure, load, save, table
+from hapticmech_ros.errors import HapticMechError
+
+HERE = "benchmarks.reliability"
+JSON_NAME = "reliability.json"
+# In the order of the table, those that need a quiet machine first.
+PARTS = {
+    "kills": "each node killed without warning, and started again",
+    "freezes": "each node stopped for 0.05 to 2 s",
+    "clocks": "steps of the machine's clock, of one host's, and of /clock",
+    "doubles": "a second node of each kind, a foreign driver, a foreign commander",
+    "network": "delay, jitter, loss and reordering between two hosts",
+    "exposure": "who else on the network is heard",
+    "messages": "bytes and values that no node sends",
+    "files": "scenes, meshes and bags that are none",
+    "disk": "a full disk",
+    "soak": "an hour of rendering: memory, descriptors, threads",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run parts of the campaign, or all; return 0 if every figure keeps its limits."""
+    asked = _parser().parse_args(arguments)
+    out = asked.out.resolve()
+    path = out / JSON_NAME
+    if asked.table:
+        publish(load(path))
+        return 0
+    out.mkdir(parents=True, exist_ok=True)
+    parts = list(dict.fromkeys(asked.parts)) or list(PARTS)
+    found = {name: [f for f in _before(path) if f.part == name] for name in PARTS}
+    for name in parts:
+        begun = time.monotonic()
+        print(f"== {name}: {PARTS[name]}", flush=True)
+        found[name] = run_part(name, asked.quick, out)
+        # After each part: hours of measurements are not lost with the next one.
+        save([figure for figures in found.values() for figure in figures], path)
+        print(f"== {name}: {time.monotonic() - begun:.0f} s\n", flush=True)
+    measured = [figure for name in parts for figure in found[name]]
+    print(table(measured))
+    print(path)
+    return 1 if any(broken(figure) for figure in measured) else 0
+
+
+def run_part(name: str, quick: bool, out: Path) -> list[Figure]:
+    """Run a part; what cannot be measured is a figure too, which says why."""
+    try:
+        part = importlib.import_module(f"{HERE}.{name}")
+    except ModuleNotFoundError as error:
+        if error.name != f"{HERE}.{name}":
+            raise
+        return [Figure(name, PARTS[name], math.nan, note="there is no such part yet")]
+    try:
+        figures: list[Figure] = part.run(quick, out)
+    except HapticMechError as error:
+        # With a limit that nothing keeps: a part that broke off has not passed.
+        return [Figure(name, PARTS[name], math.nan, "", 0.0, note=f"broke off: {error}")]
+    return figures
+
+
+def broken(figure: Figure) -> bool:
+    """Return whether a figure has a limit and does not keep it."""
+    return (figure.most is not None or figure.least is not None) and not figure.kept
+
+
+def _before(path: Path) -> list[Figure]:
+    return load(path) if path.exists() else []
+
+
+def _parser() -> argparse.ArgumentParser:
+    lines = "\n".join(f"  {name:9} {what}" for name, what in PARTS.items())
+    parser = argparse.ArgumentParser(
+        prog=f"python -m {HERE}",
+        description="Faults of every kind against the graph, and what it does about them.",
+        epilog=f"parts:\n{lines}\n\nLimits and how it is measured: docs/reliability.md.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "parts", nargs="*", metavar="PART", choices=[[], *PARTS], help="all if none"
+    )
+    parser.add_argument("--quick", action="store_true", help="a few trials of each kind")
+    parser.add_argument(
+        "--out", type=Path, default=Path("reliability"), help="folder for figures and logs"
+    )
+    parser.add_argument(
+        "--table", action="store_true", help="write figures of an earlier run into the document"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

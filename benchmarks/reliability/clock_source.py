@@ -1,0 +1,38 @@
+"""Publishes /clock at 1 kHz: what this process takes for the time of day.
+
+With the stepped clock in its environment it is a simulator's clock that jumps on command.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+
+from hapticmech_ros.nodes.child import watch
+from hapticmech_ros.nodes.loop import wake_up_in_time
+from hapticmech_ros.times import NANOSECONDS
+
+PERIOD_S = 0.001
+
+
+class ClockSource(Node):
+    """Tells the time, by a timer of the monotonic clock."""
+
+    def __init__(self) -> None:
+        super().__init__("clock_source")
+        self._publisher = self.create_publisher(Clock, "/clock", 10)
+        self._message = Clock()
+        self.create_timer(PERIOD_S, self._tell)
+
+    def _tell(self) -> None:
+        stamp = self._message.clock
+        stamp.sec, stamp.nanosec = divmod(time.time_ns(), NANOSECONDS)
+        self._publisher.publish(self._message)
+
+
+if __name__ == "__main__":
+    wake_up_in_time()
+    sys.exit(watch(ClockSource, sys.argv[1:]))

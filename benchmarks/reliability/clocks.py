@@ -1,0 +1,148 @@
+"""Part ``clocks``: steps of the machine's clock, of one host's clock, and of /clock."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.rig import Rig
+from benchmarks.reliability.stepped_clock import NoCompilerError, SteppedClock, compiler
+from benchmarks.reliability.trial import Fault, Trial, observe, summarised, tell_lateness
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.wire.topic import DEVICE
+
+PART = "clocks"
+TRIALS, QUICK_TRIALS = 50, 2
+# NTP's daily bread, and a machine whose battery was empty; a simulator that is reset.
+STEPS_S, SIMULATED_STEPS_S = (5.0, 600.0), (8.0,)
+# A host whose clock is wrong has it so for this long.
+WRONG_S = 1.0
+_STEPPED = re.compile(r"\b(step|jump|went|go|moved|back|forward|ahead|set|changed)", re.IGNORECASE)
+
+
+def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
+    """Step every clock 50 times each way (quick: twice)."""
+    try:
+        compiler()
+    except NoCompilerError as error:
+        return [Figure(PART, "steps of clocks", float("nan"), note=str(error))]
+    number = QUICK_TRIALS if quick else TRIALS
+    return [
+        *_machine(number, out, told),
+        *_one_host(number, out, told),
+        *_simulated(number, out, told),
+    ]
+
+
+def about_clock(sentence: str) -> bool:
+    """Return whether a sentence says that a clock was stepped; a stale stamp is not enough."""
+    about = "clock" in sentence.lower() and bool(_STEPPED.search(sentence))
+    return about and "refused" not in sentence
+
+
+def steps(number: int, sizes: Sequence[float]) -> list[float]:
+    """Return steps (s) back and forward, ``number`` each, of all sizes in turn."""
+    return [sign * sizes[i % len(sizes)] for i in range(number) for sign in (-1.0, 1.0)]
+
+
+def _by_turns(index: int) -> bool:
+    """Return every other time whether; of steps as :func:`steps` gives them, for each in turn."""
+    pair = index // 2
+    return (index + pair + pair // 2) % 2 == 0
+
+
+def try_step(rig: Rig, clock: SteppedClock, seconds: float, words: str) -> Trial:
+    """Step a clock that the device lives by, and return what the device did."""
+    since = rig.ready()
+    stepped_ns = clock.step(seconds)
+    fault = Fault(f"{words} {seconds:+g} s", since, stepped_ns, stepped_ns, clock.offset_ns)
+    trial = observe(rig, fault, about_clock)
+    if not trial.came_back:
+        rig.renew()
+    return trial
+
+
+def try_wrong_host(
+    rig: Rig, clock: SteppedClock, seconds: float, has_device: bool, words: str
+) -> Trial:
+    """Step the clock of one host for a second, and put it right again.
+
+    Hosts whose clocks disagree cannot tell how old a message is: the hand is to be left alone until
+    they agree again.
+    """
+    since = rig.ready()
+    stepped_ns = clock.step(seconds)
+    offset_ns = clock.offset_ns if has_device else 0
+    time.sleep(WRONG_S)
+    righted_ns = clock.step(-seconds)
+    kind = f"{words} {seconds:+g} s for {WRONG_S:g} s"
+    trial = observe(rig, Fault(kind, since, stepped_ns, righted_ns, offset_ns), about_clock)
+    if not trial.came_back:
+        rig.renew()
+    return trial
+
+
+def _machine(number: int, out: Path, told: Callable[[str], None]) -> list[Figure]:
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        clock = stack.enter_context(SteppedClock(folder))
+        rig = Rig(out, "clocks_machine", [(tuple(NODES), clock.environment({}))])
+        stack.enter_context(rig)
+        trials = []
+        for seconds in steps(number, STEPS_S):
+            trials.append(try_step(rig, clock, seconds, "machine's clock"))
+            told(trials[-1].line)
+        figures = tell_lateness(PART, rig)
+        figures += summarised(PART, "machine's clock", trials, rig.clean_max)
+    return figures + _emergency_stops(number, out, told)
+
+
+def _one_host(number: int, out: Path, told: Callable[[str], None]) -> list[Figure]:
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        near = stack.enter_context(SteppedClock(folder, "near"))
+        far = stack.enter_context(SteppedClock(folder, "far"))
+        rest = tuple(name for name in NODES if name != DEVICE)
+        hosts = [((DEVICE,), near.environment({})), (rest, far.environment({}))]
+        rig = stack.enter_context(Rig(out, "clocks_host", hosts))
+        trials = []
+        for index, seconds in enumerate(steps(number, STEPS_S)):
+            at_device = _by_turns(index)
+            clock, words = (near, "device's host") if at_device else (far, "other host")
+            trials.append(try_wrong_host(rig, clock, seconds, at_device, words))
+            told(trials[-1].line)
+        return summarised(PART, "one host's clock", trials, rig.clean_max)
+
+
+def _simulated(number: int, out: Path, told: Callable[[str], None]) -> list[Figure]:
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        clock = stack.enter_context(SteppedClock(folder))
+        given = {"use_sim_time": True}
+        rig = Rig(out, "clocks_sim", parameters=given, clock=clock)
+        stack.enter_context(rig)
+        trials = []
+        for seconds in steps(number, SIMULATED_STEPS_S):
+            trials.append(try_step(rig, clock, seconds, "/clock"))
+            told(trials[-1].line)
+        return summarised(PART, "/clock", trials, rig.clean_max)
+
+
+def _emergency_stops(number: int, out: Path, told: Callable[[str], None]) -> list[Figure]:
+    from benchmarks.reliability.emergency import summarised_stops, try_stop
+
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        clock = stack.enter_context(SteppedClock(folder))
+        rig = Rig(out, "clocks_stop", [(tuple(NODES), clock.environment({}))])
+        stack.enter_context(rig)
+        stops = []
+        for index, seconds in enumerate(steps(number, STEPS_S)):
+            stops.append(try_stop(rig, clock, seconds, at_once=_by_turns(index)))
+            told(stops[-1].line)
+        return summarised_stops(PART, stops)

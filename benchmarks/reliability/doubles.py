@@ -1,0 +1,202 @@
+"""Part ``doubles``: a second node of each kind, which joins before the graph's own or after it.
+
+The one who joins last is the newcomer. Within 20 ms of its first message there is to be no force,
+for as long as both are there; a sentence names both; and when the double has left, the device
+renders again. Doubles leave in order, and by SIGKILL.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.rig import Rig, pushing
+from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, RENDERING
+from benchmarks.reliability.trial import Fault, Trial, observe, summarised, tell_lateness
+from hapticmech_ros.bench.children import BenchError, Teller, wait_until
+from hapticmech_ros.graph import Graph
+from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER
+from hapticmech_ros.wire.topic import DEVICE as DEVICE_NODE
+from hapticmech_ros.wire.topic import MECHANISM as MECHANISM_NODE
+
+PART = "doubles"
+TRIALS, QUICK_TRIALS = 50, 2
+STAYS_S, JOINS_WITHIN_S = 1.5, 8.0
+PERIOD_NS = 1_000_000
+# Far from what the scene's gains command; alone, a commander is gentle.
+PUSH_N, GENTLE_N = 4.0, 0.3
+FOREIGN = {"foreign_driver": DEVICE_NODE, "foreign_commander": CONTROLLER}
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What is doubled.
+
+    Attributes:
+        name: of the double's node.
+        original: the node of the graph that it doubles.
+        topic: on which both speak.
+        outputs: topics whose force is to be zero.
+    """
+
+    name: str
+    original: str
+    topic: int
+    outputs: tuple[int, ...] = (DEVICE,)
+
+
+KINDS = (
+    Kind(f"second_{DEVICE_NODE}", DEVICE_NODE, DEVICE),
+    Kind(f"second_{MECHANISM_NODE}", MECHANISM_NODE, MECHANISM),
+    Kind(f"second_{ANALYSER}", ANALYSER, RENDERING),
+    Kind(f"second_{CONTROLLER}", CONTROLLER, COMMAND),
+    # What is commanded is what its actuators would do.
+    Kind("foreign_driver", DEVICE_NODE, DEVICE, (DEVICE, COMMAND)),
+    Kind("foreign_commander", CONTROLLER, COMMAND),
+)
+
+
+class Double:
+    """A process that plays a part which is taken."""
+
+    def __init__(self, rig: Rig, kind: Kind, alone: bool) -> None:
+        self._graph: Graph | None = None
+        self.teller: Teller | None = None
+        if kind.name in FOREIGN:
+            arguments = (str(GENTLE_N if alone else PUSH_N),) * (kind.original == CONTROLLER)
+            self.teller = rig.start(f"{kind.name}.py", *arguments)
+            self._process = self.teller.process
+        else:
+            self._graph = rig.another(kind.original)
+            self._process = self._graph.processes[kind.original]
+
+    def leave(self, killed: bool) -> int:
+        """End it; return when it had ended, ns of the monotonic clock."""
+        if killed:
+            self._process.kill()
+            self._process.wait()
+        elif self.teller is not None:
+            self.teller.stop()
+        elif self._graph is not None:
+            self._graph.stop()
+        return time.monotonic_ns()
+
+
+@contextmanager
+def double(rig: Rig, kind: Kind, alone: bool = False) -> Iterator[Double]:
+    """Let a double join; it has left at the end, whatever happens."""
+    joined = Double(rig, kind, alone)
+    try:
+        yield joined
+    finally:
+        joined.leave(killed=True)
+
+
+def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
+    """Let every kind of double join 50 times (quick: twice), half of them before the original."""
+    number = QUICK_TRIALS if quick else TRIALS
+    figures: list[Figure] = []
+    with Rig(out, PART, all_topics=True) as rig:
+        figures += tell_lateness(PART, rig)
+        for kind in KINDS:
+            trials = []
+            for index in range(number):
+                before, killed = index % 2 == 0, index % 4 >= 2
+                trials.append(try_double(rig, kind, before, killed))
+                told(trials[-1].line)
+            figures += summarised(PART, kind.name, trials, rig.clean_max)
+    return figures
+
+
+def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Trial:
+    """Let a double join before or after the original, and leave; return what the device did.
+
+    Args:
+        rig: with all topics watched.
+        kind: of the double.
+        before: it takes the original's place first, and then the original joins.
+        killed: it leaves by SIGKILL.
+    """
+    order = f"{kind.name} {'before' if before else 'after'} {kind.original}"
+    since = rig.ready()
+    if before:
+        graph = rig.graph_of(kind.original)
+        graph.kill(kind.original)
+    asked_ns = time.monotonic_ns()
+    with double(rig, kind, alone=before) as joined:
+        if before:
+            _wait_alone(rig, kind, joined)
+            since, asked_ns = rig.ring.count, time.monotonic_ns()
+            rig.restart(kind.original)
+        first_ns = _first(rig, kind, since, asked_ns, None if before else joined.teller)
+        time.sleep(STAYS_S)
+        left_ns = joined.leave(killed)
+        cause_ns = _cause(rig, kind, since, asked_ns, first_ns)
+        fault = Fault(f"{order}{', killed' if killed else ''}", since, cause_ns, left_ns)
+        fault = replace(fault, topics=kind.outputs)
+        names = (kind.name, kind.original)
+        trial = observe(rig, fault, lambda text: _names(text, names))
+        if not trial.came_back:
+            rig.renew()
+        return trial
+
+
+def _names(text: str, names: tuple[str, str]) -> bool:
+    """Return whether a sentence names both; a double's name holds the original's."""
+    second, first = names
+    return second in text and first in text.replace(second, "")
+
+
+def _wait_alone(rig: Rig, kind: Kind, joined: Double) -> None:
+    """Wait until the double plays its part: without the original the graph may not render."""
+    begun = rig.ring.count
+
+    def plays() -> bool:
+        if joined.teller is not None:
+            return bool(joined.teller.of("first"))
+        return len(rig.samples(begun, kind.topic)) > 100
+
+    wait_until(plays, JOINS_WITHIN_S, f"{kind.name} to begin", rig.watch.check)
+    time.sleep(0.5)
+
+
+def _first(rig: Rig, kind: Kind, since: int, asked_ns: int, teller: Teller | None) -> int | None:
+    """Wait for the newcomer's first message; None if it never says any.
+
+    One that cannot tell is known by its stamps, which lie between the other's, or are the same.
+    """
+
+    def told() -> int | None:
+        if teller is not None:
+            return next((event["at_ns"] for event in teller.of("first")), None)
+        found = rig.samples(since, kind.topic)
+        found = found[found["arrived_ns"] > asked_ns]
+        if kind.name == "foreign_driver":
+            # It says nothing on this topic: whoever does is the newcomer.
+            return int(found["arrived_ns"][0]) if found.size else None
+        gaps = np.diff(found["stamp_ns"])
+        strange = np.flatnonzero((gaps <= 0) | (gaps % PERIOD_NS != 0))
+        # Two of them: it is there, and goes on.
+        return int(found["arrived_ns"][strange[0]]) if strange.size > 2 else None
+
+    try:
+        wait_until(lambda: told() is not None, JOINS_WITHIN_S, f"{kind.name} to speak")
+    except BenchError:
+        return None
+    return told()
+
+
+def _cause(rig: Rig, kind: Kind, since: int, asked_ns: int, first_ns: int | None) -> int:
+    """Return when the newcomer was first heard; if never, when force ended, or it was asked."""
+    if first_ns is not None:
+        return first_ns
+    found = rig.samples(since, *kind.outputs)
+    found = found[found["arrived_ns"] > asked_ns]
+    off = found["arrived_ns"][~pushing(found)]
+    return int(off[0]) if off.size else asked_ns

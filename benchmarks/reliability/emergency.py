@@ -1,0 +1,80 @@
+"""An emergency stop after a clock was stepped: zero has left before it answers."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from benchmarks.reliability.caller import Caller
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.rig import MS, Rig, pushing
+from benchmarks.reliability.stepped_clock import SteppedClock
+from hapticmech_ros.bench.children import BenchError
+
+# The answer and the sample take ways of their own to processes of their own.
+WAYS_MS = 5.0
+STOPPED_S = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """What followed a call.
+
+    Attributes:
+        fault: what came before, in words.
+        success: what it answered; False if it did not.
+        zero_ms: from its answer to the first output at zero: none after that pushes.
+    """
+
+    fault: str
+    success: bool
+    zero_ms: float
+
+    @property
+    def line(self) -> str:
+        """All of it for a log."""
+        answered = "success" if self.success else "NO SUCCESS"
+        return f"emergency stop, {self.fault}: {answered}, zero {self.zero_ms:+.1f} ms after it"
+
+
+def try_stop(rig: Rig, clock: SteppedClock, seconds: float, at_once: bool) -> Stop:
+    """Step the clock, stop at once or once the device renders again, and let it go on."""
+    since = rig.ready()
+    with Caller(rig.environment) as caller:
+        caller.stop(False)
+        stepped_ns = clock.step(seconds)
+        try:
+            if not at_once:
+                since = rig.settle(stepped_ns)
+            success, answered_ns = caller.stop(True)
+        except BenchError:
+            success, answered_ns = False, time.monotonic_ns()
+        time.sleep(STOPPED_S)
+        found = rig.samples(since)
+        found = found[found["arrived_ns"] >= stepped_ns]
+        on, arrived = pushing(found), found["arrived_ns"]
+        last = int(arrived[on][-1]) if on.any() else stepped_ns
+        after = arrived[~on & (arrived >= last)]
+        zero_ms = float(after[0] - answered_ns) / MS if after.size else math.inf
+        try:
+            caller.stop(False)
+            rig.settle()
+        except BenchError:
+            rig.renew()
+    when = "at once" if at_once else "once it renders again"
+    return Stop(f"clock {seconds:+g} s, {when}", success, zero_ms)
+
+
+def summarised_stops(part: str, stops: Sequence[Stop]) -> list[Figure]:
+    """Return the worst of some calls as figures."""
+    number = len(stops)
+    share = 100.0 * sum(stop.success for stop in stops) / number if number else math.nan
+    worst = max((stop.zero_ms for stop in stops), default=math.nan)
+    name = "emergency stop after a step"
+    note = "the answer and the output reach two processes"
+    return [
+        Figure(part, f"{name}: answered success", share, "%", None, 100.0, number),
+        Figure(part, f"{name}: zero after its answer", worst, "ms", WAYS_MS, None, number, note),
+    ]

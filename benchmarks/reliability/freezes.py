@@ -1,0 +1,66 @@
+"""Part ``freezes``: each node stopped (SIGSTOP) for 0.05 to 2 s, and let go on (SIGCONT)."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.rig import Rig
+from benchmarks.reliability.trial import Fault, Trial, observe, summarised, tell_lateness
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.wire.topic import DEVICE
+
+PART = "freezes"
+TRIALS, QUICK_TRIALS = 100, 2
+SHORTEST_S, LONGEST_S = 0.05, 2.0
+SEED = 0
+
+
+def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
+    """Freeze each node 100 times (quick: twice), in turn, for times between 0.05 and 2 s."""
+    number = QUICK_TRIALS if quick else TRIALS
+    chance = random.Random(SEED)
+    trials: dict[str, list[Trial]] = {node: [] for node in NODES}
+    with Rig(out, PART) as rig:
+        for _ in range(number):
+            for node in NODES:
+                # As many short ones as long ones: even on a logarithmic scale.
+                seconds = SHORTEST_S * (LONGEST_S / SHORTEST_S) ** chance.random()
+                trials[node].append(try_freeze(rig, node, seconds))
+                told(trials[node][-1].line)
+        figures = tell_lateness(PART, rig)
+        for node, found in trials.items():
+            figures += summarised(PART, node, found, rig.clean_max)
+    return figures
+
+
+def try_freeze(rig: Rig, node: str, seconds: float) -> Trial:
+    """Freeze a node, let it go on, and return what the device did.
+
+    The simulated device's actuators freeze with it: what counts is that its first output afterwards
+    is zero, and not a command from before.
+    """
+    since, pid = rig.ready(), rig.pid(node)
+    frozen_ns = time.monotonic_ns()
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        time.sleep(seconds)
+        before = rig.ring.count
+    finally:
+        released_ns = time.monotonic_ns()
+        os.kill(pid, signal.SIGCONT)
+    kind = f"{node} frozen for {seconds:.2f} s"
+    if node == DEVICE:
+        # What is left of the last sample on its way has arrived before.
+        fault = Fault(kind, before, released_ns, released_ns, first_output=True)
+    else:
+        fault = Fault(kind, since, frozen_ns, released_ns)
+    trial = observe(rig, fault, bool, frozen_ns)
+    if not trial.came_back:
+        rig.renew()
+    return trial

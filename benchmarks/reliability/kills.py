@@ -1,0 +1,56 @@
+"""Part ``kills``: each node killed without warning, and started again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.rig import Rig
+from benchmarks.reliability.trial import Fault, Trial, observe, summarised, tell_lateness
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.wire.topic import DEVICE
+
+PART = "kills"
+TRIALS, QUICK_TRIALS = 100, 2
+# Gone for so long: others have noticed by then.
+GONE_S = 0.3
+
+
+def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
+    """Kill each node 100 times (quick: twice), in turn."""
+    number = QUICK_TRIALS if quick else TRIALS
+    trials: dict[str, list[Trial]] = {node: [] for node in NODES}
+    with Rig(out, PART) as rig:
+        for _ in range(number):
+            for node in NODES:
+                trials[node].append(try_kill(rig, node))
+                told(trials[node][-1].line)
+        figures = tell_lateness(PART, rig)
+        for node, found in trials.items():
+            figures += summarised(PART, node, found, rig.clean_max)
+    return figures
+
+
+def try_kill(rig: Rig, node: str) -> Trial:
+    """Kill a node, start it again, and return what the device did.
+
+    The device's own force ends with its process: what counts is that it begins without any.
+    """
+    since = rig.ready()
+    killed_ns = time.monotonic_ns()
+    rig.graph_of(node).kill(node)
+    time.sleep(GONE_S)
+    alive = rig.ended() == [node]
+    begun = rig.ring.count
+    restarted_ns = time.monotonic_ns()
+    rig.restart(node)
+    if node == DEVICE:
+        fault = Fault(f"{node} killed", begun, restarted_ns, restarted_ns, first_output=True)
+    else:
+        fault = Fault(f"{node} killed", since, killed_ns, restarted_ns)
+    trial = observe(rig, fault, bool, killed_ns, alive)
+    if not trial.came_back:
+        rig.renew()
+    return trial

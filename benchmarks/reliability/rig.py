@@ -1,0 +1,225 @@
+"""The set-up of every trial: a graph, a watcher outside it, and what a clean run does."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.reliability.sample import DEVICE, Ring, Samples
+from benchmarks.reliability.stepped_clock import SteppedClock
+from hapticmech_ros.bench.children import BenchError, Teller, output_to, wait_until
+from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.nodes.entry import NODES
+
+FOLDER = Path(__file__).parent
+SCENE, POINT = "five_bar", "handle"
+WITHIN_S = 20.0
+# Rendering for so long without a break before anything is done to the graph.
+SETTLED_S = 0.7
+CLEAN_S = 2.0
+TRIES = 8
+MS = 1_000_000
+# Nodes of one host, and what their processes' environment has beyond the graph's.
+Host = tuple[Collection[str], Mapping[str, str]]
+
+
+class Rig:
+    """A graph of the shipped five-bar in a process each, in a domain of its own, and a watcher.
+
+    Use as a context manager: leaving it ends every process.
+
+    Args:
+        out: folder for what the nodes print (``NAME.log``).
+        name: of the log.
+        hosts: groups of nodes with environments of their own; all nodes in the graph's if left out.
+        parameters: for the graph's nodes.
+        all_topics: watch the mechanism's and the analyser's messages too.
+        clock: what /clock says, for nodes with ``use_sim_time``; nobody publishes it if left out.
+        domain: ROS_DOMAIN_ID; one that is probably free if left out.
+
+    Attributes:
+        environment: of a process that is to meet the graph, with the machine's own clock.
+        clean_max: the largest force (N) of a run to which nothing is done.
+        lateness_ns: (n,) how long after their stamps the device's samples arrived in that run.
+    """
+
+    def __init__(
+        self,
+        out: Path,
+        name: str,
+        hosts: Sequence[Host] = ((tuple(NODES), {}),),
+        parameters: Mapping[str, object] | None = None,
+        all_topics: bool = False,
+        clock: SteppedClock | None = None,
+        domain: int | None = None,
+    ) -> None:
+        out.mkdir(parents=True, exist_ok=True)
+        self._log = out / f"{name}.log"
+        self._hosts = hosts
+        self._parameters = {"diagnostics_period": 0.2, **(parameters or {})}
+        self._all_topics = all_topics
+        self._clock = clock
+        self._stack = ExitStack()
+        self._graphs: list[Graph] = []
+        self.environment = {**private_environment(domain), "OPENBLAS_NUM_THREADS": "1"}
+        self.clean_max = 0.0
+        self.lateness_ns = np.zeros(0)
+
+    def __enter__(self) -> Rig:
+        """Start watcher and graph, and measure a clean run.
+
+        Raises:
+            BenchError: the device does not render.
+        """
+        try:
+            folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
+            self.ring = Ring(folder / "ring", fresh=True)
+            point = [POINT] if self._all_topics else []
+            self.watch = self.start("watch.py", str(folder / "ring"), *point)
+            if self._clock is not None:
+                self.start("clock_source.py", environment=self._clock.environment(self.environment))
+            self._stack.callback(self._stop_graph)
+            self._start_graph()
+            self._run_clean()
+        except BaseException:
+            self._stack.close()
+            raise
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stack.close()
+
+    def start(
+        self, script: str, *arguments: str, environment: Mapping[str, str] | None = None
+    ) -> Teller:
+        """Start a script of this folder that meets the graph, and ends with the rig."""
+        command = [sys.executable, "-u", str(FOLDER / script), *arguments]
+        with output_to(self._log):
+            return self._stack.enter_context(Teller(command, environment or self.environment))
+
+    def another(self, node: str) -> Graph:
+        """Start a second node of a kind, called ``second_...``; whoever asked ends it."""
+        return self._graph([node], {}, ["-r", f"__node:=second_{node}"])
+
+    def renew(self) -> None:
+        """End the graph and start it again, all nodes."""
+        self._stop_graph()
+        self._start_graph()
+
+    def graph_of(self, node: str) -> Graph:
+        """Return the part of the graph that a node belongs to, which kills and restarts it."""
+        return next(graph for graph in self._graphs if node in graph.processes)
+
+    def pid(self, node: str) -> int:
+        """Return the id of a node's process."""
+        return self.graph_of(node).processes[node].pid
+
+    def ended(self) -> list[str]:
+        """Return the nodes whose processes are no more."""
+        return [name for graph in self._graphs for name in graph.ended()]
+
+    def restart(self, node: str) -> None:
+        """Start a node again that has ended."""
+        with output_to(self._log):
+            self.graph_of(node).restart(node)
+
+    def samples(self, since: int, *topics: int) -> Samples:
+        """Return topics' samples (the device's if none is named) from a number of the ring on."""
+        found = self.ring.since(since)
+        return found[np.isin(found["topic"], topics or (DEVICE,))]
+
+    def said(self, since_ns: int) -> list[dict[str, Any]]:
+        """Return what nodes said in diagnostics and logs since a time of the monotonic clock."""
+        return [event for event in self.watch.of("said") if event["at_ns"] >= since_ns]
+
+    def ready(self) -> int:
+        """Wait until the device renders, with a new graph if need be; as :meth:`settle`."""
+        try:
+            return self.settle()
+        except BenchError:
+            self.renew()
+            return self.settle()
+
+    def settle(self, since_ns: int = 0) -> int:
+        """Wait until the device has rendered without a break; return the ring's number then.
+
+        Args:
+            since_ns: count what came after this time of the monotonic clock alone.
+
+        Raises:
+            BenchError: it does not, or a node ended.
+        """
+        wait_until(lambda: self._settled(since_ns), WITHIN_S, "the device to render", self.check)
+        return self.ring.count
+
+    def check(self) -> None:
+        """Raise BenchError if the watcher or a node has ended."""
+        self.watch.check()
+        if ended := self.ended():
+            raise BenchError(f"{', '.join(ended)} ended by itself")
+
+    def _settled(self, since_ns: int) -> bool:
+        now = time.monotonic_ns()
+        begun = max(since_ns, now - int(SETTLED_S * 1e9))
+        found = self.samples(self.ring.count - 20_000)
+        found = found[found["arrived_ns"] >= begun]
+        if now - since_ns < SETTLED_S * 1e9 or not len(found):
+            return False
+        # Samples all the while, down to a third of the shipped rate.
+        gap = np.diff(found["arrived_ns"], prepend=begun, append=now).max()
+        return bool(pushing(found).all() and len(found) > 300 * SETTLED_S and gap < 100 * MS)
+
+    def _graph(
+        self, nodes: Collection[str], added: Mapping[str, str], arguments: Sequence[str] = ()
+    ) -> Graph:
+        environment = {**self.environment, **added}
+        with output_to(self._log):
+            return Graph(
+                SCENE,
+                parameters=self._parameters,
+                environment=environment,
+                nodes=nodes,
+                arguments=arguments,
+            )
+
+    def _start_graph(self) -> None:
+        for nodes, added in self._hosts:
+            self._graphs.append(self._graph(nodes, added))
+
+    def _stop_graph(self) -> None:
+        while self._graphs:
+            # As a context manager, which asks all to end before it waits for one.
+            with self._graphs.pop():
+                pass
+
+    def _run_clean(self) -> None:
+        """Measure a run without a break; a starved machine may need some tries."""
+        for _ in range(TRIES):
+            begun = self.ring.count
+            with suppress(BenchError):
+                self.settle()
+            time.sleep(CLEAN_S)
+            found = self.samples(begun)
+            first = int(np.argmax(pushing(found)))
+            self.clean_max = float(found["force"].max())
+            steady = found[first:]
+            # A stamp by this machine's monotonic clock.
+            apart = time.time_ns() - time.monotonic_ns()
+            self.lateness_ns = steady["arrived_ns"] + apart - steady["stamp_ns"]
+            if len(steady) > 500 * CLEAN_S and pushing(steady).all():
+                return
+            self.renew()
+        raise BenchError(f"no run of {CLEAN_S:g} s without a break in {TRIES}: too busy a machine")
+
+
+def pushing(samples: Samples) -> np.ndarray:
+    """Return (n,) whether the actuators push, or say what is no number."""
+    quiet = (samples["force"] == 0.0) & (samples["torque"] == 0.0)
+    return np.asarray(~quiet)

@@ -1,0 +1,127 @@
+"""A clock of the day that a test steps: of one process, of one host's, or of all.
+
+The processes load a small library before the C library (LD_PRELOAD) that adds an offset to
+whatever tells the time of day. The offset stands in a file of 8 bytes that all of them map: to
+write it is to step their clocks, all at once. Monotonic clocks go on as they are, and so does the
+clock of every process that does not load the library.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import shutil
+import struct
+import subprocess
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from hapticmech_ros.errors import HapticMechError
+
+SOURCE = Path(__file__).with_name("clock_shim.c")
+NANOSECONDS = 1_000_000_000
+
+
+class NoCompilerError(HapticMechError):
+    """No C compiler: clocks cannot be stepped on this machine."""
+
+
+def compiler() -> str:
+    """Return the C compiler of this machine, a path.
+
+    Raises:
+        NoCompilerError: there is none.
+    """
+    for name in ("cc", "gcc", "clang"):
+        path = shutil.which(name)
+        if path is not None:
+            return path
+    raise NoCompilerError("cc, gcc, clang: none is installed, and the stepped clock needs one")
+
+
+class SteppedClock:
+    """The clock of the processes that are started with :meth:`environment`.
+
+    Use as a context manager: entering builds the library and sets the clock to the machine's.
+
+    Args:
+        folder: for the library and the offset; must exist as long as the processes run.
+        name: of this clock: several share a folder.
+    """
+
+    def __init__(self, folder: Path, name: str = "clock") -> None:
+        self._library = folder / "clock_shim.so"
+        self._path = folder / f"{name}.offset"
+        self._map: mmap.mmap | None = None
+
+    def __enter__(self) -> SteppedClock:
+        """Build the library, unless it is there, and begin without an offset.
+
+        Raises:
+            NoCompilerError: there is no C compiler.
+            HapticMechError: the library cannot be built.
+        """
+        if not self._library.exists():
+            build(self._library)
+        self._path.write_bytes(bytes(8))
+        with self._path.open("r+b") as file:
+            self._map = mmap.mmap(file.fileno(), 8)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._map is not None:
+            self._map.close()
+            self._map = None
+
+    def environment(self, environment: Mapping[str, str] | None = None) -> dict[str, str]:
+        """Return an environment (this process's if left out) whose processes have this clock."""
+        given = dict(os.environ if environment is None else environment)
+        loaded = [str(self._library), *given.get("LD_PRELOAD", "").split()]
+        return {**given, "LD_PRELOAD": " ".join(loaded), "STEPPED_CLOCK": str(self._path)}
+
+    @property
+    def offset_ns(self) -> int:
+        """How far the clock is ahead of the machine's, ns."""
+        return int(struct.unpack("=q", self._mapped()[:])[0])
+
+    def step(self, seconds: float) -> int:
+        """Step the clock forward, or back if negative; return when, ns of the monotonic clock."""
+        return self.set(self.offset_ns + round(seconds * NANOSECONDS))
+
+    def set(self, offset_ns: int) -> int:
+        """Put the clock so far ahead of the machine's; return when, ns of the monotonic clock."""
+        mapped, packed = self._mapped(), struct.pack("=q", offset_ns)
+        when = time.monotonic_ns()
+        # Eight bytes at an aligned place: whoever reads sees the old offset or the new one.
+        mapped[:] = packed
+        return when
+
+    def now_ns(self) -> int:
+        """Return what the clock says, ns since the epoch."""
+        return time.time_ns() + self.offset_ns
+
+    def _mapped(self) -> mmap.mmap:
+        if self._map is None:
+            raise HapticMechError("stepped clock: must be entered before it is used")
+        return self._map
+
+
+def build(library: Path) -> None:
+    """Compile the library that steps clocks.
+
+    Raises:
+        NoCompilerError: there is no C compiler.
+        HapticMechError: it refuses the source.
+    """
+    partial = library.with_suffix(f".{os.getpid()}")
+    options = ["-O2", "-shared", "-fPIC", "-o", str(partial)]
+    done = subprocess.run(
+        [compiler(), *options, str(SOURCE), "-ldl", "-pthread"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise HapticMechError(f"{SOURCE.name}: cannot be built: {done.stderr.strip()[-400:]}")
+    partial.rename(library)

@@ -1,0 +1,242 @@
+"""One fault and what the device did about it, read from what the watcher saw."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.rig import MS, Rig, pushing
+from benchmarks.reliability.sample import DEVICE, Samples
+from hapticmech_ros.bench.children import BenchError, wait_until
+
+GOAL_ZERO_MS, GOAL_BACK_S, GOAL_PEAK = 20.0, 2.0, 1.2
+# How long a fault is waited out, and what is said about it.
+PATIENCE_S, SAID_WITHIN_S = 8.0, 3.0
+# A sample that arrives later than this after its stamp was stamped by another clock.
+STAMP_TRUSTED_NS = 500 * MS
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """What was done to a graph, and when.
+
+    Attributes:
+        kind: in words.
+        since: number in the watcher's ring, before it.
+        cause_ns: when, by the monotonic clock.
+        released_ns: when it was over, so that the device may push again.
+        offset_ns: of the device's clock from then on, to the machine's.
+        first_output: the device itself was away: its first output since counts, by arrival.
+        topics: whose force is looked at.
+    """
+
+    kind: str
+    since: int
+    cause_ns: int
+    released_ns: int
+    offset_ns: int = 0
+    first_output: bool = False
+    topics: tuple[int, ...] = (DEVICE,)
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What followed.
+
+    Attributes:
+        fault: in words.
+        zero_s: from the fault to the device's first output without force, by its own stamps.
+        heard_s: the same by the time of arrival at the watcher.
+        back_s: from the fault's end to the first output with force after that.
+        peak: largest force of any output, N.
+        said: a sentence that a node said about it; empty if there was none.
+        alive: whether all other nodes went on.
+        stale: outputs with force before the first one without, of a device that was away.
+    """
+
+    fault: str
+    zero_s: float
+    heard_s: float
+    back_s: float
+    peak: float
+    said: str
+    alive: bool = True
+    stale: int = 0
+
+    @property
+    def came_back(self) -> bool:
+        """Whether the device pushes again."""
+        return math.isfinite(self.back_s)
+
+    @property
+    def line(self) -> str:
+        """All of it for a log."""
+        return (
+            f"{self.fault}: zero after {1e3 * self.zero_s:.1f} ms (heard after "
+            f"{1e3 * self.heard_s:.1f}), back after {self.back_s:.2f} s, at most {self.peak:.3f} N"
+            f"{'' if self.alive else ', ANOTHER NODE ENDED'}; {self.said or 'NOTHING SAID'}"
+        )
+
+
+def observe(
+    rig: Rig,
+    fault: Fault,
+    about: Callable[[str], bool],
+    said_since_ns: int = 0,
+    alive: bool = True,
+) -> Trial:
+    """Wait until the device has let go and come back, or has not in 8 s, and return what it did.
+
+    Args:
+        rig: where it happened.
+        fault: what happened.
+        about: whether a sentence that a node said when it was not well is about this fault.
+        said_since_ns: sentences count from here; from the fault on if left out.
+        alive: as known so far.
+    """
+    patience = PATIENCE_S + (fault.released_ns - fault.cause_ns) / 1e9
+    # What did not happen in time stays infinite.
+    with suppress(BenchError):
+        wait_until(lambda: _seen(rig, fault).over, patience, "the device", rig.watch.check)
+        rig.settle(fault.released_ns)
+    result = _seen(rig, fault)
+    forces = rig.samples(fault.since, *fault.topics)["force"]
+    return Trial(
+        fault.kind,
+        result.zero_s,
+        result.heard_s,
+        result.back_s,
+        float(np.nan_to_num(forces, nan=np.inf).max(initial=0.0)),
+        _said(rig, said_since_ns or fault.cause_ns, about),
+        alive and not rig.ended(),
+        result.stale,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """When the device let go and came back, s; infinite while it has not."""
+
+    zero_s: float = math.inf
+    heard_s: float = math.inf
+    back_s: float = math.inf
+    stale: int = 0
+
+    @property
+    def over(self) -> bool:
+        """Whether it did both."""
+        return math.isfinite(self.back_s)
+
+
+def _seen(rig: Rig, fault: Fault) -> Seen:
+    return seen(rig.samples(fault.since, *fault.topics), fault)
+
+
+def seen(found: Samples, fault: Fault) -> Seen:
+    """Return when the device let go for good, and when it came back after the fault's end.
+
+    Args:
+        found: samples of the fault's topics since before it.
+        fault: what was done.
+    """
+    arrived, on = found["arrived_ns"], pushing(found)
+    made = _made_ns(arrived, found["stamp_ns"], fault.offset_ns)
+    cause_ns, counts = fault.cause_ns, made >= fault.cause_ns
+    if fault.first_output:
+        counts = arrived >= cause_ns
+        if not counts.any():
+            return Seen()
+        # How long it was away is no matter: time begins with the first output.
+        made = arrived
+        cause_ns = int(made[int(np.argmax(counts))])
+    during = np.flatnonzero(counts & on & (made < fault.released_ns))
+    off = counts & ~on
+    if during.size:
+        off[: during[-1]] = False
+    if not off.any():
+        return Seen()
+    first = int(np.argmax(off))
+    zero, heard = (made[first] - cause_ns) / 1e9, (arrived[first] - cause_ns) / 1e9
+    stale = int((counts & on)[:first].sum()) if fault.first_output else 0
+    again = on & (made >= fault.released_ns)
+    again[: first + 1] = False
+    if not again.any():
+        return Seen(float(zero), float(heard), stale=stale)
+    back = (made[int(np.argmax(again))] - fault.released_ns) / 1e9
+    return Seen(float(zero), float(heard), float(back), stale)
+
+
+def _made_ns(arrived: np.ndarray, stamps: np.ndarray, offset_ns: int) -> np.ndarray:
+    """Return when samples were made, by the monotonic clock: by their stamps where these can be."""
+    apart = time.time_ns() - time.monotonic_ns()
+    made = stamps - offset_ns - apart
+    late = arrived - made
+    return np.where((late > -MS) & (late < STAMP_TRUSTED_NS), made, arrived)
+
+
+def _said(rig: Rig, since_ns: int, about: Callable[[str], bool]) -> str:
+    def found() -> list[str]:
+        sentences = [event["text"] for event in rig.said(since_ns) if not event["well"]]
+        return [sentence for sentence in sentences if about(sentence)]
+
+    try:
+        wait_until(found, SAID_WITHIN_S, "a sentence")
+    except BenchError:
+        return ""
+    return found()[0]
+
+
+def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) -> list[Figure]:
+    """Return the worst of some trials as figures, with the limits that they have to keep."""
+    number = len(trials)
+
+    def worst(what: str, values: Sequence[float], unit: str, most: float | None) -> Figure:
+        return Figure(
+            part, f"{name}: {what}", max(values, default=math.nan), unit, most, None, number
+        )
+
+    zeros = [1e3 * trial.zero_s for trial in trials]
+    heard = [1e3 * trial.heard_s for trial in trials]
+    back = [trial.back_s for trial in trials]
+    peaks = [trial.peak / clean_max for trial in trials]
+    share = 100.0 * float(np.mean([bool(trial.said) for trial in trials])) if trials else math.nan
+    alive = float(np.mean([100.0 * trial.alive for trial in trials])) if trials else math.nan
+    stale = Figure(
+        part,
+        f"{name}: outputs with force before the first zero",
+        sum(t.stale for t in trials),
+        "",
+        0.0,
+        None,
+        number,
+    )
+    return [
+        worst("zero force after, by the device's stamps, worst", zeros, "ms", GOAL_ZERO_MS),
+        worst("zero force after, by arrival, worst", heard, "ms", None),
+        worst("rendering again after, worst", back, "s", GOAL_BACK_S),
+        worst("largest force, of a clean run's", peaks, "", GOAL_PEAK),
+        Figure(part, f"{name}: said", share, "%", None, 100.0, number),
+        Figure(part, f"{name}: all other nodes went on", alive, "%", None, 100.0, number),
+        stale,
+    ]
+
+
+def tell_lateness(part: str, rig: Rig) -> list[Figure]:
+    """Return how late the watcher itself is, and what a clean run's force is."""
+    late = rig.lateness_ns / MS
+    note = "arrival less stamp, of a clean run"
+
+    def figure(name: str, value: float) -> Figure:
+        return Figure(part, f"watcher: lateness, {name}", value, "ms", trials=len(late), note=note)
+
+    return [
+        Figure(part, "clean run: largest force", rig.clean_max, "N", trials=1),
+        figure("median", float(np.median(late))),
+        figure("worst", float(late.max())),
+    ]

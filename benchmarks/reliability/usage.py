@@ -1,0 +1,79 @@
+"""What a process holds, as Linux tells in /proc, and whether that grows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticmech_ros.bench.children import BenchError
+from hapticmech_ros.bench.memory.trend import LEAST_SAMPLES, WARM_UP_SHARE
+
+PROC = Path("/proc")
+KILO = 1024
+_RSS = re.compile(r"^VmRSS:\s+(\d+) kB$", re.MULTILINE)
+_THREADS = re.compile(r"^Threads:\s+(\d+)$", re.MULTILINE)
+_PSS = re.compile(r"^Pss:\s+(\d+) kB$", re.MULTILINE)
+
+
+class Usage(NamedTuple):
+    """Of one process at one time.
+
+    Attributes:
+        resident: pages in memory, shared ones included, bytes.
+        proportional: the same, a page that n processes share counted by an n-th, bytes.
+        descriptors, threads: how many.
+    """
+
+    resident: float
+    proportional: float
+    descriptors: float
+    threads: float
+
+
+def usage(pid: int) -> Usage:
+    """Return what a process holds now.
+
+    Raises:
+        BenchError: there is no such process any more.
+    """
+    try:
+        status = (PROC / str(pid) / "status").read_text("utf-8")
+        rollup = (PROC / str(pid) / "smaps_rollup").read_text("utf-8")
+        descriptors = sum(1 for _ in (PROC / str(pid) / "fd").iterdir())
+    except (FileNotFoundError, ProcessLookupError):
+        raise BenchError(f"process {pid} ended by itself") from None
+    resident, threads, shares = (
+        pattern.search(text)
+        for pattern, text in ((_RSS, status), (_THREADS, status), (_PSS, rollup))
+    )
+    if resident is None or threads is None or shares is None:
+        raise BenchError(f"process {pid} ended by itself")
+    sizes = float(KILO * int(resident[1])), float(KILO * int(shares[1]))
+    return Usage(*sizes, float(descriptors), float(threads[1]))
+
+
+def grown(times: Sequence[float], values: Sequence[float]) -> float:
+    """Return by how much something grew after the warm-up: its slope, times the time.
+
+    The slope is the median of those between all pairs of samples (Theil and Sen), which single
+    samples however far off do not move.
+
+    Args:
+        times: (n,) s, rising.
+        values: (n,) of any unit.
+
+    Raises:
+        BenchError: fewer than 8 samples after the warm-up.
+    """
+    at, found = np.asarray(times), np.asarray(values)
+    after = at >= at[0] + WARM_UP_SHARE * (at[-1] - at[0])
+    at, found = at[after], found[after]
+    if at.size < LEAST_SAMPLES:
+        raise BenchError(f"{at.size} samples: {LEAST_SAMPLES} or more are needed to see a trend")
+    first, second = np.triu_indices(at.size, 1)
+    slopes = (found[second] - found[first]) / (at[second] - at[first])
+    return float(np.median(slopes) * (at[-1] - at[0]))

@@ -1,0 +1,108 @@
+"""Watches a graph from outside: every control message, when it arrived, and what nodes say.
+
+Usage: ``python watch.py RING [POINT]``; with a point it also listens to the mechanism's
+and the analyser's messages. Samples go into a ring that the parent reads; what nodes say in their
+diagnostics and logs is told by lines of JSON. Times of arrival are by the monotonic clock.
+"""
+
+from __future__ import annotations
+
+import gc
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
+from rcl_interfaces.msg import Log
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
+
+# By its place, as when this file is run by its path.
+sys.path.append(str(Path(__file__).resolve().parents[2]))
+
+from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, RENDERING, Ring
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.nodes.child import tell, watch
+from hapticmech_ros.nodes.loop import wake_up_in_time
+from hapticmech_ros.nodes.qos import RECORDER_SUBSCRIBER
+from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire import topics
+from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.wrench import decode_wrench
+
+NAN = float("nan")
+Told = tuple[int, float, float]
+
+
+class GraphWatch(Node):
+    """Puts every control message into the ring and tells what the nodes say."""
+
+    def __init__(self, ring: Ring, point: str) -> None:
+        super().__init__("graph_watch")
+        self._ring = ring
+        self._last: dict[str, str] = {}
+        self._listen(DEVICE, topics.DEVICE_STATE.name, Float64MultiArray, _device)
+        self._listen(COMMAND, topics.DEVICE_COMMAND.name, WrenchStamped, _command)
+        if point:
+            self._listen(MECHANISM, topics.STATE.name, Float64MultiArray, _stamped)
+            self._listen(RENDERING, topics.RENDERING.of(point), Float64MultiArray, _stamped)
+        qos = RECORDER_SUBSCRIBER
+        self.create_subscription(DiagnosticArray, topics.DIAGNOSTICS.name, self._on_status, qos)
+        self.create_subscription(Log, "/rosout", self._on_log, qos)
+
+    def _listen(self, topic: int, name: str, kind: type, read: Callable[[bytes], Told]) -> None:
+        ring = self._ring
+
+        def keep(message: bytes) -> None:
+            now = time.monotonic_ns()
+            try:
+                stamp, force, torque = read(message)
+            except (HapticMechError, ArithmeticError, ValueError):
+                stamp, force, torque = 0, NAN, NAN
+            ring.put(topic, now, stamp, force, torque)
+
+        self.create_subscription(kind, name, keep, RECORDER_SUBSCRIBER, raw=True)
+
+    def _on_status(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            figures = {pair.key: pair.value for pair in status.values}
+            text = "; ".join(t for t in (status.message, figures.get("fault", "")) if t)
+            well = status.level == DiagnosticStatus.OK
+            now = time.monotonic_ns()
+            tell("said", node=status.name, text=text, well=well, by="diagnostics", at_ns=now)
+
+    def _on_log(self, message: Log) -> None:
+        well = message.level < Log.WARN
+        now = time.monotonic_ns()
+        tell("said", node=message.name, text=message.msg, well=well, by="log", at_ns=now)
+
+
+def _device(message: bytes) -> Told:
+    sample = unpack_device(decode(message))
+    force, torque = np.linalg.norm(sample.applied.reshape(2, 3), axis=1)
+    return sample.stamp_ns, float(force), float(torque)
+
+
+def _command(message: bytes) -> Told:
+    wrench = decode_wrench(message)
+    force, torque = np.linalg.norm(wrench.values.reshape(2, 3), axis=1)
+    return wrench.stamp_ns, float(force), float(torque)
+
+
+def _stamped(message: bytes) -> Told:
+    """Read a message whose first two numbers are a stamp."""
+    seconds, nanoseconds = decode(message)[:2]
+    return int(seconds) * NANOSECONDS + int(nanoseconds), 0.0, 0.0
+
+
+if __name__ == "__main__":
+    wake_up_in_time()
+    gc.collect()
+    gc.freeze()
+    found, *rest = sys.argv[1:]
+    kept = Ring(Path(found))
+    sys.exit(watch(lambda: GraphWatch(kept, rest[0] if rest else ""), []))

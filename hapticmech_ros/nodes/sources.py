@@ -1,0 +1,150 @@
+"""Whom messages come from: a topic that one node may speak on, and how to notice a second.
+
+A ROS subscriber is not told which publisher sent a message, but each publisher counts its messages.
+Numbers of one publisher go up; those of two interleave. A publisher that only exists, or has died
+without saying so, says nothing and is no second one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from hapticmech_ros.times import NANOSECONDS
+
+# Sent by a node of this process, which numbers no messages.
+WITHIN = -1
+# What a middleware that counts no messages gives for a number (rmw: UINT64_MAX).
+UNNUMBERED = (1 << 64) - 1
+# Somebody who spoke so long ago may still be there; or so many of his own periods, if they are
+# longer, but no longer than the last of these.
+ALIVE_NS = NANOSECONDS // 10
+ALIVE_PERIODS = 3
+LONGEST_ALIVE_NS = NANOSECONDS // 2
+# Two are two until one of them has been silent for so long: a process may stand still for a while.
+FORGET_NS = NANOSECONDS
+# What rclpy calls a node whose publisher it knows already, but not yet itself.
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
+# Numbers of one publisher go up by no more than this, whatever is lost.
+LONGEST_GAP = 100_000
+# A network may deliver numbers in another order, as far apart as this; but none twice.
+REORDERED = 16
+_MASK = (1 << REORDERED) - 1
+
+
+class KnowsPublishers(Protocol):
+    """What is needed of a node to name publishers."""
+
+    @property
+    def get_publishers_info_by_topic(self) -> Any:
+        """As of an rclpy node."""
+
+
+@dataclass(slots=True)
+class _Source:
+    """One publisher: its highest number, which of those just below were heard, and when."""
+
+    last: int
+    recent: int
+    heard_ns: int
+    gap_ns: int = 0
+
+    def takes(self, number: int) -> bool:
+        """Return whether a number can be this publisher's next, or one that came late."""
+        ahead = number - self.last
+        if self.last == WITHIN or number == WITHIN:
+            return ahead == 0
+        if ahead > 0:
+            return ahead <= LONGEST_GAP
+        return -ahead < REORDERED and not self.recent >> -ahead & 1
+
+    def heard(self, number: int, now_ns: int) -> None:
+        """Note a message."""
+        if number != WITHIN:
+            ahead = number - self.last
+            if ahead > 0:
+                self.last = number
+                self.recent = (self.recent << min(ahead, REORDERED) | 1) & _MASK
+            else:
+                self.recent |= 1 << -ahead
+        self.gap_ns = now_ns - self.heard_ns
+        self.heard_ns = now_ns
+
+    def alive(self, now_ns: int, least_ns: int = ALIVE_NS) -> bool:
+        """Return whether it may speak again; whoever spoke within ``least_ns`` may."""
+        longest = max(least_ns, min(ALIVE_PERIODS * self.gap_ns, LONGEST_ALIVE_NS))
+        return now_ns - self.heard_ns <= longest
+
+
+class Sources:
+    """Watches that the messages of a topic come from one publisher.
+
+    Args:
+        node: that subscribes.
+        topic: its full name.
+    """
+
+    def __init__(self, node: KnowsPublishers, topic: str) -> None:
+        self._node = node
+        self._topic = topic
+        self._sources: list[_Source] = []
+        self._two = False
+        self._heard_ns = 0
+        self._named = ""
+
+    def heard(self, number: int, now_ns: int) -> None:
+        """Note a message.
+
+        Args:
+            number: by which its publisher counts it; :data:`WITHIN` for one of this process.
+            now_ns: time of its arrival, ns.
+        """
+        self._heard_ns = now_ns
+        if number == UNNUMBERED:
+            # There is only the middleware's list, in which the dead stand for a while.
+            self._two = len(self._node.get_publishers_info_by_topic(self._topic)) > 1
+            return
+        # The closest below: of two that both can, it has lost least.
+        source, least = None, LONGEST_GAP + 1
+        for one in self._sources:
+            apart = abs(number - one.last)
+            if apart < least and one.takes(number):
+                source, least = one, apart
+        if source is None:
+            alive = [one for one in self._sources if one.alive(now_ns)]
+            # What it said before was for others: nothing of it can come late.
+            source = _Source(number, _MASK, now_ns)
+            self._sources = [*alive, source]
+        else:
+            source.heard(number, now_ns)
+        if len(self._sources) > 1:
+            self._sources = [one for one in self._sources if one.alive(now_ns, FORGET_NS)]
+        self._two = len(self._sources) > 1
+
+    def forget(self) -> None:
+        """Forget who spoke."""
+        self._sources.clear()
+        self._two = False
+        self._named = ""
+
+    def fault(self, now_ns: int) -> str:
+        """Return a sentence that names both if there are two; empty if there are not."""
+        if not self._two or now_ns - self._heard_ns > FORGET_NS:
+            self._named = ""
+            return ""
+        if not self._named or UNKNOWN in self._named:
+            self._named = f"more than one publisher of {self._topic}: {self._names()}"
+        return self._named
+
+    def _names(self) -> str:
+        """Return the names of all publishers, told apart where they are the same."""
+        found = [
+            (f"{info.node_namespace.rstrip('/')}/{info.node_name}", bytes(info.endpoint_gid))
+            for info in self._node.get_publishers_info_by_topic(self._topic)
+        ]
+        names = [name for name, _ in found]
+        told = [
+            name if names.count(name) == 1 else f"{name} ({gid[4:16].hex()})"
+            for name, gid in sorted(found)
+        ]
+        return " and ".join(told) or "unknown"

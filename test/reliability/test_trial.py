@@ -1,0 +1,188 @@
+"""What is read from the watcher's samples: each fault that a device can have is seen."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from benchmarks.reliability import trial
+from benchmarks.reliability.sample import CAPACITY, COMMAND, DEVICE, SAMPLE, Ring
+from benchmarks.reliability.trial import Fault, Trial, seen, summarised
+
+MS = 1_000_000
+# Two clocks are read one after the other to know how far apart they are.
+CLOSE = 5e-5
+ZERO_GOAL = "zero force after, by the device's stamps, worst"
+
+
+class Samples:
+    """A device's samples of 1 ms each, as if a watcher had seen them."""
+
+    def __init__(self) -> None:
+        self.begun_ns = time.monotonic_ns() - 10_000 * MS
+        self.apart_ns = time.time_ns() - time.monotonic_ns()
+        self.rows: list[tuple[int, int, int, float, float]] = []
+
+    def at(self, ms: float) -> int:
+        return self.begun_ns + round(ms * MS)
+
+    def push(
+        self, begin_ms: int, end_ms: int, force: float, topic: int = DEVICE, late_ms: float = 0.2
+    ) -> None:
+        for ms in range(begin_ms, end_ms):
+            stamp = self.at(ms) + self.apart_ns
+            self.rows.append((topic, self.at(ms + late_ms), stamp, force, 0.0))
+
+    def seen(self, fault: Fault) -> trial.Seen:
+        import numpy as np
+
+        rows = [row for row in self.rows if row[0] in fault.topics]
+        return seen(np.array(rows, SAMPLE), fault)
+
+
+def test_a_device_that_lets_go_and_comes_back() -> None:
+    samples = Samples()
+    samples.push(0, 112, 0.5)
+    samples.push(112, 400, 0.0)
+    samples.push(400, 500, 0.5)
+    found = samples.seen(Fault("kill", 0, samples.at(99.9), samples.at(300)))
+    assert found.zero_s == pytest.approx(0.0121, abs=CLOSE)
+    assert found.heard_s == pytest.approx(0.0123, abs=CLOSE)
+    assert found.back_s == pytest.approx(0.1, abs=CLOSE)
+
+
+def test_force_that_returns_while_the_fault_lasts_is_no_zero() -> None:
+    samples = Samples()
+    samples.push(0, 112, 0.5)
+    samples.push(112, 200, 0.0)
+    samples.push(200, 201, 0.1)
+    samples.push(201, 400, 0.0)
+    found = samples.seen(Fault("double", 0, samples.at(99.9), samples.at(300)))
+    assert found.zero_s == pytest.approx(0.1011, abs=CLOSE)
+
+
+def test_a_torque_alone_is_a_push_and_so_is_what_is_no_number() -> None:
+    for force, torque in ((0.0, 0.1), (math.nan, 0.0), (0.0, math.nan)):
+        samples = Samples()
+        samples.push(0, 100, 0.5)
+        samples.rows.append(
+            (DEVICE, samples.at(150.2), samples.at(150) + samples.apart_ns, force, torque)
+        )
+        samples.push(151, 152, 0.0)
+        found = samples.seen(Fault("kill", 0, samples.at(99.9), samples.at(300)))
+        assert found.zero_s == pytest.approx(0.0511, abs=CLOSE)
+
+
+def test_a_device_that_never_lets_go_or_is_silent_never_was_at_zero() -> None:
+    samples = Samples()
+    samples.push(0, 500, 0.5)
+    fault = Fault("step", 0, samples.at(99.9), samples.at(99.9))
+    assert math.isinf(samples.seen(fault).zero_s)
+    assert not samples.seen(fault).over
+    assert math.isinf(Samples().seen(fault).zero_s)
+
+
+def test_zero_without_return_is_not_over() -> None:
+    samples = Samples()
+    samples.push(0, 100, 0.5)
+    samples.push(100, 500, 0.0)
+    found = samples.seen(Fault("step", 0, samples.at(99.9), samples.at(99.9)))
+    assert found.zero_s == pytest.approx(0.0001, abs=CLOSE)
+    assert math.isinf(found.back_s)
+    assert not found.over
+
+
+def test_stamps_of_a_stepped_clock_tell_the_same() -> None:
+    samples = Samples()
+    samples.push(0, 100, 0.5)
+    samples.apart_ns -= 600_000 * MS
+    samples.push(100, 107, 0.5)
+    samples.push(107, 200, 0.0)
+    samples.push(200, 300, 0.5)
+    fault = Fault("step", 0, samples.at(99.5), samples.at(99.5), offset_ns=-600_000 * MS)
+    assert samples.seen(fault).zero_s == pytest.approx(0.0075, abs=CLOSE)
+
+
+def test_a_sample_stamped_in_another_time_counts_when_it_arrives() -> None:
+    samples = Samples()
+    samples.push(0, 100, 0.5)
+    samples.apart_ns += 5_000 * MS
+    samples.push(130, 131, 0.0)
+    found = samples.seen(Fault("step", 0, samples.at(99.9), samples.at(99.9)))
+    assert found.zero_s == pytest.approx(0.0303, abs=CLOSE)
+
+
+def test_a_device_that_was_away_begins_with_zero_or_not() -> None:
+    samples = Samples()
+    samples.push(0, 100, 0.5)
+    samples.push(1000, 1003, 0.5)
+    samples.push(1003, 1100, 0.0)
+    samples.push(1100, 1200, 0.5)
+    fault = Fault("freeze", 0, samples.at(500), samples.at(500), first_output=True)
+    assert samples.seen(fault).stale == 3
+    assert samples.seen(fault).zero_s == pytest.approx(0.003, abs=CLOSE)
+    samples.rows = [
+        row for row in samples.rows if not 900 < (row[1] - samples.begun_ns) / MS < 1003
+    ]
+    assert samples.seen(fault).stale == 0
+    assert samples.seen(fault).zero_s == 0.0
+    assert samples.seen(fault).back_s == pytest.approx(0.6002, abs=CLOSE)
+
+
+def test_only_the_topics_asked_for_count() -> None:
+    samples = Samples()
+    samples.push(0, 100, 0.5)
+    samples.push(100, 300, 0.0)
+    samples.push(0, 150, 0.5, COMMAND)
+    samples.push(150, 300, 0.0, COMMAND)
+    fault = Fault("double", 0, samples.at(99.9), samples.at(200))
+    assert samples.seen(fault).zero_s == pytest.approx(0.0001, abs=CLOSE)
+    both = Fault("double", 0, samples.at(99.9), samples.at(200), topics=(DEVICE, COMMAND))
+    samples.rows.sort(key=lambda row: row[1])
+    assert samples.seen(both).zero_s == pytest.approx(0.0501, abs=CLOSE)
+
+
+def _kept(trials: Sequence[Trial]) -> dict[str, bool]:
+    found = summarised("part", "name", trials, 0.5)
+    return {figure.name.removeprefix("name: "): figure.kept for figure in found}
+
+
+GOOD = Trial("good", 0.012, 0.013, 0.5, 0.55, "the clock went back")
+
+
+@pytest.mark.parametrize(
+    ("broken", "bad"),
+    [
+        (ZERO_GOAL, Trial("late", 0.0201, 0.0201, 0.5, 0.5, "said")),
+        (ZERO_GOAL, Trial("never", math.inf, math.inf, math.inf, 0.5, "said")),
+        ("rendering again after, worst", Trial("slow", 0.01, 0.01, 2.1, 0.5, "said")),
+        ("largest force, of a clean run's", Trial("strong", 0.01, 0.01, 0.5, 0.61, "said")),
+        ("said", Trial("silent", 0.01, 0.01, 0.5, 0.5, "")),
+        ("all other nodes went on", Trial("dead", 0.01, 0.01, 0.5, 0.5, "said", alive=False)),
+        (
+            "outputs with force before the first zero",
+            Trial("stale", 0.01, 0.01, 0.5, 0.5, "said", stale=1),
+        ),
+    ],
+)
+def test_one_bad_trial_among_good_ones_breaks_its_limit(broken: str, bad: Trial) -> None:
+    assert all(_kept([GOOD] * 9).values())
+    assert not _kept([*[GOOD] * 9, bad])[broken]
+
+
+def test_a_ring_gives_back_what_was_put_into_it_since(tmp_path: Path) -> None:
+    written = Ring(tmp_path / "ring", fresh=True)
+    read = Ring(tmp_path / "ring")
+    for number in range(10):
+        written.put(DEVICE, number, 2 * number, 0.5, 0.0)
+    assert read.count == 10
+    assert read.since(7)["arrived_ns"].tolist() == [7, 8, 9]
+    # Around the end, and what was lost meanwhile.
+    for ring in (written, read):
+        ring._count[0] = CAPACITY + 3
+    assert len(read.since(0)) == CAPACITY
+    assert read.since(CAPACITY)["arrived_ns"].tolist() == [0, 1, 2]

@@ -1,0 +1,96 @@
+"""The campaign's short form: a few faults of each kind against one graph of real nodes.
+
+In full, with limits on force and time of return: `make campaign`, docs/reliability.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from benchmarks.reliability.clocks import about_clock, try_step
+from benchmarks.reliability.doubles import KINDS, try_double
+from benchmarks.reliability.emergency import WAYS_MS, try_stop
+from benchmarks.reliability.freezes import try_freeze
+from benchmarks.reliability.kills import try_kill
+from benchmarks.reliability.rig import Rig
+from benchmarks.reliability.stepped_clock import SteppedClock
+from benchmarks.reliability.trial import Trial
+from hapticmech_ros.nodes.entry import NODES
+from ros.harness import next_domain
+
+pytestmark = pytest.mark.ros
+ZERO_S = 0.020
+# A stale tie or two masters pull with 4 N and more; engaging on a busy machine, with 1 N.
+PEAK_N = 2.0
+
+
+class Graph:
+    """A graph whose clock is stepped, watched on all topics."""
+
+    def __init__(self, rig: Rig, clock: SteppedClock) -> None:
+        self.rig = rig
+        self.clock = clock
+
+
+@pytest.fixture(scope="module")
+def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    out = tmp_path_factory.mktemp("reliability")
+    with SteppedClock(out) as clock:
+        hosts = [(tuple(NODES), clock.environment({}))]
+        with Rig(out, "short", hosts, all_topics=True, domain=next_domain()) as rig:
+            yield Graph(rig, clock)
+
+
+def survived(trial: Trial) -> None:
+    """Assert what a machine that is busy cannot change."""
+    assert trial.zero_s <= ZERO_S, trial.line
+    assert trial.came_back, trial.line
+    assert trial.stale == 0, trial.line
+    assert trial.peak < PEAK_N, trial.line
+    assert trial.said, trial.line
+    assert trial.alive, trial.line
+
+
+@pytest.mark.parametrize("seconds", [-5.0, 600.0, -600.0])
+def test_a_step_of_the_machines_clock(graph: Graph, seconds: float) -> None:
+    survived(try_step(graph.rig, graph.clock, seconds, "machine's clock"))
+
+
+@pytest.mark.parametrize(("seconds", "at_once"), [(-600.0, True), (5.0, False)])
+def test_an_emergency_stop_after_a_step(graph: Graph, seconds: float, at_once: bool) -> None:
+    stop = try_stop(graph.rig, graph.clock, seconds, at_once)
+    assert stop.success, stop.line
+    assert stop.zero_ms <= WAYS_MS, stop.line
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_a_double(graph: Graph, kind: object) -> None:
+    # The graph's own node and the double by turns are there first.
+    survived(try_double(graph.rig, kind, before=KINDS.index(kind) % 2 == 0))
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_a_kill(graph: Graph, node: str) -> None:
+    survived(try_kill(graph.rig, node))
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_a_freeze(graph: Graph, node: str) -> None:
+    survived(try_freeze(graph.rig, node, 0.2))
+
+
+def test_a_clock_of_simulated_time_that_goes_back(tmp_path: Path) -> None:
+    with SteppedClock(tmp_path) as clock:
+        given = {"use_sim_time": True}
+        with Rig(tmp_path, "sim", parameters=given, clock=clock, domain=next_domain()) as rig:
+            survived(try_step(rig, clock, -8.0, "/clock"))
+
+
+def test_only_a_sentence_on_the_clock_is_one() -> None:
+    assert about_clock("the machine's clock set back by 5 s: begun anew")
+    stale = "age of stamp, s: must be within 0.25 s of this node's clock (got 5.001252848)"
+    assert not about_clock(f"message on device/servo_cf refused: {stale}")
+    assert not about_clock("servo_cf is lost: actuators at zero")
