@@ -14,9 +14,9 @@ from types import TracebackType
 from typing import Any
 
 from hapticmech_ros.compilation.library import compile_ahead
+from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.share import shared
 
 # A node answers a signal within its longest wait; what does not end by then is killed.
 STOP_TIMEOUT_S = 5.0
@@ -194,10 +194,15 @@ def _plan(
 def start_process(
     command: Sequence[str], environment: Mapping[str, str], pipe_output: bool = False
 ) -> subprocess.Popen[str]:
-    """Start a process that ends with this one, whatever ends this one."""
+    """Start a process that ends with this one, whatever ends this one.
+
+    It is found from this machine alone, unless the environment asks for more.
+    """
+    chosen = dict(environment)
+    choose_discovery(chosen)
     return subprocess.Popen(
         list(command),
-        env=dict(environment),
+        env=chosen,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE if pipe_output else None,
         text=True,
@@ -240,15 +245,13 @@ def told_by(process: subprocess.Popen[str]) -> Iterator[dict[str, Any]]:
 def private_environment(domain: int | None = None) -> dict[str, str]:
     """Return an environment for a ROS graph of its own: on this machine, away from other graphs.
 
-    Fast DDS then talks UDP over loopback, unless the user has chosen profiles of his own.
+    A profile of Fast DDS that the user has chosen himself is left to him.
 
     Args:
         domain: ROS_DOMAIN_ID; if left out, the user's, or else one that is probably free.
     """
     environment = dict(os.environ)
-    profiles = shared("config/dds/loopback_udp.xml")
-    if profiles is not None:
-        environment.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(profiles))
+    choose_discovery(environment, "localhost")
     guess = 1 + (os.getpid() + time.time_ns() // 1000) % 100
     environment.setdefault("ROS_DOMAIN_ID", str(guess))
     if domain is not None:

@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from hapticmech_ros.cli.console import ComposedOption, SceneArgument, console
+from hapticmech_ros.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
 
 CHECK_PERIOD_S = 0.2
@@ -53,6 +54,9 @@ def run(
     rate: Annotated[
         float, typer.Option(min=0.0, help="lockstep: times real time at most; 0: no limit")
     ] = 0.0,
+    discovery: Annotated[
+        Discovery | None, typer.Option(help="who finds the graph; else as ROS is set up")
+    ] = None,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
     from hapticmech_ros.graph import Bystander, Graph, start_process
@@ -60,6 +64,7 @@ def run(
     from hapticmech_ros.nodes.entry import NODES, VIEWER
     from hapticmech_ros.scene import load_scene
 
+    choose_discovery(os.environ, discovery)
     loaded = load_scene(scene, control_rate)
     held = tuple(loaded.operational_point(name).name for name in hold or ())
     if len(set(held)) < len(held):
