@@ -82,6 +82,8 @@ setup(
         "numpy",
         "pin>=4.1,<5",
         "pydantic>=2",
+        # Reads YAML, by LibYAML; ruamel.yaml, which rosbags brings, writes it.
+        "PyYAML",
         "rich",
         "rosbags>=0.11",
         "ruamel.yaml",
