@@ -77,6 +77,8 @@ setup(
     install_requires=[
         # Comes with pin as well, which uses it by itself; contacts call it.
         "coal>=3,<4",
+        # Unpacks chunks of bags; rosbags needs it as well.
+        "lz4>=4",
         "matplotlib",
         "numba>=0.61",
         "numpy",
