@@ -84,3 +84,21 @@ class OutputError(HapticMechError):
 
 class BagError(HapticMechError):
     """A bag that cannot be read, or does not hold what was asked of it."""
+
+
+class FileError(HapticMechError):
+    """A file that cannot be read or written, or whose contents break a rule.
+
+    Attributes:
+        file: its path, or what else it is known by.
+        value: what was found.
+        rule: that it breaks, in words.
+        where: in the file, such as ``line 3``.
+    """
+
+    def __init__(self, file: str, value: object, rule: str, where: str = "file") -> None:
+        self.file = file
+        self.value = value
+        self.rule = rule
+        self.where = where
+        super().__init__(f"{file}: {where}: {rule} (got {shown(value)})")
