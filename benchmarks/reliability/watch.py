@@ -35,6 +35,8 @@ from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.wrench import decode_wrench
 
 NAN = float("nan")
+# What a sample of the ring can hold.
+LAST_NS = 1 << 63
 Told = tuple[int, float, float]
 
 
@@ -63,6 +65,8 @@ class GraphWatch(Node):
                 stamp, force, torque = read(message)
             except (HapticMechError, ArithmeticError, ValueError):
                 stamp, force, torque = 0, NAN, NAN
+            if not 0 <= stamp < LAST_NS:
+                stamp = 0
             ring.put(topic, now, stamp, force, torque)
 
         self.create_subscription(kind, name, keep, RECORDER_SUBSCRIBER, raw=True)
