@@ -18,6 +18,10 @@ class CommandGuard:
         self._sources = sources
         self.stopped = False
 
+    def forget(self) -> None:
+        """Forget who commanded; an emergency stop lasts."""
+        self._sources.forget()
+
     def fault(self, now_ns: int) -> str:
         """Return why the device must not obey; empty if it may."""
         return STOPPED if self.stopped else self._sources.fault(now_ns)

@@ -110,6 +110,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             self._hand.forget()
         self._push = NO_WRENCH
         self._command.clear()
+        self._guard.forget()
         self._state = self._device.at_rest(self._state.pose, self.lockstep, self._state.home)
         self._envelope.place(self._state.published[:3])
         self._envelope.stop()
@@ -232,9 +233,15 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._envelope.stop()
 
     def _put_at_zero(self) -> None:
-        """Put the actuators at zero now, and publish that at once rather than with a sample."""
+        """Put the actuators at zero now, and publish that at once rather than with a sample.
+
+        The hand lets go; in lockstep it holds on, as long as the run lasts.
+        """
         self._command.clear()
-        self._let_go()
+        if self.lockstep:
+            self._envelope.stop()
+        else:
+            self._let_go()
         self._state = self._state.without_force()
         if self.clock is None or not self.node.active:
             return

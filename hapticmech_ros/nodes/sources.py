@@ -21,14 +21,15 @@ UNNUMBERED = (1 << 64) - 1
 ALIVE_NS = NANOSECONDS // 10
 ALIVE_PERIODS = 3
 LONGEST_ALIVE_NS = NANOSECONDS // 2
-# Two are remembered so long after both spoke last.
-FORGET_NS = NANOSECONDS // 4
+# Two are two until one of them has been silent for so long: a process may stand still for a while.
+FORGET_NS = NANOSECONDS
+# What rclpy calls a node whose publisher it knows already, but not yet itself.
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
 # Numbers of one publisher go up by no more than this, whatever is lost.
 LONGEST_GAP = 100_000
 # A network may deliver numbers in another order, as far apart as this; but none twice.
 REORDERED = 16
 _MASK = (1 << REORDERED) - 1
-NEVER = -(1 << 62)
 
 
 class KnowsPublishers(Protocol):
@@ -69,9 +70,9 @@ class _Source:
         self.gap_ns = now_ns - self.heard_ns
         self.heard_ns = now_ns
 
-    def alive(self, now_ns: int) -> bool:
-        """Return whether it may speak again."""
-        longest = min(max(ALIVE_NS, ALIVE_PERIODS * self.gap_ns), LONGEST_ALIVE_NS)
+    def alive(self, now_ns: int, least_ns: int = ALIVE_NS) -> bool:
+        """Return whether it may speak again; whoever spoke within ``least_ns`` may."""
+        longest = max(least_ns, min(ALIVE_PERIODS * self.gap_ns, LONGEST_ALIVE_NS))
         return now_ns - self.heard_ns <= longest
 
 
@@ -87,7 +88,8 @@ class Sources:
         self._node = node
         self._topic = topic
         self._sources: list[_Source] = []
-        self._two_ns = NEVER
+        self._two = False
+        self._heard_ns = 0
         self._named = ""
 
     def heard(self, number: int, now_ns: int) -> None:
@@ -97,8 +99,10 @@ class Sources:
             number: by which its publisher counts it; :data:`WITHIN` for one of this process.
             now_ns: time of its arrival, ns.
         """
+        self._heard_ns = now_ns
         if number == UNNUMBERED:
-            self._count(now_ns)
+            # There is only the middleware's list, in which the dead stand for a while.
+            self._two = len(self._node.get_publishers_info_by_topic(self._topic)) > 1
             return
         # The closest below: of two that both can, it has lost least.
         source, least = None, LONGEST_GAP + 1
@@ -114,29 +118,23 @@ class Sources:
         else:
             source.heard(number, now_ns)
         if len(self._sources) > 1:
-            self._sources = [one for one in self._sources if one.alive(now_ns)]
-            if len(self._sources) > 1:
-                self._two_ns = now_ns
+            self._sources = [one for one in self._sources if one.alive(now_ns, FORGET_NS)]
+        self._two = len(self._sources) > 1
 
     def forget(self) -> None:
         """Forget who spoke."""
         self._sources.clear()
-        self._two_ns = NEVER
+        self._two = False
         self._named = ""
 
     def fault(self, now_ns: int) -> str:
         """Return a sentence that names both if there are two; empty if there are not."""
-        if now_ns - self._two_ns > FORGET_NS:
+        if not self._two or now_ns - self._heard_ns > FORGET_NS:
             self._named = ""
             return ""
-        if not self._named:
+        if not self._named or UNKNOWN in self._named:
             self._named = f"more than one publisher of {self._topic}: {self._names()}"
         return self._named
-
-    def _count(self, now_ns: int) -> None:
-        """Without numbers there is only the middleware's list, in which the dead stand a while."""
-        if len(self._node.get_publishers_info_by_topic(self._topic)) > 1:
-            self._two_ns = now_ns
 
     def _names(self) -> str:
         """Return the names of all publishers, told apart where they are the same."""

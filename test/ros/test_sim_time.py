@@ -9,11 +9,13 @@ import pytest
 from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool
 
 from hapticmech_ros import Mechanism, load_scene
+from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.state import StateLayout
-from ros.harness import RELIABLE, Peer, figures, running
+from ros.harness import RELIABLE, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
 MS = 1_000_000
@@ -143,3 +145,81 @@ def test_a_clock_that_jumps_back_begins_anew(domain: int, peer: Peer) -> None:
         assert not any(sample.applied.any() for sample in back)
         peer.until(pushed, "commands to be obeyed again")
         assert process.poll() is None
+
+
+class Loop:
+    """The whole graph by /clock, in one process, with the force that leaves its device."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        self.clock = TestClock(peer)
+        self.statuses = peer.statuses()
+
+    def run(self, steps: int) -> float:
+        """Go on so many periods, each once the device has answered; return the largest force, N."""
+        first = len(self.clock.devices)
+        for _ in range(steps):
+            seen = len(self.clock.devices)
+            self.clock.tell(self.clock.now_ns + MS)
+            self.peer.until(lambda before=seen: len(self.clock.devices) > before, "a sample")
+            # Controller and mechanism answer in between.
+            self.peer.run(0.0005)
+        return max(self._forces(first), default=0.0)
+
+    def pushing(self) -> bool:
+        """Go on a period, and return whether the actuators push by now."""
+        self.run(1)
+        return self._forces(-1)[0] > 0.0
+
+    def _forces(self, since: int) -> list[float]:
+        samples = self.clock.samples(since)
+        return [float(np.linalg.norm(sample.applied[:3])) for sample in samples]
+
+
+@pytest.mark.parametrize("step_s", [-8.0, 8.0])
+def test_a_clock_that_is_set_puts_the_hand_at_zero_and_the_loop_begins_anew(
+    domain: int, peer: Peer, step_s: float
+) -> None:
+    given = {"use_sim_time": True, "diagnostics_period": 0.05}
+    with running(",".join(NODES), domain, **given):
+        loop = Loop(peer)
+        loop.clock.begin(100_000 * MS, loop.clock.devices, loop.clock.mechanisms)
+        peer.until(loop.pushing, "the push")
+        usual = loop.run(300)
+        assert usual > 0.1
+        seen = len(loop.clock.devices)
+        loop.clock.tell(loop.clock.now_ns + round(step_s * 1000) * MS)
+        peer.until(lambda: len(loop.clock.devices) > seen, "what the device says of it")
+        # From where it was noticed, without waiting for a sample.
+        assert not loop.clock.samples(seen)[0].applied.any()
+        for name in ("haptic_device", "teleoperation_controller", "nullspace_analyser"):
+            peer.until(
+                lambda node=name: "clock set" in figures(loop.statuses[node])["last_clock_step"],
+                f"what {name} says of it",
+            )
+        peer.until(loop.pushing, "the push after it")
+        assert loop.run(300) <= 1.2 * usual
+
+
+def test_an_emergency_stop_needs_no_clock_that_goes_on(domain: int, peer: Peer) -> None:
+    setpoints = peer.listen("device/setpoint_cf", WrenchStamped)
+    with running("haptic_device", domain, use_sim_time=True, hand="commanded"):
+        clock = TestClock(peer)
+        push = peer.publisher("device/servo_cf", WrenchStamped)
+        clock.begin(1000 * MS, clock.devices)
+
+        def pushed() -> bool:
+            message = WrenchStamped()
+            message.header.frame_id = "world"
+            message.wrench.force.y = 0.02
+            push.publish(message)
+            peer.run(0.01)
+            clock.step()
+            return bool(clock.samples(-1)[0].applied.any())
+
+        peer.until(pushed, "the push")
+        setpoints.clear()
+        assert peer.call(SetBool, "device/emergency_stop", SetBool.Request(data=True)).success
+        peer.until(lambda: setpoints, "the zero, while the clock stands still")
+        assert not any(six(setpoints[-1]))
+        assert not clock.samples(-1)[0].applied.any()
