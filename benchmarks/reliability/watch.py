@@ -27,6 +27,7 @@ from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, RENDERING,
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.child import tell, watch
 from hapticmech_ros.nodes.loop import wake_up_in_time
+from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.qos import RECORDER_SUBSCRIBER
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire import topics
@@ -36,7 +37,7 @@ from hapticmech_ros.wire.wrench import decode_wrench
 
 NAN = float("nan")
 # What a sample of the ring can hold.
-LAST_NS = 1 << 63
+LAST = 1 << 63
 Told = tuple[int, float, float]
 
 
@@ -59,17 +60,18 @@ class GraphWatch(Node):
     def _listen(self, topic: int, name: str, kind: type, read: Callable[[bytes], Told]) -> None:
         ring = self._ring
 
-        def keep(message: bytes) -> None:
+        def keep(message: bytes, info: Info) -> None:
             now = time.monotonic_ns()
             try:
                 stamp, force, torque = read(message)
             except (HapticMechError, ArithmeticError, ValueError):
                 stamp, force, torque = 0, NAN, NAN
-            if not 0 <= stamp < LAST_NS:
+            if not 0 <= stamp < LAST:
                 stamp = 0
-            ring.put(topic, now, stamp, force, torque)
+            number = info["publication_sequence_number"]
+            ring.put((topic, now, stamp, number if number < LAST else 0, force, torque))
 
-        self.create_subscription(kind, name, keep, RECORDER_SUBSCRIBER, raw=True)
+        self.create_subscription(kind, name, WithInfo(keep), RECORDER_SUBSCRIBER, raw=True)
 
     def _on_status(self, message: DiagnosticArray) -> None:
         for status in message.status:
