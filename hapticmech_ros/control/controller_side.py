@@ -110,7 +110,12 @@ class ControllerSide:
         return 0 if self._lines is None else self._lines[0].lost + self._lines[1].lost
 
     def tick(
-        self, reading: Reading, engagement: Engagement, corrects: bool, with_model: bool = True
+        self,
+        reading: Reading,
+        engagement: Engagement,
+        corrects: bool,
+        with_model: bool = True,
+        fresh: bool = True,
     ) -> Answer | None:
         """Return the answer that reaches the device now; None if none does.
 
@@ -119,11 +124,13 @@ class ControllerSide:
             engagement: the tie of the two poses.
             corrects: whether the device corrects commands by itself.
             with_model: whether the answer is to say how.
+            fresh: whether the reading's sample of the device is one that was not there before.
         """
         self.ledger.moved(reading.rendered[TWIST], reading.elapsed)
-        seen: Reading | None = reading
+        seen = reading if fresh else None
         if self._lines is not None:
-            self._lines[0].put(reading.stamp_ns, reading)
+            if seen is not None:
+                self._lines[0].put(reading.stamp_ns, seen)
             seen = self._lines[0].take(reading.stamp_ns)
         answer = None
         self._twist = reading.rendered[TWIST]

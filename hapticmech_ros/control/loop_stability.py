@@ -84,7 +84,7 @@ class LoopTerms(NamedTuple):
 
 def needed_periods(scene: Scene) -> int:
     """Return how many periods of delay a scene's loop should bear: two, and its connection's."""
-    late = 2.0 * scene.connection.delay * (1.0 + scene.connection.jitter)
+    late = 2.0 * scene.connection.latest
     return ENOUGH_PERIODS + math.ceil(late / scene.simulation.period)
 
 

@@ -50,7 +50,9 @@ class Actor(Generic[P]):
 
     def __init__(self, node: Host, parameters: P) -> None:
         self.node = node
-        self.scene: Scene = load_scene(parameters.scene, parameters.control_rate)
+        self.scene: Scene = load_scene(
+            parameters.scene, parameters.control_rate, parameters.network_delay
+        )
         self.point = self.scene.operational_point(parameters.operational_point).name
         self.lockstep = parameters.lockstep
         self.control_input: QoSProfile = LOCKSTEP if self.lockstep else CONTROL_SUBSCRIBER
@@ -62,7 +64,9 @@ class Actor(Generic[P]):
         """Take new parameters, all of them at once."""
         self.parameters = parameters
         self.view_every = max(1, round(1.0 / (parameters.view_rate * self.period_s)))
-        limit_ns = nanoseconds(parameters.message_age_limit)
+        # Answers are older by the way there and back.
+        there_and_back = 2.0 * self.scene.connection.latest
+        limit_ns = nanoseconds(parameters.message_age_limit + there_and_back)
         # In lockstep a sample may come before its own time has been told here.
         self.age_limit_ns = FOR_EVER if self.lockstep else limit_ns
 

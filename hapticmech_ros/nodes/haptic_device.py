@@ -13,12 +13,14 @@ from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCal
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
+from hapticmech_ros.control.lateness import jitter_allowance
 from hapticmech_ros.control.passivity import passivity_for
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
+from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.command_guard import CommandGuard
 from hapticmech_ros.nodes.device_view import DeviceView
 from hapticmech_ros.nodes.host import Host
@@ -59,6 +61,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._hand_waits = parameters.hand_waits
         self._envelope = SafetyEnvelope(self.period_s)
         self._loop = LocalLoop()
+        self._answers = Answers(self._loop)
         self._passivity = passivity_for(self.scene)
         self._answered_ns = 0
         self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
@@ -108,7 +111,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def adopt(self, parameters: DeviceParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
         super().adopt(parameters)
-        self.timeout_ns = nanoseconds(parameters.command_timeout)
+        allowed = jitter_allowance(self.scene.connection)
+        self.timeout_ns = nanoseconds(parameters.command_timeout + allowed)
         device = self.scene.device
         self._limits = SafetyLimits(
             force=parameters.force_limit or device.force_limit,
@@ -154,7 +158,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             for behind in reversed(range(self.backlog.steps(periods))):
                 self._move(self._standing_command(deadline_ns - behind * self.period_ns))
         self._push = self._pushing(deadline_ns)
-        self._written.see(self._state, self._device.sensed(self._push), deadline_ns)
+        sensed = self._device.sensed(self._push)
+        self._written.see(self._state, sensed, deadline_ns, self._answers.round_trip)
         self._publish_wire.publish(self._wire.encode(self._written.values))
         self._loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
         if self._ticks % self.view_every == 0:
@@ -181,6 +186,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
                 "fault": fault,
                 "changed_by_passivity": str(self._passivity.changed),
                 **{f"limited_by_{reason.value}": str(count) for reason, count in counts.items()},
+                **self._answers.figures(),
                 **self.latency.summary("loop_latency"),
                 **({} if self._pushes is None else self._pushes.figures(self.now_ns())),
             },
@@ -248,10 +254,14 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self.latency.add(now_ns - stamp_ns)
         self.ages.add(now_ns - stamp_ns)
         self._guard.heard(wrench.tobytes(), stamp_ns, now_ns)
+        if self.lockstep:
+            self._commands.put(wrench, stamp_ns)
+        elif not self._answers.is_next(stamp_ns, now_ns):
+            self._command.renew(now_ns)  # a sign of life, but older than what is obeyed
+            return
         self._command.put(wrench, now_ns)
         self._answered_ns = stamp_ns
         if self.lockstep:
-            self._commands.put(wrench, stamp_ns)
             self.act(now_ns)
 
     def _on_gain(self, values: Array, now_ns: int) -> None:

@@ -7,6 +7,7 @@ from collections import OrderedDict
 from hapticmech_ros.control.local_model import corrected
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.inputs import Latest, Stamped
+from hapticmech_ros.nodes.ordering import InOrder
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.gain_wire import ServoGain, unpack_gain
 
@@ -22,11 +23,13 @@ class LocalLoop:
     Attributes:
         gains: by stamp, in lockstep.
         to_mechanism: E_m as it was told last, J; None before.
+        order: of gains; what was overtaken is dropped.
     """
 
     def __init__(self) -> None:
         self.gains: Stamped[ServoGain] = Stamped()
         self.to_mechanism: float | None = None
+        self.order = InOrder()
         self._gain: Latest[ServoGain] = Latest()
         self._samples: OrderedDict[int, Array] = OrderedDict()
 
@@ -35,6 +38,10 @@ class LocalLoop:
         self._samples[stamp_ns] = sample.copy()
         if len(self._samples) > REMEMBERED:
             self._samples.popitem(last=False)
+
+    def remembers(self, stamp_ns: int) -> bool:
+        """Return whether a stamp is of a sample of this device."""
+        return stamp_ns in self._samples
 
     def take(self, values: Array, now_ns: int, lockstep: bool) -> None:
         """Take a ``servo_gain`` message's data.
@@ -45,7 +52,7 @@ class LocalLoop:
         gain = unpack_gain(values)
         if lockstep:
             self.gains.put(gain, gain.stamp_ns)
-        else:
+        elif self.order.is_next(gain.stamp_ns, now_ns):
             self._gain.put(gain, now_ns)
             self.to_mechanism = gain.to_mechanism
 

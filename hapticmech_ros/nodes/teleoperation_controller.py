@@ -10,11 +10,13 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, Engagement, control_for
 from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
 from hapticmech_ros.control.flat import flat_device
+from hapticmech_ros.control.lateness import jitter_allowance
 from hapticmech_ros.control.local_model import NO_MODEL
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
+from hapticmech_ros.nodes.device_path import DevicePath
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.messages import (
@@ -27,6 +29,7 @@ from hapticmech_ros.nodes.messages import (
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.plan.loop_check import loop_warning
+from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
 from hapticmech_ros.wire.readings import RenderingReading, read_device, read_rendering
@@ -69,14 +72,15 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.engagements = self.grasps = 0
         self._last_ns = NEVER
         self._state_ns = NEVER
+        # Stamps of what device and mechanism were told last, by their clocks.
+        self._told_ns = 0, 0
         self._twist: Latest[Array] = Latest()
         self._hand: Latest[Array] = Latest()
         self._rendering: Latest[RenderingReading] = Latest()
         self._outputs = ControllerOutputs(self)
         self._devices: Stamped[Array] = Stamped()
         self._renderings: Stamped[RenderingReading] = Stamped()
-        gains = tuned(self.scene.controller, parameters.gains)
-        self.loop_warning = loop_warning(self.scene, self.point, gains)
+        self.loop_warning = loop_warning(self.scene, self.point, self._tuned)
         if self.loop_warning:
             node.get_logger().warning(self.loop_warning)
         qos = CONTROL_SUBSCRIBER
@@ -94,15 +98,29 @@ class TeleoperationController(Actor[ControllerParameters]):
     def _control(self) -> ControlArchitecture:
         return control_for(self.scene)
 
+    @cached_property
+    def _path(self) -> DevicePath:
+        return DevicePath(self.scene)
+
+    @property
+    def _tuned(self) -> Controller:
+        """The gains as parameters have them, whatever the way to the device."""
+        return tuned(self.scene.controller, self.parameters.gains)
+
     def adopt(self, parameters: ControllerParameters) -> None:
         """Take new parameters: the timeout counts from now on, gains pass to the new ones."""
         super().adopt(parameters)
-        self.timeout_ns = nanoseconds(parameters.input_timeout)
-        gains = tuned(self.scene.controller, parameters.gains)
+        allowed = jitter_allowance(self.scene.connection)
+        self.timeout_ns = nanoseconds(parameters.input_timeout + allowed)
+        self._tune()
+
+    def _tune(self) -> None:
+        """Let gains pass to those that parameters, and the way to the device, ask for."""
+        gains, delay = self._path.made_for(self._tuned, self.parameters.soften)
         if self._engagement is None:
-            self._control.adopt(gains)
-        elif gains != self._control.aim:
-            self._control.tune(self._time_s(self.now_ns()), gains)
+            self._control.adopt(gains, delay)
+        elif (gains, delay) != self._control.aim:
+            self._control.tune(self._time_s(self.now_ns()), gains, delay)
 
     def vet(self, parameters: ControllerParameters) -> None:
         """Refuse gains that are none."""
@@ -119,6 +137,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._last_ns = self._state_ns = NEVER
         self._twist, self._hand, self._rendering = Latest(), Latest(), Latest()
         self._epoch_ns = self.now_ns()
+        self._path.restart()
 
     def deactivate(self) -> None:
         """Let go of device and mechanism."""
@@ -144,21 +163,28 @@ class TeleoperationController(Actor[ControllerParameters]):
             "answers": str(self._outputs.answers),
             "engagements": str(self.engagements),
             "grasps": str(self.grasps),
-            "loop_warning": self.loop_warning,
+            "loop_warning": self._path.warning(self._tuned, self.parameters.soften)
+            or self.loop_warning,
+            **self._path.figures(),
             "lost_on_connection": str(self._side.lost),
         }
         return engaged, sentence, figures
 
     def _on_device_state(self, values: Array, now_ns: int) -> None:
-        stamp, device = read_device(values)
-        check_age(stamp, now_ns, self.age_limit_ns)
-        self._state_ns = now_ns
-        self._local = True
+        stamp, device, round_trip = read_device(values)
         if self.lockstep:
+            self._state_ns, self._local = now_ns, True
             self._devices.put(device, stamp)
             self._answer_pair(stamp)
-        else:
-            self._answer(device, stamp, now_ns)
+            return
+        in_order = self._path.in_order(stamp, now_ns, self.age_limit_ns)
+        self._state_ns, self._local = now_ns, True
+        if not in_order:
+            self._last_ns = now_ns  # a sign of life, but older than what was answered
+            return
+        if self._path.follow(round_trip, self._time_s(now_ns)):
+            self._tune()
+        self._answer(device, stamp, now_ns)
 
     def _answer_pair(self, stamp: int) -> None:
         """Answer once device and rendering of one time are there, in lockstep."""
@@ -190,6 +216,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.ages.add(now_ns - stamp)
         gap = now_ns - self._last_ns
         self._last_ns = now_ns
+        if self._path.paced:
+            self._path.put(device, stamp)
+            return
         rendering = self._rendering.value
         if rendering is None or not self._rendering.fresh(now_ns, self.timeout_ns):
             self._disengage([RENDERING.of(self.point)])
@@ -203,10 +232,32 @@ class TeleoperationController(Actor[ControllerParameters]):
             return
         self._answer_to(device, rendering, stamp, now_ns)
 
+    def _answer_paced(self, rendering: RenderingReading, now_ns: int) -> None:
+        """Answer the newest sample that a network has brought, now that the analysis is there."""
+        found = self._path.take()
+        pause = self._path.turn(now_ns)
+        lost = [RENDERING.of(self.point)] if pause > self.timeout_ns else []
+        if now_ns - self._last_ns > self.timeout_ns:
+            lost.append(DEVICE_STATE.name)
+        if not rendering.commanded:
+            lost.append(POINT_COMMAND.of(self.point) + " at the mechanism")
+            self._outputs.mechanism(NO_WRENCH, rendering.stamp_ns)
+        if lost:
+            self._disengage(lost)
+        elif found is not None and (found[2] or self._engagement is not None):
+            self._answer_to(found[0], rendering, found[1], now_ns, found[2])
+
     def _answer_to(
-        self, device: Array, rendering: RenderingReading, stamp: int, now_ns: int
+        self,
+        device: Array,
+        rendering: RenderingReading,
+        stamp: int,
+        now_ns: int,
+        fresh: bool = True,
     ) -> None:
-        ahead = (stamp - rendering.stamp_ns) / NANOSECONDS
+        paced = self._path.paced and not self.lockstep
+        # Over a network there is no common time; what is compared is what is known now.
+        ahead = 0.0 if paced else (stamp - rendering.stamp_ns) / NANOSECONDS
         ahead = min(max(ahead, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
         rendered = rendering.rendered
         time_s = self._time_s(now_ns)
@@ -226,7 +277,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._engagement = self._control.slipped_flat(time_s, engagement, device, rendered)
         reading = Reading(time_s, stamp, device, rendered, ahead, self._elapsed(rendering.stamp_ns))
         with_model = self._local and self._outputs.wants_gain(stamp)
-        self._send(self._side.tick(reading, self._engagement, self._local, with_model), stamp)
+        answer = self._side.tick(reading, self._engagement, self._local, with_model, fresh)
+        self._told_ns = stamp, rendering.stamp_ns if paced else stamp
+        self._send(answer, *self._told_ns)
 
     @property
     def _carried(self) -> Array:
@@ -240,7 +293,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         periods = round((stamp_ns - before) / NANOSECONDS / self.period_s) if before > 0 else 0
         return max(periods, 0) * self.period_s
 
-    def _send(self, answer: Answer | None, stamp_ns: int) -> None:
+    def _send(self, answer: Answer | None, stamp_ns: int, mechanism_ns: int) -> None:
         """Send what reaches the device now, and what the mechanism is told.
 
         In lockstep the device waits for a command with each sample: the last one is said again.
@@ -254,7 +307,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             answered_ns = stamp_ns if self.lockstep else answer.answered_ns
             outputs.device(answer.wrenches, answered_ns, side.ledger.entry)
         told, _ = side.tell()
-        outputs.mechanism(told, stamp_ns)
+        outputs.mechanism(told, mechanism_ns)
 
     def _disengage(self, lost: Sequence[str]) -> None:
         """Say zero to both sides at once, rather than let them find out by waiting."""
@@ -262,15 +315,16 @@ class TeleoperationController(Actor[ControllerParameters]):
             return
         self.node.get_logger().warning(f"disengaged: lost {', '.join(lost)}")
         self._engagement = None
-        self._outputs.zero(self.now_ns())
+        device_ns, mechanism_ns = self._told_ns
+        self._outputs.zero(device_ns + 1, mechanism_ns + 1)
 
     def _on_force(self, message: WrenchStamped, now_ns: int) -> None:
-        stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-        self._hand.put(read_wrench(message), stamp)
+        checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
+        self._hand.put(read_wrench(message), now_ns)
 
     def _on_twist(self, message: TwistStamped, now_ns: int) -> None:
-        stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-        self._twist.put(read_twist(message), stamp)
+        checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
+        self._twist.put(read_twist(message), now_ns)
 
     def _on_rendering(self, values: Array, now_ns: int) -> None:
         found = read_rendering(values)
@@ -280,3 +334,5 @@ class TeleoperationController(Actor[ControllerParameters]):
         if self.lockstep:
             self._renderings.put(found, found.stamp_ns)
             self._answer_pair(found.stamp_ns)
+        elif self._path.paced:
+            self._answer_paced(found, now_ns)

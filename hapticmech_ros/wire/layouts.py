@@ -52,7 +52,10 @@ DEVICE_FIELDS: dict[str, int] = {
     "twist": 6,
     "hand_wrench": 6,
     "applied": 6,
+    "round_trip": 1,
 }
+# Samples written before there was a round trip end without it.
+_WITHOUT_ROUND_TRIP = sum(DEVICE_FIELDS.values()) - DEVICE_FIELDS["round_trip"]
 # What control/flat.py describes, inside these messages.
 DEVICE_MEASURED = slice(2, 21)
 RENDERED, COMMANDED, GRASP = slice(10, 143), 143, slice(144, 151)
@@ -116,17 +119,20 @@ class DeviceSample(NamedTuple):
         stamp_ns: time it stands for, ns.
         measured: pose, twist and hand wrench.
         applied: (6,) by the actuators, on the hand, until now; zero when servo_cf is lost.
+        round_trip: s, from a sample to its answer, as the device finds it; 0: not known.
     """
 
     stamp_ns: int
     measured: DeviceMeasurement
     applied: Array
+    round_trip: float = 0.0
 
 
 def pack_device(sample: DeviceSample) -> Array:
-    """Return the data (27,) of a ``device/state`` message."""
+    """Return the data (28,) of a ``device/state`` message."""
     stamp = divmod(sample.stamp_ns, NANOSECONDS)
-    return np.concatenate((stamp, flat_device(sample.measured), sample.applied))
+    measured = flat_device(sample.measured)
+    return np.concatenate((stamp, measured, sample.applied, (sample.round_trip,)))
 
 
 def unpack_device(data: object) -> DeviceSample:
@@ -135,10 +141,15 @@ def unpack_device(data: object) -> DeviceSample:
     Raises:
         InvalidInputError: wrong length, not finite, or a quaternion off unit length.
     """
-    values = checked_values("device state", data, sum(DEVICE_FIELDS.values()))
+    given = np.array(data, dtype=float)
+    size = sum(DEVICE_FIELDS.values())
+    if given.shape == (_WITHOUT_ROUND_TRIP,):
+        given = np.append(given, 0.0)
+    values = checked_values("device state", given, size)
     check_unit(values[5:9])
     stamp_ns = int(values[0]) * NANOSECONDS + int(values[1])
-    return DeviceSample(stamp_ns, device_of(values[DEVICE_MEASURED]), values[21:27])
+    measured, round_trip = device_of(values[DEVICE_MEASURED]), float(values[27])
+    return DeviceSample(stamp_ns, measured, values[21:27], round_trip)
 
 
 def pack_rendering(rendering: Rendering) -> Array:

@@ -27,10 +27,17 @@ _RENDERING_SIZE = sum(RENDERING_FIELDS.values())
 
 
 class DeviceReading(NamedTuple):
-    """A ``device/state`` message: its time, ns, and the measurement (19,), as control/flat.py."""
+    """A ``device/state`` message.
+
+    Attributes:
+        stamp_ns: its time, ns.
+        measured: (19,) as control/flat.py describes it.
+        round_trip: s, from a sample to its answer, as the device finds it; 0: not known.
+    """
 
     stamp_ns: int
     measured: Array
+    round_trip: float
 
 
 class RenderingReading(NamedTuple):
@@ -59,8 +66,9 @@ def read_device(values: Array) -> DeviceReading:
     values = values.copy()
     stamp = _stamp(values, _DEVICE_SIZE, 5)
     if stamp == UNSOUND:
-        stamp = unpack_device(values).stamp_ns
-    return DeviceReading(stamp, values[DEVICE_MEASURED])
+        sample = unpack_device(values)
+        return DeviceReading(sample.stamp_ns, values[DEVICE_MEASURED], sample.round_trip)
+    return DeviceReading(stamp, values[DEVICE_MEASURED], values.item(-1))
 
 
 def read_rendering(values: Array) -> RenderingReading:

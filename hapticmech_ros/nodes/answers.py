@@ -1,0 +1,42 @@
+"""Answers to a device's samples: in order, and how long each took, by the device's own clock."""
+
+from __future__ import annotations
+
+from hapticmech_ros.control.loop_delay import RoundTripEstimate
+from hapticmech_ros.nodes.local_loop import LocalLoop
+from hapticmech_ros.nodes.ordering import InOrder
+from hapticmech_ros.times import NANOSECONDS
+
+
+class Answers(InOrder):
+    """The commands that answer a device's samples.
+
+    Args:
+        loop: remembers these samples.
+    """
+
+    def __init__(self, loop: LocalLoop) -> None:
+        super().__init__()
+        self._loop = loop
+        self._estimate = RoundTripEstimate()
+
+    @property
+    def round_trip(self) -> float:
+        """Time (s) from a sample to its answer, 95 in 100 of late; 0 while it is not known."""
+        return self._estimate.value
+
+    def is_next(self, stamp_ns: int, now_ns: int) -> bool:
+        """Return whether an answer is no older than those before it, and take its time."""
+        if not super().is_next(stamp_ns, now_ns):
+            return False
+        if self._loop.remembers(stamp_ns):
+            self._estimate.add((now_ns - stamp_ns) / NANOSECONDS)
+        return True
+
+    def figures(self) -> dict[str, str]:
+        """Return what diagnostics say."""
+        return {
+            "round_trip_ms": f"{1e3 * self.round_trip:.1f}",
+            "overtaken_commands": str(self.overtaken),
+            "overtaken_gains": str(self._loop.order.overtaken),
+        }
