@@ -59,7 +59,7 @@ class ControlArchitecture:
         self.adopt(scene.controller)
 
     def adopt(self, gains: Controller, delay: float | None = None) -> None:
-        """Take gains at once, and the one-way delay (s) that they are for; a bump, if it renders."""
+        """Take gains at once, and the one-way delay (s) they are for; a bump, if it renders."""
         self.delay = self.delay if delay is None else delay
         self.gains = gains
         lag = 2.0 * self.delay + 1.5 * self._period

@@ -73,6 +73,7 @@ class ControllerSide:
         period: s.
         connection: between device and controller.
         delay: whole periods until the mechanism is moved by what it is told.
+        before: what answered until now, whose account goes on.
 
     Attributes:
         ledger: the account.
@@ -80,14 +81,22 @@ class ControllerSide:
     """
 
     def __init__(
-        self, control: ControlArchitecture, period: float, connection: Connection, delay: int = 1
+        self,
+        control: ControlArchitecture,
+        period: float,
+        connection: Connection,
+        delay: int = 1,
+        before: ControllerSide | None = None,
     ) -> None:
         self.control = control
-        self.ledger = EnergyLedger()
+        self.ledger: EnergyLedger = EnergyLedger() if before is None else before.ledger
+        self.ledger.held_elsewhere()
         self.last: Answer | None = None
         self._period = period
         self._told: deque[Array] = deque([_NO_WRENCH] * delay)
-        self.port = MechanismPort(np.diag(control.device_inertia).copy())
+        inertia = np.diag(control.device_inertia).copy()
+        self.port: MechanismPort = MechanismPort(inertia) if before is None else before.port
+        self.port.pause()
         self._twist: Array = _NO_WRENCH
         self._lines: tuple[DelayLine[Reading], DelayLine[Answer]] | None = None
         if not connection.ideal:
@@ -110,12 +119,7 @@ class ControllerSide:
         return 0 if self._lines is None else self._lines[0].lost + self._lines[1].lost
 
     def tick(
-        self,
-        reading: Reading,
-        engagement: Engagement,
-        corrects: bool,
-        with_model: bool = True,
-        fresh: bool = True,
+        self, reading: Reading, engagement: Engagement, corrects: bool, with_model: bool = True
     ) -> Answer | None:
         """Return the answer that reaches the device now; None if none does.
 
@@ -124,13 +128,11 @@ class ControllerSide:
             engagement: the tie of the two poses.
             corrects: whether the device corrects commands by itself.
             with_model: whether the answer is to say how.
-            fresh: whether the reading's sample of the device is one that was not there before.
         """
         self.ledger.moved(reading.rendered[TWIST], reading.elapsed)
-        seen = reading if fresh else None
+        seen: Reading | None = reading
         if self._lines is not None:
-            if seen is not None:
-                self._lines[0].put(reading.stamp_ns, seen)
+            self._lines[0].put(reading.stamp_ns, reading)
             seen = self._lines[0].take(reading.stamp_ns)
         answer = None
         self._twist = reading.rendered[TWIST]

@@ -12,7 +12,6 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.document import Scene
 
-
 # Silence that jitter alone explains, s, is waited for beside a timeout; no more than so much, for
 # the hand's sake: whoever falls silent, it is without force 20 ms after the last command.
 MOST_ALLOWED_S = 0.005
@@ -26,7 +25,7 @@ def jitter_allowance(connection: Connection) -> float:
 def loop_lateness(scene: Scene, delay: int = 1) -> float:
     """Return τ in s: 2 t_c + (2 d + ½) T with the force channel closed in the device, else half.
 
-    Closed in the controller it is t_c + (d + ½) T, t_c the connection's delay, simulated or declared.
+    Closed in the controller it is t_c + (d + ½) T, t_c the delay of the connection.
 
     Args:
         scene: its period, and what closes the force channel.

@@ -15,6 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
+from hapticmech_ros.control.lateness import jitter_allowance
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.exchange import Outlet
@@ -69,6 +70,10 @@ class Actor(Generic[P]):
         limit_ns = nanoseconds(parameters.message_age_limit + there_and_back)
         # In lockstep a sample may come before its own time has been told here.
         self.age_limit_ns = FOR_EVER if self.lockstep else limit_ns
+
+    def silence_ns(self, timeout: float) -> int:
+        """Return a timeout (s) in ns, with what a declared network's jitter may add to silence."""
+        return nanoseconds(timeout + jitter_allowance(self.scene.connection))
 
     def vet(self, parameters: P) -> None:
         """Refuse new parameters that this scene cannot have, by HapticMechError."""

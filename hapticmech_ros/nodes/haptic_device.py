@@ -13,7 +13,6 @@ from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCal
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
-from hapticmech_ros.control.lateness import jitter_allowance
 from hapticmech_ros.control.passivity import passivity_for
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits
@@ -63,7 +62,6 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._loop = LocalLoop()
         self._answers = Answers(self._loop)
         self._passivity = passivity_for(self.scene)
-        self._answered_ns = 0
         self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
         self._push: Array = NO_WRENCH
         self._awaited: Stamped[Array] = Stamped()
@@ -111,8 +109,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def adopt(self, parameters: DeviceParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
         super().adopt(parameters)
-        allowed = jitter_allowance(self.scene.connection)
-        self.timeout_ns = nanoseconds(parameters.command_timeout + allowed)
+        self.timeout_ns = self.silence_ns(parameters.command_timeout)
         device = self.scene.device
         self._limits = SafetyLimits(
             force=parameters.force_limit or device.force_limit,
@@ -141,7 +138,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def deactivate(self) -> None:
         """Put the actuators at zero and let go."""
         self._command = Latest()
-        self._let_go()
+        self._let_go(self.now_ns())
         self._state = self._device.at_rest(self._state.pose, home=self._state.home)
 
     def ready(self, deadline_ns: int) -> bool:
@@ -159,7 +156,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
                 self._move(self._standing_command(deadline_ns - behind * self.period_ns))
         self._push = self._pushing(deadline_ns)
         sensed = self._device.sensed(self._push)
-        self._written.see(self._state, sensed, deadline_ns, self._answers.round_trip)
+        told = self._answers.round_trip, self._answers.obeys or self.lockstep
+        self._written.see(self._state, sensed, deadline_ns, *told)
         self._publish_wire.publish(self._wire.encode(self._written.values))
         self._loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
         if self._ticks % self.view_every == 0:
@@ -205,13 +203,15 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         if command is None or fault or not self._command.fresh(now_ns, self.timeout_ns):
             if self._held is not None:
                 self.node.get_logger().warning(f"{fault or 'servo_cf is lost'}: actuators at zero")
-            self._let_go()
+            self._let_go(now_ns)
+            return None
+        if not self._answers.begin():
             return None
         if self._held is None and not self._hand_waits:
             self._held = self._state
             self._ticks_held = 0
             self.times_held += 1
-        return self._safe(self._loop.correct(command, self._answered_ns, now_ns))
+        return self._safe(self._loop.correct(command, self._answers.answered_ns, now_ns))
 
     def _answer_of(self, answered_ns: int) -> Array:
         """Return the answer to a sample, in lockstep."""
@@ -234,10 +234,10 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         numbers[13:] += self._device.sensed(self._push)
         return numbers
 
-    def _let_go(self) -> None:
+    def _let_go(self, now_ns: int) -> None:
         """Let the hand go, and begin anew with the next command."""
         self._held = None
-        self._loop.forget()
+        self._answers.let_go(now_ns)
         self._passivity.begin()
         self._envelope.stop()
 
@@ -260,7 +260,6 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             self._command.renew(now_ns)  # a sign of life, but older than what is obeyed
             return
         self._command.put(wrench, now_ns)
-        self._answered_ns = stamp_ns
         if self.lockstep:
             self.act(now_ns)
 

@@ -5,42 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
-
-from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, Engagement, control_for
+from hapticmech_ros.control import ControlArchitecture, Engagement, control_for
 from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
-from hapticmech_ros.control.flat import flat_device
-from hapticmech_ros.control.lateness import jitter_allowance
 from hapticmech_ros.control.local_model import NO_MODEL
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
+from hapticmech_ros.nodes.crtk_device import CrtkDevice
 from hapticmech_ros.nodes.device_path import DevicePath
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
-from hapticmech_ros.nodes.messages import (
-    check_age,
-    checked_stamp,
-    read_pose,
-    read_twist,
-    read_wrench,
-)
+from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import ControllerParameters
-from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
 from hapticmech_ros.wire.readings import RenderingReading, read_device, read_rendering
-from hapticmech_ros.wire.topics import (
-    DEVICE_FORCE,
-    DEVICE_POSE,
-    DEVICE_STATE,
-    DEVICE_TWIST,
-    POINT_COMMAND,
-    RENDERING,
-)
+from hapticmech_ros.wire.topics import DEVICE_STATE, POINT_COMMAND, RENDERING
 
 # The point's pose is carried on by its twist to the time of the device's measurement, by no more
 # than this: beyond it the twist says nothing.
@@ -74,8 +57,6 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._state_ns = NEVER
         # Stamps of what device and mechanism were told last, by their clocks.
         self._told_ns = 0, 0
-        self._twist: Latest[Array] = Latest()
-        self._hand: Latest[Array] = Latest()
         self._rendering: Latest[RenderingReading] = Latest()
         self._outputs = ControllerOutputs(self)
         self._devices: Stamped[Array] = Stamped()
@@ -83,16 +64,14 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.loop_warning = loop_warning(self.scene, self.point, self._tuned)
         if self.loop_warning:
             node.get_logger().warning(self.loop_warning)
-        qos = CONTROL_SUBSCRIBER
+        self._crtk = CrtkDevice(self, self._wants_crtk, self._on_crtk, self._disengage)
         self.input_array(
             DEVICE_STATE.name, self.control_input, self._on_device_state, DEVICE_FIELDS
         )
-        self.input(DEVICE_FORCE.name, WrenchStamped, qos, self._on_force)
-        self.input(DEVICE_TWIST.name, TwistStamped, qos, self._on_twist)
         self.input_array(
             RENDERING.of(self.point), self.control_input, self._on_rendering, RENDERING_FIELDS
         )
-        self.input(DEVICE_POSE.name, PoseStamped, qos, self._on_device_pose)
+        self._crtk.listen()
 
     @cached_property
     def _control(self) -> ControlArchitecture:
@@ -100,7 +79,7 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     @cached_property
     def _path(self) -> DevicePath:
-        return DevicePath(self.scene)
+        return DevicePath(self.scene, self.node.get_logger().warning)
 
     @property
     def _tuned(self) -> Controller:
@@ -110,17 +89,13 @@ class TeleoperationController(Actor[ControllerParameters]):
     def adopt(self, parameters: ControllerParameters) -> None:
         """Take new parameters: the timeout counts from now on, gains pass to the new ones."""
         super().adopt(parameters)
-        allowed = jitter_allowance(self.scene.connection)
-        self.timeout_ns = nanoseconds(parameters.input_timeout + allowed)
+        self.timeout_ns = self.silence_ns(parameters.input_timeout)
         self._tune()
 
     def _tune(self) -> None:
         """Let gains pass to those that parameters, and the way to the device, ask for."""
-        gains, delay = self._path.made_for(self._tuned, self.parameters.soften)
-        if self._engagement is None:
-            self._control.adopt(gains, delay)
-        elif (gains, delay) != self._control.aim:
-            self._control.tune(self._time_s(self.now_ns()), gains, delay)
+        time_s = None if self._engagement is None else self._time_s(self.now_ns())
+        self._path.tune(self._control, self._tuned, self.parameters.soften, time_s)
 
     def vet(self, parameters: ControllerParameters) -> None:
         """Refuse gains that are none."""
@@ -129,13 +104,14 @@ class TeleoperationController(Actor[ControllerParameters]):
     def _time_s(self, now_ns: int) -> float:
         return (now_ns - self._epoch_ns) / NANOSECONDS
 
-    def _new_side(self) -> ControllerSide:
-        return ControllerSide(self._control, self.period_s, self.scene.connection)
+    def _new_side(self, before: ControllerSide | None = None) -> ControllerSide:
+        return ControllerSide(self._control, self.period_s, self.scene.connection, before=before)
 
     def activate(self) -> None:
         """Wait for device and rendering; times count from now, to lose no digits."""
         self._last_ns = self._state_ns = NEVER
-        self._twist, self._hand, self._rendering = Latest(), Latest(), Latest()
+        self._rendering = Latest()
+        self._crtk.forget()
         self._epoch_ns = self.now_ns()
         self._path.restart()
 
@@ -163,28 +139,25 @@ class TeleoperationController(Actor[ControllerParameters]):
             "answers": str(self._outputs.answers),
             "engagements": str(self.engagements),
             "grasps": str(self.grasps),
-            "loop_warning": self._path.warning(self._tuned, self.parameters.soften)
-            or self.loop_warning,
-            **self._path.figures(),
+            **self._path.figures(self._tuned, self.parameters.soften, self.loop_warning),
             "lost_on_connection": str(self._side.lost),
         }
         return engaged, sentence, figures
 
     def _on_device_state(self, values: Array, now_ns: int) -> None:
-        stamp, device, round_trip = read_device(values)
+        reading = read_device(values)
+        stamp, device = reading.stamp_ns, reading.measured
+        heard = self.lockstep or self._path.heard(reading, now_ns, self.age_limit_ns)
+        self._state_ns, self._local = now_ns, True
         if self.lockstep:
-            self._state_ns, self._local = now_ns, True
             self._devices.put(device, stamp)
             self._answer_pair(stamp)
-            return
-        in_order = self._path.in_order(stamp, now_ns, self.age_limit_ns)
-        self._state_ns, self._local = now_ns, True
-        if not in_order:
+        elif not heard:
             self._last_ns = now_ns  # a sign of life, but older than what was answered
-            return
-        if self._path.follow(round_trip, self._time_s(now_ns)):
-            self._tune()
-        self._answer(device, stamp, now_ns)
+        else:
+            if self._path.changed(self._time_s(now_ns)):
+                self._tune()
+            self._answer(device, stamp, now_ns)
 
     def _answer_pair(self, stamp: int) -> None:
         """Answer once device and rendering of one time are there, in lockstep."""
@@ -194,23 +167,16 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._last_ns = stamp
         self._answer_to(device, rendering, stamp, stamp)
 
-    def _on_device_pose(self, message: PoseStamped, now_ns: int) -> None:
-        """Answer a device that speaks CRTK only: its pose comes last of a sample's three."""
-        stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-        pose = read_pose(message)
-        if self.lockstep or now_ns - self._state_ns <= self.timeout_ns:
-            return
-        twist, hand = self._twist.value, self._hand.value
-        lost = [
-            topic.name
-            for topic, held in ((DEVICE_TWIST, self._twist), (DEVICE_FORCE, self._hand))
-            if not held.fresh(now_ns, self.timeout_ns)
-        ]
-        if lost or twist is None or hand is None:
-            self._disengage(lost)
-            return
+    def _wants_crtk(self, now_ns: int) -> bool:
+        """Return whether the device speaks CRTK only, as far as was heard."""
+        return not self.lockstep and now_ns - self._state_ns > NANOSECONDS
+
+    def _on_crtk(self, device: Array, stamp: int, now_ns: int) -> None:
+        """Answer a device that speaks CRTK only."""
         self._local = False
-        self._answer(flat_device(DeviceMeasurement(pose, twist, hand)), stamp, now_ns)
+        self._path.obeyed = True
+        if self._path.is_next(stamp, now_ns):
+            self._answer(device, stamp, now_ns)
 
     def _answer(self, device: Array, stamp: int, now_ns: int) -> None:
         self.ages.add(now_ns - stamp)
@@ -244,8 +210,8 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._outputs.mechanism(NO_WRENCH, rendering.stamp_ns)
         if lost:
             self._disengage(lost)
-        elif found is not None and (found[2] or self._engagement is not None):
-            self._answer_to(found[0], rendering, found[1], now_ns, found[2])
+        elif found is not None:
+            self._answer_to(found[0], rendering, found[1], now_ns)
 
     def _answer_to(
         self,
@@ -253,7 +219,6 @@ class TeleoperationController(Actor[ControllerParameters]):
         rendering: RenderingReading,
         stamp: int,
         now_ns: int,
-        fresh: bool = True,
     ) -> None:
         paced = self._path.paced and not self.lockstep
         # Over a network there is no common time; what is compared is what is known now.
@@ -264,10 +229,13 @@ class TeleoperationController(Actor[ControllerParameters]):
         engagement = self._engagement
         if engagement is None:
             engagement = self._control.engage_flat(time_s, device, rendered, ahead)
-            self._side, self._arrived = self._new_side(), None
+            self._side, self._arrived = self._new_side(self._side), None
             self._rendered_ns = NEVER
             self.engagements += 1
             self.node.get_logger().info("engaged")
+        elif not (self._path.obeyed or self.lockstep):
+            # The device does nothing yet, or no more: the wrench comes in once it obeys.
+            engagement = self._control.engage_flat(time_s, device, rendered, ahead)
         elif rendering.grasp != self._grasp:
             # Held elsewhere from now on: what the hand feels is carried over.
             engagement = self._control.engage_flat(time_s, device, rendered, ahead, self._carried)
@@ -277,7 +245,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._engagement = self._control.slipped_flat(time_s, engagement, device, rendered)
         reading = Reading(time_s, stamp, device, rendered, ahead, self._elapsed(rendering.stamp_ns))
         with_model = self._local and self._outputs.wants_gain(stamp)
-        answer = self._side.tick(reading, self._engagement, self._local, with_model, fresh)
+        answer = self._side.tick(reading, self._engagement, self._local, with_model)
         self._told_ns = stamp, rendering.stamp_ns if paced else stamp
         self._send(answer, *self._told_ns)
 
@@ -317,14 +285,6 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._engagement = None
         device_ns, mechanism_ns = self._told_ns
         self._outputs.zero(device_ns + 1, mechanism_ns + 1)
-
-    def _on_force(self, message: WrenchStamped, now_ns: int) -> None:
-        checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-        self._hand.put(read_wrench(message), now_ns)
-
-    def _on_twist(self, message: TwistStamped, now_ns: int) -> None:
-        checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-        self._twist.put(read_twist(message), now_ns)
 
     def _on_rendering(self, values: Array, now_ns: int) -> None:
         found = read_rendering(values)

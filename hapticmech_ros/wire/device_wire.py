@@ -16,7 +16,7 @@ class DeviceWriter:
     What :func:`~hapticmech_ros.wire.layouts.pack_device` returns, without the objects between.
 
     Attributes:
-        values: (28,) the data.
+        values: (29,) the data.
         hand_wrench: (6,) F_h of the state seen last, with what others added; a view.
     """
 
@@ -24,9 +24,17 @@ class DeviceWriter:
         self.values: Array = np.zeros(sum(DEVICE_FIELDS.values()))
         last = DEVICE_MEASURED.stop
         self.hand_wrench: Array = self.values[last - DEVICE_FIELDS["hand_wrench"] : last]
-        self._published = self.values[DEVICE_FIELDS["stamp"] : -DEVICE_FIELDS["round_trip"]]
+        first, last = DEVICE_FIELDS["stamp"], last + DEVICE_FIELDS["applied"]
+        self._published = self.values[first:last]
 
-    def see(self, state: DeviceState, push: Array, stamp_ns: int, round_trip: float = 0.0) -> None:
+    def see(
+        self,
+        state: DeviceState,
+        push: Array,
+        stamp_ns: int,
+        round_trip: float = 0.0,
+        obeys: bool = True,
+    ) -> None:
         """Write a state.
 
         Args:
@@ -34,9 +42,10 @@ class DeviceWriter:
             push: (6,) by others, added to the hand's wrench.
             stamp_ns: ns.
             round_trip: s, from a sample to its answer; 0: not known.
+            obeys: whether the device obeys servo_cf.
         """
         self.values[0], self.values[1] = divmod(stamp_ns, NANOSECONDS)
         self._published[:] = state.published
-        self.values[-1] = round_trip
+        self.values[-2:] = round_trip, obeys
         if push is not NO_WRENCH:
             self.hand_wrench += push

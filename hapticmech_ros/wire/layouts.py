@@ -53,9 +53,10 @@ DEVICE_FIELDS: dict[str, int] = {
     "hand_wrench": 6,
     "applied": 6,
     "round_trip": 1,
+    "obeys": 1,
 }
-# Samples written before there was a round trip end without it.
-_WITHOUT_ROUND_TRIP = sum(DEVICE_FIELDS.values()) - DEVICE_FIELDS["round_trip"]
+# Of what older versions wrote, which ends before ``round_trip``; and what is to be read there.
+_OLD_DEVICE_SIZE, _NOT_TOLD = 27, (0.0, 1.0)
 # What control/flat.py describes, inside these messages.
 DEVICE_MEASURED = slice(2, 21)
 RENDERED, COMMANDED, GRASP = slice(10, 143), 143, slice(144, 151)
@@ -120,19 +121,22 @@ class DeviceSample(NamedTuple):
         measured: pose, twist and hand wrench.
         applied: (6,) by the actuators, on the hand, until now; zero when servo_cf is lost.
         round_trip: s, from a sample to its answer, as the device finds it; 0: not known.
+        obeys: whether it obeys servo_cf; what does not is not told, and counts as if it did.
     """
 
     stamp_ns: int
     measured: DeviceMeasurement
     applied: Array
     round_trip: float = 0.0
+    obeys: bool = True
 
 
 def pack_device(sample: DeviceSample) -> Array:
-    """Return the data (28,) of a ``device/state`` message."""
+    """Return the data (29,) of a ``device/state`` message."""
     stamp = divmod(sample.stamp_ns, NANOSECONDS)
     measured = flat_device(sample.measured)
-    return np.concatenate((stamp, measured, sample.applied, (sample.round_trip,)))
+    told = sample.round_trip, float(sample.obeys)
+    return np.concatenate((stamp, measured, sample.applied, told))
 
 
 def unpack_device(data: object) -> DeviceSample:
@@ -143,13 +147,13 @@ def unpack_device(data: object) -> DeviceSample:
     """
     given = np.array(data, dtype=float)
     size = sum(DEVICE_FIELDS.values())
-    if given.shape == (_WITHOUT_ROUND_TRIP,):
-        given = np.append(given, 0.0)
+    if given.shape == (_OLD_DEVICE_SIZE,):
+        given = np.append(given, _NOT_TOLD)
     values = checked_values("device state", given, size)
     check_unit(values[5:9])
     stamp_ns = int(values[0]) * NANOSECONDS + int(values[1])
-    measured, round_trip = device_of(values[DEVICE_MEASURED]), float(values[27])
-    return DeviceSample(stamp_ns, measured, values[21:27], round_trip)
+    measured, obeys = device_of(values[DEVICE_MEASURED]), bool(values[28])
+    return DeviceSample(stamp_ns, measured, values[21:27], float(values[27]), obeys)
 
 
 def pack_rendering(rendering: Rendering) -> Array:

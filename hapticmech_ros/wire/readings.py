@@ -33,11 +33,13 @@ class DeviceReading(NamedTuple):
         stamp_ns: its time, ns.
         measured: (19,) as control/flat.py describes it.
         round_trip: s, from a sample to its answer, as the device finds it; 0: not known.
+        obeys: whether the device obeys servo_cf.
     """
 
     stamp_ns: int
     measured: Array
     round_trip: float
+    obeys: bool
 
 
 class RenderingReading(NamedTuple):
@@ -67,8 +69,9 @@ def read_device(values: Array) -> DeviceReading:
     stamp = _stamp(values, _DEVICE_SIZE, 5)
     if stamp == UNSOUND:
         sample = unpack_device(values)
-        return DeviceReading(sample.stamp_ns, values[DEVICE_MEASURED], sample.round_trip)
-    return DeviceReading(stamp, values[DEVICE_MEASURED], values.item(-1))
+        told = sample.round_trip, sample.obeys
+        return DeviceReading(sample.stamp_ns, values[DEVICE_MEASURED], *told)
+    return DeviceReading(stamp, values[DEVICE_MEASURED], values.item(-2), values.item(-1) != 0.0)
 
 
 def read_rendering(values: Array) -> RenderingReading:
