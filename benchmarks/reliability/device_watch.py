@@ -2,8 +2,8 @@
 
     python -m benchmarks.reliability.device_watch FILE
 
-Prints a line once the device is heard and one once it renders, and writes FILE (NumPy, .npz) when it
-is told to end.
+Prints a line once the device is heard and one once it renders, and writes FILE (NumPy, .npz) when
+it is told to end.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray
@@ -54,8 +55,6 @@ def watch(file: Path) -> None:
     node.create_subscription(Float64MultiArray, "device/state", on_state, QOS, raw=True)
     node.create_subscription(Float64MultiArray, "device/energy", energies.append, QOS, raw=True)
     node.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QOS)
-    from rclpy.experimental import EventsExecutor
-
     executor = EventsExecutor()
     executor.add_node(node)
     while not stop.asked:

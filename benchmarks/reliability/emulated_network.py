@@ -1,8 +1,8 @@
 """A network between two hosts that are none: two network namespaces and a forwarder between them.
 
-Needs Linux, root (CAP_NET_ADMIN, CAP_SYS_ADMIN) and ``ip``; no kernel module beyond veth. The device
-is in one namespace, the rest of the graph in the other; nothing gets out of either but through the
-forwarder, which runs in a third one.
+Needs Linux, root (CAP_NET_ADMIN, CAP_SYS_ADMIN) and ``ip``; no kernel module beyond veth. The
+device is in one namespace, the rest of the graph in the other; nothing gets out of either but
+through the forwarder, which runs in a third one.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ _MTU = 1500
 _SIOCETHTOOL = 0x8946
 # Checksums are left to hardware that is not there: receivers would refuse what was forwarded.
 _ETHTOOL_OFF = (0x17, 0x19, 0x1F, 0x24)
+_FORWARDER = "benchmarks.reliability.forwarder"
 ROOT = FilePath(__file__).parents[2]
 
 
@@ -58,16 +59,17 @@ def not_permitted() -> str:
     if os.geteuid() != 0:
         return "needs root, for network namespaces"
     name = f"hm{os.getpid()}p"
-    tried = subprocess.run(["ip", "netns", "add", name], capture_output=True, text=True)
-    if tried.returncode:
-        return f"network namespaces cannot be made: {tried.stderr.strip()}"
-    tried = subprocess.run(
-        ["ip", "-n", name, "link", "add", "a0", "type", "veth", "peer", "name", "b0"],
-        capture_output=True,
-        text=True,
-    )
-    subprocess.run(["ip", "netns", "del", name], check=True)
-    return f"no veth: {tried.stderr.strip()}" if tried.returncode else ""
+    try:
+        _ip("netns", "add", name)
+    except RuntimeError as error:
+        return f"no network namespaces: {error}"
+    try:
+        _ip("-n", name, "link", "add", "a0", "type", "veth", "peer", "name", "b0")
+    except RuntimeError as error:
+        return f"no virtual Ethernet: {error}"
+    finally:
+        _ip("netns", "del", name)
+    return ""
 
 
 class EmulatedNetwork:
@@ -157,8 +159,7 @@ class EmulatedNetwork:
             _ip("-n", name, "neighbour", "add", other, "lladdr", other_mac, "dev", "net0")
             _ip("-n", self._wire, "link", "set", outer, "mtu", _MTU, "up")
         self._forwarder = subprocess.Popen(
-            ["ip", "netns", "exec", self._wire]
-            + [sys.executable, "-m", "benchmarks.reliability.forwarder", "end0", "end1"],
+            ["ip", "netns", "exec", self._wire, sys.executable, "-m", _FORWARDER, "end0", "end1"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -168,7 +169,8 @@ class EmulatedNetwork:
 
 
 def _ip(*arguments: object) -> None:
-    found = subprocess.run(["ip", *map(str, arguments)], capture_output=True, text=True)
+    command = ["ip", *map(str, arguments)]
+    found = subprocess.run(command, check=False, capture_output=True, text=True)
     if found.returncode:
         said = found.stderr.strip()
         raise RuntimeError(f"ip {' '.join(map(str, arguments))}: {said}")

@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 ETH_P_IP = 0x0800
 LARGEST_FRAME = 65_536
 BUFFER_BYTES = 8 << 20
+COUNTED = ("came", "lost", "held_back")
 _PR_SET_TIMERSLACK = 29
 
 
@@ -44,7 +45,7 @@ class Direction:
     reordered: float = 0.0
     held: float = 0.005
     out: bool = False
-    counts: dict[str, int] = field(default_factory=lambda: dict(came=0, lost=0, held_back=0))
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTED, 0))
 
     def late(self, draw: random.Random) -> float | None:
         """Return how late (s) the next packet is; None if it is lost."""

@@ -22,9 +22,14 @@ from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 
 Array = NDArray[np.float64]
 START_TIMEOUT_S = 60.0
+# Starts a command with its standard error where its output goes.
+_JOINED = ("sh", "-c", 'exec "$0" "$@" 2>&1')
 _NOT_DEVICE = "mechanism_simulator,nullspace_analyser,teleoperation_controller"
 _ENDS = np.cumsum(list(DEVICE_FIELDS.values()))
-_AT = {name: slice(end - DEVICE_FIELDS[name], end) for name, end in zip(DEVICE_FIELDS, _ENDS)}
+_AT = {
+    name: slice(end - DEVICE_FIELDS[name], end)
+    for name, end in zip(DEVICE_FIELDS, _ENDS, strict=True)
+}
 
 
 @dataclass(frozen=True)
@@ -34,7 +39,8 @@ class Watched:
     Attributes:
         time: (n,) of its samples, s of the machine's clock.
         force: (n,) size of what its actuators applied, N.
-        position: (n, 3) m.
+        obeys: (n,) whether the device obeyed servo_cf.
+        round_trip: (n,) s, as the device told it.
         from_hand: (m,) E_h at view rate, J, with energies' times ``energy_time`` (m,).
         dissipated: (m,) J, by passivity control.
         to_mechanism: (m,) E_m, J.
@@ -44,7 +50,8 @@ class Watched:
 
     time: Array
     force: Array
-    position: Array
+    obeys: NDArray[np.bool_]
+    round_trip: Array
     energy_time: Array
     from_hand: Array
     to_mechanism: Array
@@ -62,6 +69,21 @@ class Watched:
                         if key == name:
                             return value
         return ""
+
+    def engaged(self) -> float:
+        """Return for which share of the samples the device obeyed, from the first on."""
+        first = int(np.argmax(self.obeys)) if self.obeys.any() else 0
+        return float(np.mean(self.obeys[first:]))
+
+    def zero_after(self, start: float, stop: float) -> float:
+        """Return how long (s) after a time the last force left, before another time (s)."""
+        pushed = (self.time < stop) & (self.force > 0.0)
+        return float(self.time[pushed].max() - start) if pushed.any() else 0.0
+
+    def back_after(self, start: float) -> float:
+        """Return how long (s) after a time (s) the device renders; infinite if it does not."""
+        renders = (self.time > start) & self.obeys & (self.force > 0.0)
+        return float(self.time[renders].min() - start) if renders.any() else np.inf
 
 
 class SplitGraph:
@@ -115,7 +137,7 @@ class SplitGraph:
         if name == "watch":
             # rclpy and transports as the nodes have them.
             environment = {**environment, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-        process = start_process(command, environment, pipe_output=True)
+        process = start_process([*_JOINED, *command], environment, pipe_output=True)
         self._processes[name] = process
         threading.Thread(target=self._keep, args=(name, process), daemon=True).start()
 
@@ -164,7 +186,8 @@ class SplitGraph:
         return Watched(
             states[:, 0] + 1e-9 * states[:, 1],
             np.linalg.norm(states[:, _AT["applied"]][:, :3], axis=1),
-            states[:, _AT["position"]],
+            states[:, _AT["obeys"]][:, 0] != 0.0,
+            states[:, _AT["round_trip"]][:, 0],
             energies[:, 0] + 1e-9 * energies[:, 1],
             energies[:, 2],
             energies[:, 4],
