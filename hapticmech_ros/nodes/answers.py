@@ -46,8 +46,11 @@ class Answers(InOrder):
         """Return whether to obey from now on, or already.
 
         What answers a sample from before the device let go was meant for a hand that was held.
+        Commands that answer no sample are those of somebody who closes no loop.
         """
-        if not self.obeys and self.answered_ns > self._let_go_ns:
+        answered_ns = self.answered_ns
+        late = answered_ns <= self._let_go_ns and self._loop.remembers(answered_ns)
+        if not (self.obeys or late):
             self.obeys = True
             self._loop.begin()
         return self.obeys
