@@ -132,7 +132,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def reseat(self) -> None:
         """Stand still where all was well, with the actuators at zero, held by nobody."""
-        self._state, self._push = self._refuge.go_back(), NO_WRENCH
+        self._state, self._push = self._refuge.go_back(self.now_ns()), NO_WRENCH
         self.deactivate()
         self.activate()
 
@@ -146,6 +146,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Move the device on under the command that stands, and publish what it measures."""
+        if self._refuge.rests(deadline_ns, self.activate):
+            return
         if self._ticks or not self.lockstep:
             for time_ns in self.times(periods, deadline_ns):
                 self._move(self._standing_command(time_ns))
@@ -179,6 +181,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Return the device's state and figures."""
         now, counts = self.now_ns(), self._envelope.counts
         fault = self._guard.fault(now)
+        if not fault and self._refuge.resting:
+            fault = f"begins anew, {self.failures.last}"
         rendering = not fault and self._command.fresh(now, self.timeout_ns)
         sentence = "rendering" if rendering else f"{fault or 'no commands'}: actuators at zero"
         return (
