@@ -43,6 +43,7 @@ class Rig:
         all_topics: watch the mechanism's and the analyser's messages too.
         clock: what /clock says, for nodes with ``use_sim_time``; nobody publishes it if left out.
         domain: ROS_DOMAIN_ID; one that is probably free if left out.
+        clean: measure a clean run first.
 
     Attributes:
         environment: of a process that is to meet the graph, with the machine's own clock.
@@ -59,6 +60,7 @@ class Rig:
         all_topics: bool = False,
         clock: SteppedClock | None = None,
         domain: int | None = None,
+        clean: bool = True,
     ) -> None:
         out.mkdir(parents=True, exist_ok=True)
         self._log = out / f"{name}.log"
@@ -66,6 +68,7 @@ class Rig:
         self._parameters = {"diagnostics_period": 0.2, **(parameters or {})}
         self._all_topics = all_topics
         self._clock = clock
+        self._clean = clean
         self._stack = ExitStack()
         self._graphs: list[Graph] = []
         self.environment = {**private_environment(domain), "OPENBLAS_NUM_THREADS": "1"}
@@ -73,7 +76,7 @@ class Rig:
         self.lateness_ns = np.zeros(0)
 
     def __enter__(self) -> Rig:
-        """Start watcher and graph, and measure a clean run.
+        """Start watcher and graph, and measure a clean run if asked to.
 
         Raises:
             BenchError: the device does not render.
@@ -87,7 +90,8 @@ class Rig:
                 self.start("clock_source.py", environment=self._clock.environment(self.environment))
             self._stack.callback(self._stop_graph)
             self._start_graph()
-            self._run_clean()
+            if self._clean:
+                self._run_clean()
         except BaseException:
             self._stack.close()
             raise

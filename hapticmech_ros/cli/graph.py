@@ -148,12 +148,12 @@ def stop_by_signals() -> threading.Event:
 
 def settings_of(texts: list[str]) -> dict[str, object]:
     """Return parameters given as ``[node.]name=value``; values are YAML, as ROS reads them."""
-    from ruamel.yaml import YAML
+    from hapticmech_ros.yaml_text import read_yaml
 
     found: dict[str, object] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not (equals and name):
             raise InvalidInputError("--set", text, "must be [NODE.]PARAMETER=VALUE")
-        found[name] = YAML(typ="safe", pure=True).load(value)
+        found[name] = read_yaml(value, f"--set {text}")
     return found

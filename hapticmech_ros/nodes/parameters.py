@@ -73,6 +73,14 @@ class NodeParameters(BaseModel):
     control_rate: float = number(
         0.0, "samples per second; 0: the scene's own", "Hz", 0.0, 10000.0, "unconfigured"
     )
+    network_delay: float = number(
+        0.0,
+        "one way between device and controller, designed for; 0: the scene's connection.expected",
+        "s",
+        0.0,
+        1.0,
+        "unconfigured",
+    )
     autostart: bool = flag(True, "configure and activate at the start", "never")
     lockstep: bool = flag(
         False, "advance by messages stamped with /clock, not by time; needs use_sim_time", "never"
@@ -156,6 +164,9 @@ class ControllerParameters(NodeParameters):
 
     input_timeout: float = number(
         0.012, "an input older than this counts as lost: disengaged", "s", 0.001, 1.0
+    )
+    soften: bool = flag(
+        True, "gains pass to softer ones while the loop is later than they bear", "any"
     )
     constraint_stiffness: float = gain("k of the joint constraint", "N/m", 1000000.0)
     constraint_damping: float = gain("b of the joint constraint", "N s/m", 10000.0)

@@ -25,7 +25,7 @@ class Samples:
     def __init__(self) -> None:
         self.begun_ns = time.monotonic_ns() - 10_000 * MS
         self.apart_ns = time.time_ns() - time.monotonic_ns()
-        self.rows: list[tuple[int, int, int, float, float]] = []
+        self.rows: list[tuple[int, int, int, int, float, float]] = []
 
     def at(self, ms: float) -> int:
         return self.begun_ns + round(ms * MS)
@@ -35,7 +35,7 @@ class Samples:
     ) -> None:
         for ms in range(begin_ms, end_ms):
             stamp = self.at(ms) + self.apart_ns
-            self.rows.append((topic, self.at(ms + late_ms), stamp, force, 0.0))
+            self.rows.append((topic, self.at(ms + late_ms), stamp, ms, force, 0.0))
 
     def seen(self, fault: Fault) -> trial.Seen:
         import numpy as np
@@ -70,7 +70,7 @@ def test_a_torque_alone_is_a_push_and_so_is_what_is_no_number() -> None:
         samples = Samples()
         samples.push(0, 100, 0.5)
         samples.rows.append(
-            (DEVICE, samples.at(150.2), samples.at(150) + samples.apart_ns, force, torque)
+            (DEVICE, samples.at(150.2), samples.at(150) + samples.apart_ns, 150, force, torque)
         )
         samples.push(151, 152, 0.0)
         found = samples.seen(Fault("kill", 0, samples.at(99.9), samples.at(300)))
@@ -178,7 +178,7 @@ def test_a_ring_gives_back_what_was_put_into_it_since(tmp_path: Path) -> None:
     written = Ring(tmp_path / "ring", fresh=True)
     read = Ring(tmp_path / "ring")
     for number in range(10):
-        written.put(DEVICE, number, 2 * number, 0.5, 0.0)
+        written.put((DEVICE, number, 2 * number, number, 0.5, 0.0))
     assert read.count == 10
     assert read.since(7)["arrived_ns"].tolist() == [7, 8, 9]
     # Around the end, and what was lost meanwhile.
