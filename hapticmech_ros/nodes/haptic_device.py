@@ -5,8 +5,6 @@ CRTK: publishes measured_cp, measured_cv, measured_cf; obeys servo_cf.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pinocchio as pin
 from std_msgs.msg import Float64MultiArray
@@ -14,12 +12,13 @@ from std_srvs.srv import SetBool, Trigger
 
 from hapticmech_ros.control.passivity import passivity_for
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
-from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits
+from hapticmech_ros.device.safety import SafetyEnvelope
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
+from hapticmech_ros.nodes.device_limits import limits_of
 from hapticmech_ros.nodes.device_view import DeviceView
 from hapticmech_ros.nodes.hand_port import HandPort
 from hapticmech_ros.nodes.host import Host
@@ -96,17 +95,13 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Take new parameters: the timeouts count from now on."""
         super().adopt(parameters)
         self.timeout_ns = self.silence_ns(parameters.command_timeout)
-        device = self.scene.device
-        self._limits = SafetyLimits(
-            force=parameters.force_limit or device.force_limit,
-            torque=parameters.torque_limit or device.torque_limit,
-            force_slew=parameters.force_slew,
-            torque_slew=parameters.torque_slew,
-            ramp=parameters.start_ramp,
-            radius=parameters.workspace_radius or math.inf,
-        )
+        self._limits = limits_of(parameters, self.scene.device)
         if self._hand is not None:
             self._hand.adopt(parameters)
+
+    def vet(self, parameters: DeviceParameters) -> None:
+        """Refuse what is less safe than the scene allows."""
+        limits_of(parameters, self.scene.device)
 
     def activate(self) -> None:
         """Begin where the device is, held by nobody; in lockstep, held from the start."""
