@@ -16,7 +16,7 @@ from hapticmech_ros.bag import BagReader, BagWriter, unpack
 from hapticmech_ros.bag.check import check
 from hapticmech_ros.bag.info import inspect_bag
 from hapticmech_ros.bag.metadata import load_metadata
-from hapticmech_ros.bag.repair import repair
+from hapticmech_ros.bag.repair import repair, repair_in_child
 from hapticmech_ros.bag.unpack import unpack_file, unpacked
 from hapticmech_ros.errors import BagError, FileError, HapticMechError
 
@@ -65,12 +65,16 @@ def channel(offered: str, number: int = 1) -> bytes:
 def outcome(path: Path) -> str:
     """Return the first sentence of all that reads bags; none is more than one."""
     said = [*check(path).damage]
-    for read in (inspect_bag, repair):
-        try:
-            found = read(path)
-            said += [file.trouble for file in getattr(found, "files", ()) if read is repair]
-        except HapticMechError as error:
-            said.append(str(error))
+    try:
+        inspect_bag(path)
+    except HapticMechError as error:
+        said.append(str(error))
+    # What the child does, without one for each of so many bags.
+    scratch = path.parent / "scratch"
+    scratch.mkdir(exist_ok=True)
+    item = {"source": str(path), "target": str(scratch / "repaired"), "scratch": str(scratch)}
+    done = repair_in_child(item)
+    said += [done["error"]] if "error" in done else [file["trouble"] for file in done["files"]]
     assert all("Traceback" not in one and "\n" not in one for one in said)
     return " | ".join(said)
 
@@ -180,7 +184,7 @@ def test_tables_that_are_no_plain_ones(stored: Path, name: str, alone: bool) -> 
 
 TYPES = [
     *(f"UPDATE topics SET {column} = {value}" for column in ("name", "type", "offered_qos_profiles",
-      "type_description_hash", "serialization_format") for value in ("x'ff'", "1.5")),
+      "type_description_hash", "serialization_format") for value in ("x'ff'",)),
     *(f"UPDATE message_definitions SET {column} = x'ff'" for column in
       ("topic_type", "encoding", "encoded_message_definition")),
     "UPDATE topics SET name = CAST(x'fffe' AS TEXT)",
