@@ -72,5 +72,33 @@ class InvalidInputError(HapticMechError):
         super().__init__(f"{what}: {rule} (got {shown(value)})")
 
 
+class OutputError(HapticMechError):
+    """A value that a node was about to send, and that breaks a rule: it is not sent."""
+
+    def __init__(self, what: str, value: object, rule: str) -> None:
+        self.what = what
+        self.value = value
+        self.rule = rule
+        super().__init__(f"{what} is not sent: {rule} (got {shown(value)})")
+
+
 class BagError(HapticMechError):
     """A bag that cannot be read, or does not hold what was asked of it."""
+
+
+class FileError(HapticMechError):
+    """A file that cannot be read or written, or whose contents break a rule.
+
+    Attributes:
+        file: its path, or what else it is known by.
+        value: what was found.
+        rule: that it breaks, in words.
+        where: in the file, such as ``line 3``.
+    """
+
+    def __init__(self, file: str, value: object, rule: str, where: str = "file") -> None:
+        self.file = file
+        self.value = value
+        self.rule = rule
+        self.where = where
+        super().__init__(f"{file}: {where}: {rule} (got {shown(value)})")

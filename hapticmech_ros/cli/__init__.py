@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib.metadata import version
 from typing import Annotated
@@ -10,6 +11,7 @@ import typer
 
 from hapticmech_ros.cli import analyse, bag, bench, device, experiment, graph, replay, scene
 from hapticmech_ros.cli.console import console, errors
+from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError
 
 app = typer.Typer(
@@ -49,6 +51,7 @@ app.add_typer(device.app, name="device")
 
 def main() -> None:
     """Run the command; errors of ours are one clear message and exit code 1."""
+    choose_discovery(os.environ)
     try:
         app()
     except HapticMechError as error:

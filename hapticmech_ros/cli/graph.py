@@ -6,13 +6,15 @@ import os
 import signal
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from hapticmech_ros.cli.console import ComposedOption, SceneArgument, console
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.discovery import Discovery, choose_discovery
+from hapticmech_ros.errors import BagError, InvalidInputError
 
 CHECK_PERIOD_S = 0.2
 
@@ -52,13 +54,17 @@ def run(
     rate: Annotated[
         float, typer.Option(min=0.0, help="lockstep: times real time at most; 0: no limit")
     ] = 0.0,
+    discovery: Annotated[
+        Discovery | None, typer.Option(help="who finds the graph; else as ROS is set up")
+    ] = None,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
-    from hapticmech_ros.graph import Graph, check_running, start_process, stop_process
+    from hapticmech_ros.graph import Bystander, Graph, start_process
     from hapticmech_ros.lockstep import LockstepRun, run_lockstep
     from hapticmech_ros.nodes.entry import NODES, VIEWER
     from hapticmech_ros.scene import load_scene
 
+    choose_discovery(os.environ, discovery)
     loaded = load_scene(scene, control_rate)
     held = tuple(loaded.operational_point(name).name for name in hold or ())
     if len(set(held)) < len(held):
@@ -91,9 +97,14 @@ def run(
     nodes = [*NODES, VIEWER] if view else NODES
     recorder = None
     if record is not None:
+        if record.exists():
+            raise BagError(f"{record} exists: choose another place for --record")
         command = [sys.executable, "-m", "hapticmech_ros", "bag", "record", "--all"]
         command += ["--out", str(record), "--storage", storage]
-        recorder = start_process(command, os.environ)
+        loss = f"the bag {record} is incomplete (hapticmech bag repair {record} may help)"
+        process = start_process(command, os.environ)
+        recorder = Bystander("the recorder", process, loss, partial(typer.echo, err=True))
+    whole = True
     try:
         with Graph(
             scene, composed, namespace, parameters, None, nodes, held, arguments
@@ -104,10 +115,12 @@ def run(
                 left -= CHECK_PERIOD_S
                 graph.check()
                 if recorder is not None:
-                    check_running("the recorder", recorder)
+                    recorder.look()
     finally:
         if recorder is not None:
-            stop_process(recorder)
+            whole = recorder.end()
+    if not whole:
+        raise typer.Exit(1)
 
 
 def topics() -> None:
@@ -135,12 +148,12 @@ def stop_by_signals() -> threading.Event:
 
 def settings_of(texts: list[str]) -> dict[str, object]:
     """Return parameters given as ``[node.]name=value``; values are YAML, as ROS reads them."""
-    from ruamel.yaml import YAML
+    from hapticmech_ros.yaml_text import read_yaml
 
     found: dict[str, object] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not (equals and name):
             raise InvalidInputError("--set", text, "must be [NODE.]PARAMETER=VALUE")
-        found[name] = YAML(typ="safe", pure=True).load(value)
+        found[name] = read_yaml(value, f"--set {text}")
     return found

@@ -177,7 +177,7 @@ class PassivityController:
         if available <= 0.0:
             # The share that gives least.
             return min(max(-0.5 * slope / square, 0.0), 1.0)
-        root = (-slope + math.sqrt(slope**2 + 4.0 * square * available)) / (2.0 * square)
+        root = (-slope + math.sqrt(slope * slope + 4.0 * square * available)) / (2.0 * square)
         return min(max(root, 0.0), 1.0)
 
 
@@ -201,7 +201,7 @@ def _least_root(square: float, slope: float, constant: float) -> float:
 
     ``constant`` is above 0.
     """
-    discriminant = slope**2 - 4.0 * square * constant
+    discriminant = slope * slope - 4.0 * square * constant
     if square <= 0.0 or slope >= 0.0 or discriminant < 0.0:
         return math.inf
     # Without cancellation: slope is below 0.

@@ -17,9 +17,10 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.exchange import Outlet
+from hapticmech_ros.nodes.failures import Failures
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.message_info import Info, WithInfo
-from hapticmech_ros.nodes.messages import checked_time
+from hapticmech_ros.nodes.messages import checked_time, deserialized
 from hapticmech_ros.nodes.parameters import NodeParameters
 from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLISHER
@@ -27,7 +28,9 @@ from hapticmech_ros.nodes.sources import WITHIN, Sources
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.times import nanoseconds
+from hapticmech_ros.wire.bounds import wrench_bounds
 from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.stamps import seconds_of
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.wrench import WORLD, decode_wrench
 
@@ -44,6 +47,8 @@ class Actor(Generic[P]):
         parameters: as they stand; replaced as a whole between two callbacks.
         scene, point: what is modelled, and the operational point held.
         ages: of messages on arrival.
+        failures: of its callbacks and ticks.
+        limits, wrenches: how large numbers may be in messages, and those of wrenches.
     """
 
     name: ClassVar[str]
@@ -51,11 +56,16 @@ class Actor(Generic[P]):
 
     def __init__(self, node: Host, parameters: P) -> None:
         self.node = node
+        self.failures = Failures(node, self.reseat)
+        # Time that no stamp can hold is refused where it is first asked for.
+        seconds_of(node.now_ns())
         self.scene: Scene = load_scene(parameters.scene, parameters.control_rate)
         self.point = self.scene.operational_point(parameters.operational_point).name
         self.lockstep = parameters.lockstep
         self.control_input: QoSProfile = LOCKSTEP if self.lockstep else CONTROL_SUBSCRIBER
         self.output_qos: QoSProfile = LOCKSTEP if self.lockstep else STREAM_PUBLISHER
+        self.limits = self.scene.limits
+        self.wrenches = wrench_bounds(self.limits)
         self.ages = DurationHistogram()
         self.adopt(parameters)
 
@@ -75,6 +85,13 @@ class Actor(Generic[P]):
 
     def deactivate(self) -> None:
         """Stop acting, and leave nobody under a force."""
+
+    def reseat(self) -> None:
+        """Go back, after a failure, to where all was well, at rest, and leave nobody under a force.
+
+        Does not send what may have failed; what was heard before counts no more.
+        """
+        self.activate()
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return whether all is well, a sentence, and figures, for diagnostics."""
@@ -118,10 +135,16 @@ class Actor(Generic[P]):
 
         ``sources`` is told before whom each message comes from.
         """
-        callback: Callable[..., None] = self.guarded(name, accept)
+
+        def read(message: bytes, now_ns: int) -> None:
+            accept(deserialized(message, message_type), now_ns)
+
+        # As bytes: what is no whole message is refused here, as all others are, and counted.
+        callback: Callable[..., None] = self.guarded(name, read)
         if sources is not None:
             callback = self._watched(sources, callback)
-        made: Subscription = self.node.create_subscription(message_type, name, callback, qos)
+        create = self.node.create_subscription
+        made: Subscription = create(message_type, name, callback, qos, raw=True)
         return self.node.keep(made)
 
     def input_array(
@@ -160,7 +183,7 @@ class Actor(Generic[P]):
         """
 
         def read(message: bytes, now_ns: int) -> None:
-            found = decode_wrench(message)
+            found = decode_wrench(message, self.wrenches)
             if found.frame not in ("", WORLD):
                 raise InvalidInputError("frame_id", found.frame, f"must be '{WORLD}', or empty")
             limit = self.age_limit_ns
@@ -170,17 +193,22 @@ class Actor(Generic[P]):
         self._input_raw(name, WrenchStamped, qos, read, sources)
 
     def guarded(self, name: str, accept: Callable[[M, int], None]) -> Callable[[M], None]:
-        """Return a callback that hands on messages while active, and counts those refused."""
+        """Return a callback that hands on messages while active, and counts those refused.
+
+        What goes wrong otherwise is a failure: see :mod:`~hapticmech_ros.nodes.failures`.
+        """
+
+        def accepted(message: M) -> None:
+            try:
+                accept(message, self.now_ns())
+            except InvalidInputError as error:
+                self.node.refuse(name, error)
 
         def callback(message: M) -> None:
             if not self.node.active:
                 return
             self.node.look_at_clock()
-            now = self.now_ns()
-            try:
-                accept(message, now)
-            except InvalidInputError as error:
-                self.node.refuse(name, error)
+            self.failures.run(name, accepted, message)
             self.node.exchange.deliver()
 
         return callback
@@ -270,11 +298,11 @@ class ClockedActor(Actor[P]):
         if not self.lockstep:
             periods = clock.due(now_ns)
             if periods:
-                self.tick(periods, clock.last_deadline_ns)
+                self.failures.run("tick", self.tick, periods, clock.last_deadline_ns)
             return
         while clock.next_ns <= now_ns and self.ready(clock.next_ns):
             clock.due(clock.next_ns)
-            self.tick(1, clock.last_deadline_ns)
+            self.failures.run("tick", self.tick, 1, clock.last_deadline_ns)
 
     def times(self, periods: int, deadline_ns: int) -> Iterator[int]:
         """Yield the time, ns, of each step to make for a deadline, those first that are caught up.

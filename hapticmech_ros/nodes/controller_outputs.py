@@ -17,7 +17,7 @@ from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY
-from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, ServoGain, pack_gain
+from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, ServoGain, gain_bounds, pack_gain
 from hapticmech_ros.wire.port_energies import CONTROLLER_ENERGY_FIELDS, pack_controller_energy
 from hapticmech_ros.wire.topics import (
     CHANNEL_PART,
@@ -45,7 +45,8 @@ class ControllerOutputs:
     def __init__(self, actor: Actor[Any]) -> None:
         self._actor = actor
         self._message = WrenchStamped()
-        self._gain, self._energy = FlatArray(GAIN_FIELDS), FlatArray(CONTROLLER_ENERGY_FIELDS)
+        self._gain = FlatArray(GAIN_FIELDS, gain_bounds(actor.limits))
+        self._energy = FlatArray(CONTROLLER_ENERGY_FIELDS)
         self._publish_device = actor.output(DEVICE_COMMAND, WrenchStamped)
         self._publish_gain = actor.output(DEVICE_GAIN, Float64MultiArray)
         self._publish_energy = actor.output(CONTROLLER_ENERGY, Float64MultiArray)
@@ -71,7 +72,7 @@ class ControllerOutputs:
 
     def device(self, wrenches: Array, stamp_ns: int, energies: LedgerEntry) -> None:
         """Publish row 0 of an answer (6, 6); at view rate also its parts, rows 2 to 4."""
-        self._publish_device.publish(encode_wrench(wrenches[0], stamp_ns))
+        self._publish_device.publish(encode_wrench(wrenches[0], stamp_ns, self._actor.wrenches))
         if self.answers % self._actor.view_every == 0:
             for publisher, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
                 write_wrench(self._message, wrench, stamp_ns)
@@ -82,7 +83,7 @@ class ControllerOutputs:
 
     def mechanism(self, wrench: Array, stamp_ns: int) -> None:
         """Publish what the mechanism is told."""
-        self._publish_point.publish(encode_wrench(wrench, stamp_ns))
+        self._publish_point.publish(encode_wrench(wrench, stamp_ns, self._actor.wrenches))
 
     def zero(self, stamp_ns: int) -> None:
         """Say zero to both sides."""

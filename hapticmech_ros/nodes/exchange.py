@@ -13,6 +13,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from hapticmech_ros.nodes.sent_numbers import check_finite
+
 # How many messages may be on their way through the middleware back to this process.
 MOST_UNDERWAY = 1024
 # How long an answer holds to the question of who listens: asked each time it would cost as much as
@@ -68,10 +70,16 @@ class Outlet:
         return self._stays or self.publisher.get_subscription_count() > 0
 
     def publish(self, message: Any) -> None:
-        """Send a message, or its bytes, to all who listen."""
+        """Send a message, or its bytes, to all who listen.
+
+        Raises:
+            OutputError: a message with numbers that are not finite; those in bytes were looked at
+                when they were written.
+        """
         line = self._line
         if type(message) is not bytes:
             if self.wanted:
+                check_finite(message)
                 self.publisher.publish(message)
             return
         if not line.listeners:

@@ -67,7 +67,7 @@ class Grasps:
 
     def _on_grasp(self, name: str, message: PoseStamped, now_ns: int) -> None:
         del now_ns
-        frame, pose = message.header.frame_id, read_framed_pose(message)
+        frame, pose = message.header.frame_id, read_framed_pose(message, self._actor.limits)
         scene = self._mechanism.scene
         if frame == WORLD:
             frame = scene.operational_point(name).link

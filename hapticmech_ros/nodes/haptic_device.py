@@ -25,12 +25,13 @@ from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Stamped, Standing
 from hapticmech_ros.nodes.local_loop import LocalLoop
 from hapticmech_ros.nodes.parameters import DeviceParameters
+from hapticmech_ros.nodes.refuge import Refuge
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.device_wire import DeviceWriter
-from hapticmech_ros.wire.gain_wire import GAIN_FIELDS
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED
+from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, gain_bounds
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED, device_bounds
 from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,
     DEVICE_GAIN,
@@ -56,7 +57,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         super().__init__(node, parameters)
         self._hand_waits = parameters.hand_waits
         self._envelope = SafetyEnvelope(self.period_s)
-        self._loop = LocalLoop()
+        self._loop = LocalLoop(gain_bounds(self.limits))
         self._passivity = passivity_for(self.scene)
         self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
         self._push: Array = NO_WRENCH
@@ -64,6 +65,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._command: Standing[tuple[Array, int]] = Standing()
         self._commands: Stamped[Array] = Stamped()
         self._state: DeviceState = self._device.at_rest(self._start_pose())
+        self._refuge = Refuge(self._state, self.period_s)
         self._held: DeviceState | None = None
         self._ticks_held = 0
         # Whether commands are obeyed; whether people have not been told yet that they are not.
@@ -71,7 +73,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self.times_held = 0
         self.latency = DurationHistogram()
         self._ticks = 0
-        self._wire, self._written = FlatArray(DEVICE_FIELDS), DeviceWriter()
+        self._wire = FlatArray(DEVICE_FIELDS, device_bounds(self.limits))
+        self._written = DeviceWriter()
         self._publish_wire = self.output(DEVICE_STATE, Float64MultiArray)
         self._view = DeviceView(self)
         node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
@@ -123,6 +126,12 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._put_at_zero()
         self._state = self._device.at_rest(self._state.pose, home=self._state.home)
 
+    def reseat(self) -> None:
+        """Stand still where all was well, with the actuators at zero, held by nobody."""
+        self._state, self._push = self._refuge.go_back(), NO_WRENCH
+        self.deactivate()
+        self.activate()
+
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the command to act on, and the hand's wrench if awaited, are there."""
         if self._hand is None or not self._hand.ready(deadline_ns):
@@ -140,6 +149,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
                 self._command.sampled()
         self._push = NO_WRENCH if self._hand is None else self._hand.at(deadline_ns)
         self._publish(deadline_ns)
+        self._refuge.keep(self._state)
         self._loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
         if self._ticks % self.view_every == 0 or self._let_go_untold:
             self._publish_view(deadline_ns)

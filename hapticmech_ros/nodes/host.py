@@ -81,5 +81,8 @@ class Host(Protocol):
     def every(self, period_s: float, callback: Callable[[], None]) -> None:
         """Call back at a period of the machine's clock while the node is active."""
 
+    def end(self) -> None:
+        """Deactivate if active."""
+
     def refuse(self, topic: str, error: InvalidInputError) -> None:
         """Count a message that breaks a rule, and say so now and then."""

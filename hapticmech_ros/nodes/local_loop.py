@@ -8,7 +8,8 @@ from hapticmech_ros.control.local_model import corrected
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.inputs import Latest, Stamped
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.gain_wire import ServoGain, unpack_gain
+from hapticmech_ros.wire.bounds import Bounds
+from hapticmech_ros.wire.gain_wire import ServoGain, gain_bounds, unpack_gain
 
 # A gain older than this says nothing of where the mechanism is now.
 FRESH_NS = NANOSECONDS // 10
@@ -19,12 +20,16 @@ REMEMBERED = 2048
 class LocalLoop:
     """Remembers samples, and corrects commands that answer them.
 
+    Args:
+        bounds: of the gains that it is told.
+
     Attributes:
         gains: by stamp, in lockstep.
         to_mechanism: E_m as it was told last, J; None before.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, bounds: Bounds | None = None) -> None:
+        self._bounds = bounds or gain_bounds()
         self.gains: Stamped[ServoGain] = Stamped()
         self.to_mechanism: float | None = None
         self._gain: Latest[ServoGain] = Latest()
@@ -40,9 +45,9 @@ class LocalLoop:
         """Take a ``servo_gain`` message's data.
 
         Raises:
-            InvalidInputError: wrong length, or not finite.
+            InvalidInputError: as :func:`~hapticmech_ros.wire.gain_wire.unpack_gain`.
         """
-        gain = unpack_gain(values)
+        gain = unpack_gain(values, self._bounds)
         if lockstep:
             self.gains.put(gain, gain.stamp_ns)
         else:

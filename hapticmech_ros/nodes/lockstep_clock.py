@@ -22,7 +22,7 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 
 from hapticmech_ros.bag.writer import BagWriter
-from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.child import tell
 from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.nodes.message_class import message_class
@@ -134,8 +134,12 @@ class LockstepClock(Node):
             if self._writer is not None:
                 self._writer.write(name, self.time_ns, data)
             if control:
+                try:
+                    self._awaited[name] = stamp_of(data)
+                except InvalidInputError:
+                    # Somebody else's: whoever it is for refuses it, and says so.
+                    return
                 self.last_heard_s = time.monotonic()
-                self._awaited[name] = stamp_of(data)
                 if self._awaited[name] >= self.time_ns:
                     self._missing.discard(name)
                     if not self._missing and not self.completed.done():

@@ -25,6 +25,7 @@ from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.transitions import refuse_impossible_transitions
 from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.stamps import LAST_NS
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 
 E = TypeVar("E")
@@ -291,7 +292,7 @@ class ManagedNode(LifecycleNode):
 
     def _adopt(self, before: NodeParameters) -> None:
         if self.actor is not None:
-            self.actor.adopt(self.parameters)
+            self.actor.failures.run("parameters", self.actor.adopt, self.parameters)
         if self.parameters.diagnostics_period != before.diagnostics_period:
             self.destroy_timer(self._timer)
             self._start_diagnostics()
@@ -307,7 +308,7 @@ class ManagedNode(LifecycleNode):
         if actor is None:
             reason = "" if self.failure is None else f": {self.failure}"
             return False, f"unconfigured{reason}", {}
-        well, sentence, figures = actor.status()
+        well, sentence, figures = actor.failures.status(actor.status)
         figures = {**figures, **actor.ages.summary("message_age")}
         figures["clock_steps"] = str(self._clock_steps)
         figures["last_clock_step"] = self._last_step
@@ -325,5 +326,5 @@ class ManagedNode(LifecycleNode):
             values=[KeyValue(key=key, value=value) for key, value in figures.items()],
         )
         message = DiagnosticArray(status=[status])
-        set_stamp(message.header.stamp, self.now_ns())
+        set_stamp(message.header.stamp, min(max(self.now_ns(), 0), LAST_NS))
         self._diagnostics.publish(message)

@@ -9,7 +9,7 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Evaluation, MechanismState, Simulator
 from hapticmech_ros.mechanism.grasp import grasp_written
 from hapticmech_ros.mechanism.model import Array
@@ -23,6 +23,7 @@ from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.point_port import PointPort
 from hapticmech_ros.nodes.pushes import Pushes
 from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.nodes.refuge import Refuge
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
@@ -68,12 +69,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._held = [self._mechanism.point_index(name.strip()) for name in held]
         self._on_links: dict[str, Array] = {}
         self._silent_until_ns = 0
-        self.failures = 0
+        self._refuge = Refuge(self._state, self.period_s)
         self._ticks = self._sampled_ns = 0
         self._joints = JointState(name=list(coordinate_names(self._mechanism)))
         self._joints.header.frame_id = WORLD
         self._layout = StateLayout(self._mechanism)
-        self._wire = FlatArray(self._layout.fields)
+        self._wire = FlatArray(self._layout.fields, self._layout.bounds)
         self._energy = FlatArray(ENERGY_FIELDS)
         self._publish_wire = self.output(STATE, Float64MultiArray)
         self._publish_joints = self.output(JOINT_STATES, JointState)
@@ -90,7 +91,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._grasps.announce()
         self._announced = self._state.active
         self._announce_closures()
-        offer_closures(node, [c.name for c in self._mechanism.closures], self._switch)
+        offer_closures(self, [c.name for c in self._mechanism.closures], self._switch)
 
     def adopt(self, parameters: MechanismParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
@@ -124,6 +125,13 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         """Come to rest: on activation the mechanism goes on from here."""
         self._state = replace(self._state, v=np.zeros_like(self._state.v))
 
+    def reseat(self) -> None:
+        """Stand still where all was well, pushed by nobody, and be silent for all to notice."""
+        self._state = self._refuge.go_back()
+        self.deactivate()
+        self.activate()
+        self._silent_until_ns = self.now_ns() + FAILURE_SILENCE_NS
+
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the commands to act on, and awaited wrenches, are there."""
         if self.parameters.awaits_external and not all(
@@ -137,18 +145,15 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         """Step the mechanism under the wrenches that stand, and publish its state."""
         if deadline_ns < self._silent_until_ns:
             return
-        try:
-            if self._ticks or not self.lockstep:
-                for time_ns in self.times(periods, deadline_ns):
-                    self._commands = self._commanded(time_ns)
-                    self._move()
-                if not self.backlog.owed:
-                    for port in self._ports:
-                        port.command.sampled()
-            self._external = self._pushing(deadline_ns)
-            self._publish(deadline_ns)
-        except HapticMechError as error:
-            self._fail(error, deadline_ns)
+        if self._ticks or not self.lockstep:
+            for time_ns in self.times(periods, deadline_ns):
+                self._commands = self._commanded(time_ns)
+                self._move()
+            if not self.backlog.owed:
+                for port in self._ports:
+                    port.command.sampled()
+        self._external = self._pushing(deadline_ns)
+        self._publish(deadline_ns)
 
     def _publish(self, deadline_ns: int) -> None:
         state, external = self._state, self._by_all()
@@ -159,6 +164,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             deadline_ns, state.active, state.q, state.v, external, self._grasps.numbers, heard
         )
         self._publish_wire.publish(self._wire.encode(self._layout.pack(wire)))
+        self._refuge.keep(state)
         if state.active != self._announced:
             self._announce_closures()
         if self._ticks % self.view_every == 0:
@@ -188,12 +194,13 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             "kinetic_energy_j": f"{energy.kinetic:.6g}",
             "potential_energy_j": f"{energy.potential:.6g}",
             "energy_balance_j": f"{energy.balance:.9g}",
-            "failures": str(self.failures),
         }
         now = self.now_ns()
         fault = next((fault for port in self._ports if (fault := port.fault(now))), "")
         figures["fault"] = fault
-        well = self.failures == 0 and not fault
+        if not fault and now < self._silent_until_ns:
+            fault = f"begins anew, {self.failures.last}"
+        well = not fault
         return well, fault or f"closed loops: {closed}", figures
 
     def _move(self) -> None:
@@ -279,13 +286,6 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         size = len(self._state.active)
         message.layout.dim = [MultiArrayDimension(label=label, size=size, stride=size)]
         self._publish_closures.publish(message)
-
-    def _fail(self, error: HapticMechError, now_ns: int) -> None:
-        """Stand still where all was well, and be silent long enough to be noticed."""
-        self.failures += 1
-        self.node.get_logger().error(f"mechanism stopped: {error}")
-        self._state = replace(self._state, v=np.zeros_like(self._state.v))
-        self._silent_until_ns = now_ns + FAILURE_SILENCE_NS
 
     def _listen_to_pushes(self, points: Sequence[str]) -> Pushes:
         bodies = [*points, *(link.name for link in self.scene.links)]

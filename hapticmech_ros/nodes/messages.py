@@ -6,20 +6,40 @@ Reading raises :class:`InvalidInputError` naming value and rule; writing fills a
 from __future__ import annotations
 
 import array
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, WrenchStamped
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.quaternions import quaternion_of
+from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.bounds import SixBounds, pose_bounds
 from hapticmech_ros.wire.layouts import pose_of
+from hapticmech_ros.wire.stamps import seconds_of, stamp_of
 
 WORLD = "world"
+M = TypeVar("M")
+
+
+def deserialized(message: bytes, message_type: type[M]) -> M:
+    """Return the message in bytes that anybody may have sent.
+
+    Raises:
+        InvalidInputError: cut short, or not such a message.
+    """
+    try:
+        found: M = deserialize_message(message, message_type)
+    except RuntimeError as error:
+        rule = f"must be a whole {message_type.__name__}"
+        raise InvalidInputError("message", f"{len(message)} bytes: {error}", rule) from None
+    return found
 
 
 def stamp_ns(header: Header) -> int:
@@ -28,18 +48,23 @@ def stamp_ns(header: Header) -> int:
 
 
 def set_stamp(stamp: Time, time_ns: int) -> None:
-    """Write a time in ns into a stamp."""
-    stamp.sec, stamp.nanosec = divmod(time_ns, NANOSECONDS)
+    """Write a time in ns into a stamp.
+
+    Raises:
+        OutputError: a time that no stamp can hold.
+    """
+    stamp.sec, stamp.nanosec = seconds_of(time_ns)
 
 
 def checked_stamp(header: Header, now_ns: int, limit_ns: int, unstamped_is_now: bool) -> int:
     """Return the header's time, ns.
 
     Raises:
-        InvalidInputError: further than ``limit_ns`` from now; or zero where that is not allowed to
-            mean now.
+        InvalidInputError: none that a stamp can be; further than ``limit_ns`` from now; or zero
+            where that is not allowed to mean now.
     """
-    return checked_time(stamp_ns(header), now_ns, limit_ns, unstamped_is_now)
+    time_ns = stamp_of(header.stamp.sec, header.stamp.nanosec)
+    return checked_time(time_ns, now_ns, limit_ns, unstamped_is_now)
 
 
 def checked_time(time_ns: int, now_ns: int, limit_ns: int, unstamped_is_now: bool) -> int:
@@ -65,47 +90,47 @@ def check_age(time_ns: int, now_ns: int, limit_ns: int) -> None:
         raise InvalidInputError("age of stamp, s", (now_ns - time_ns) / NANOSECONDS, rule)
 
 
-def read_wrench(message: WrenchStamped, frame: str = WORLD) -> Array:
+def read_wrench(message: WrenchStamped, bounds: SixBounds, frame: str = WORLD) -> Array:
     """Return (6,) force and torque, N and N m, in the axes of ``frame``.
 
     Raises:
-        InvalidInputError: another frame, or not finite.
+        InvalidInputError: another frame, or beyond its bounds.
     """
     check_frame(message.header, frame)
-    return _six("wrench", message.wrench.force, message.wrench.torque)
+    return _six(bounds, message.wrench.force, message.wrench.torque)
 
 
-def read_twist(message: TwistStamped) -> Array:
+def read_twist(message: TwistStamped, bounds: SixBounds) -> Array:
     """Return (6,) linear and angular velocity, m/s and rad/s, given in ``world``.
 
     Raises:
-        InvalidInputError: another frame, or not finite.
+        InvalidInputError: another frame, or beyond its bounds.
     """
     check_frame(message.header)
-    return _six("twist", message.twist.linear, message.twist.angular)
+    return _six(bounds, message.twist.linear, message.twist.angular)
 
 
-def read_pose(message: PoseStamped) -> pin.SE3:
+def read_pose(message: PoseStamped, limits: Limits) -> pin.SE3:
     """Return the pose in ``world``.
 
     Raises:
-        InvalidInputError: another frame, not finite, or a quaternion that is not of unit length.
+        InvalidInputError: another frame, a position beyond its limit, not finite, or a quaternion
+            that is not of unit length.
     """
     check_frame(message.header)
-    return read_framed_pose(message)
+    return read_framed_pose(message, limits)
 
 
-def read_framed_pose(message: PoseStamped) -> pin.SE3:
+def read_framed_pose(message: PoseStamped, limits: Limits) -> pin.SE3:
     """Return the pose in whatever frame the message names.
 
     Raises:
-        InvalidInputError: not finite, or a quaternion that is not of unit length.
+        InvalidInputError: a position beyond its limit, not finite, or a quaternion that is not of
+            unit length.
     """
     p, o = message.pose.position, message.pose.orientation
-    values = np.array((p.x, p.y, p.z, o.x, o.y, o.z, o.w))
-    if not np.isfinite(values).all():
-        raise InvalidInputError("pose", values.tolist(), "must be finite")
-    return pose_of(values[:3], values[3:])
+    pose_bounds(limits).check((p.x, p.y, p.z, o.x, o.y, o.z))
+    return pose_of(np.array((p.x, p.y, p.z)), np.array((o.x, o.y, o.z, o.w)))
 
 
 def check_frame(header: Header, frame: str = WORLD) -> None:
@@ -163,8 +188,7 @@ def _write_six(first: Vector3, second: Vector3, values: Array) -> None:
     first.x, first.y, first.z, second.x, second.y, second.z = values.tolist()
 
 
-def _six(what: str, first: Vector3, second: Vector3) -> Array:
-    values = np.array((first.x, first.y, first.z, second.x, second.y, second.z))
-    if not np.isfinite(values).all():
-        raise InvalidInputError(what, values.tolist(), "must be finite")
-    return values
+def _six(bounds: SixBounds, first: Vector3, second: Vector3) -> Array:
+    six = first.x, first.y, first.z, second.x, second.y, second.z
+    bounds.check(six)
+    return np.array(six)

@@ -6,6 +6,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, UInt8
 
 from hapticmech_ros.control.lateness import loop_lateness
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import build
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
 from hapticmech_ros.mechanism.model import Array
@@ -19,7 +20,7 @@ from hapticmech_ros.operational.counter import CountState, first_count, next_cou
 from hapticmech_ros.operational.spectrum import rank_of
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import COMMANDED, RENDERING_FIELDS
+from hapticmech_ros.wire.layouts import COMMANDED, RENDERING_FIELDS, rendering_bounds
 from hapticmech_ros.wire.rendering_wire import RenderingWriter
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import (
@@ -55,7 +56,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.analyses = 0
         self._rendering = RenderingWriter(self._analyser)
         self._grasp = flat_grasp(self.scene, self._analyser.point).tobytes()
-        self._encoder = FlatArray(RENDERING_FIELDS)
+        self._encoder = FlatArray(RENDERING_FIELDS, rendering_bounds(self.limits))
         self._square = matrix_message("row", "column", 6, 6)
         self._publish_rendering = self.output(RENDERING, Float64MultiArray)
         self._publish_inertia = self.output(INVERSE_INERTIA, Float64MultiArray)
@@ -73,6 +74,11 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         """Start the count anew."""
         self._count = None
         self._mechanisms.forget()
+
+    def reseat(self) -> None:
+        """Forget what was found of states so far."""
+        self._rendering = RenderingWriter(self._analyser)
+        self.activate()
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return what was analysed and how often."""
@@ -104,7 +110,11 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             self._fall_silent(fault)
             return
         self._silenced = False
-        rendering.see(state)
+        try:
+            rendering.see(state)
+        except (HapticMechError, ArithmeticError, ValueError) as error:
+            rule = f"must be a state that can be analysed: {error}"
+            raise InvalidInputError("joint positions", state.q.tolist(), rule) from None
         count = self._counted(rendering.s, state.stamp_ns)
         rendering.count(count)
         self._publish_rendering.publish(self._encoder.encode(rendering.values))
@@ -123,6 +133,8 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._silenced = True
         self._count = None
         self.node.get_logger().warning(f"{fault}: silent")
+        if not self._rendering.values[0]:
+            return  # nobody was told anything
         self._rendering.values[COMMANDED] = 0.0
         self._publish_rendering.publish(self._encoder.encode(self._rendering.values))
 

@@ -76,7 +76,7 @@ class Pushes:
         self._timeout_ns = 0
         self._named: set[str] = set()
         self.sources: dict[str, Source] = {}
-        actor.node.every(SCAN_PERIOD_S, self.scan)
+        actor.node.every(SCAN_PERIOD_S, lambda: actor.failures.run("scan for pushes", self.scan))
 
     def listen(self, relative: str) -> None:
         """Listen to a body's own topic from the start, without waiting for a publisher."""
@@ -157,7 +157,7 @@ class Pushes:
             if frame not in self._frames:
                 rule = f"must be one of {', '.join(sorted(self._frames))}"
                 raise InvalidInputError("frame_id", frame, rule)
-            source.wrench.put(read_wrench(message, frame), now_ns)
+            source.wrench.put(read_wrench(message, actor.wrenches, frame), now_ns)
             source.frame = frame
 
         subscription = actor.input(name, WrenchStamped, COMMAND_SUBSCRIBER, accept)

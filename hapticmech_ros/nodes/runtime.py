@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from hapticmech_ros.discovery import exposure
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import StopRequest, run_until, wake_up_in_time
@@ -35,6 +37,9 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
     wake_up_in_time()
     rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
     herald = _herald()
+    exposed = exposure()
+    if exposed:
+        get_logger("discovery").warning(exposed)
     from hapticmech_ros.nodes.managed import ManagedNode
 
     nodes: list[ManagedNode] = []

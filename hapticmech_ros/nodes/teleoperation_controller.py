@@ -30,7 +30,12 @@ from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
-from hapticmech_ros.wire.readings import RenderingReading, read_device, read_rendering
+from hapticmech_ros.wire.readings import (
+    RenderingReading,
+    read_device,
+    read_rendering,
+    reading_bounds,
+)
 from hapticmech_ros.wire.topics import (
     DEVICE_FORCE,
     DEVICE_POSE,
@@ -61,6 +66,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._engagement: Engagement | None = None
         self._epoch_ns = 0
         super().__init__(node, parameters)
+        self._bounds = reading_bounds(self.limits)
         self._grasp = b""
         self._side = self._new_side()
         self._arrived: Answer | None = None
@@ -148,6 +154,17 @@ class TeleoperationController(Actor[ControllerParameters]):
         """Let go of device and mechanism."""
         self._disengage("deactivated")
 
+    def reseat(self) -> None:
+        """Disengage, say zero to both sides, and begin with controllers and accounts made anew."""
+        self._engagement = self._arrived = None
+        # Made when it is asked for.
+        self.__dict__.pop("_control", None)
+        self.adopt(self.parameters)
+        self._side = self._new_side()
+        self._devices, self._renderings = Stamped(), Stamped()
+        self.activate()
+        self._outputs.zero(self.now_ns())
+
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return whether the controller is engaged, or which inputs it lacks."""
         now = self.now_ns()
@@ -179,7 +196,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         return engaged, sentence, figures
 
     def _on_device_state(self, values: Array, now_ns: int) -> None:
-        stamp, device = read_device(values)
+        stamp, device = read_device(values, self._bounds.device)
         check_age(stamp, now_ns, self.age_limit_ns)
         self._state_ns = now_ns
         self._local = True
@@ -200,7 +217,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     def _on_device_pose(self, message: PoseStamped, now_ns: int) -> None:
         """Answer a device that speaks CRTK only: its pose comes last of a sample's three."""
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-        pose = read_pose(message)
+        pose = read_pose(message, self.limits)
         if self.lockstep:
             return
         if fault := self._fault(now_ns):
@@ -307,14 +324,14 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     def _on_force(self, message: WrenchStamped, now_ns: int) -> None:
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-        self._hand.put(read_wrench(message), stamp)
+        self._hand.put(read_wrench(message, self.wrenches), stamp)
 
     def _on_twist(self, message: TwistStamped, now_ns: int) -> None:
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-        self._twist.put(read_twist(message), stamp)
+        self._twist.put(read_twist(message, self._bounds.twist), stamp)
 
     def _on_rendering(self, values: Array, now_ns: int) -> None:
-        found = read_rendering(values)
+        found = read_rendering(values, self._bounds.rendering)
         check_age(found.stamp_ns, now_ns, self.age_limit_ns)
         self._rendering.put(found, found.stamp_ns)
         self.ages.add(now_ns - found.stamp_ns)

@@ -17,6 +17,7 @@ from hapticmech_ros.scene.controller import Connection, Controller
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.gain_rule import by_rule
 from hapticmech_ros.scene.hand import Hand
+from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.scene.mechanism import (
     Closure,
     Coupling,
@@ -55,6 +56,7 @@ class Scene(Part):
     controller: Controller = Controller()
     connection: Connection = Connection()
     experiment: Experiment = Experiment()
+    limits: Limits = Limits()
 
     @model_validator(mode="after")
     def _gains_by_rule(self) -> Scene:

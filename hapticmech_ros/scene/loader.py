@@ -10,21 +10,19 @@ from typing import Any
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
-from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
-from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.errors import FileError, SceneError, SceneProblem
+from hapticmech_ros.files import is_file, read_text
 from hapticmech_ros.scene.contact_rules import with_mesh_paths
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.part import LARGEST
 from hapticmech_ros.scene.rules import broken_rules
 from hapticmech_ros.scene.script import with_script_path
 from hapticmech_ros.share import shared
+from hapticmech_ros.yaml_text import read_yaml
 
 MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf")
 FILE_SIZE_LIMIT = 4_000_000
-# Values in a document with its aliases written out: a short file can alias its way to billions.
-VALUE_LIMIT = 200_000
 
 
 def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scene:
@@ -55,33 +53,15 @@ def written_document(path: Path) -> object:
     """Return what a scene's file says; of a model, that it is the scene's.
 
     Raises:
-        SceneError: too large, not readable, or not YAML.
+        SceneError: too large, not readable, or not YAML within the limits of ``yaml_text``.
     """
     if path.suffix.lower() in MODEL_SUFFIXES:
         return {"format": "hapticmech-scene/1", "model": path.name}
-    if path.stat().st_size > FILE_SIZE_LIMIT:
-        problem = SceneProblem("file", path.stat().st_size, f"at most {FILE_SIZE_LIMIT} bytes")
-        raise SceneError(str(path), [problem])
     try:
-        document = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
-    except MarkedYAMLError as error:
-        mark = error.problem_mark
-        where = f"line {mark.line + 1}" if mark is not None else "file"
-        raise SceneError(
-            str(path), [SceneProblem(where, error.problem, "not valid YAML")]
-        ) from None
-    except (OSError, UnicodeDecodeError, YAMLError) as error:
-        raise SceneError(str(path), [SceneProblem("file", str(error), "cannot be read")]) from None
-    except ValueError as error:  # such as !!int or a date that is none
-        problem = SceneProblem("file", str(error), "not valid YAML")
+        return read_yaml(read_text(path, FILE_SIZE_LIMIT), str(path))
+    except FileError as error:
+        problem = SceneProblem(error.where, error.value, error.rule)
         raise SceneError(str(path), [problem]) from None
-    except RecursionError:
-        problem = SceneProblem("file", str(path), "nested too deeply")
-        raise SceneError(str(path), [problem]) from None
-    if not _values_within(document, VALUE_LIMIT):
-        rule = f"at most {VALUE_LIMIT} values with all aliases written out"
-        raise SceneError(str(path), [SceneProblem("file", str(path), rule)])
-    return document
 
 
 def _at_rate(document: object, control_rate: float) -> object:
@@ -124,7 +104,7 @@ def find_scene(scene: str | os.PathLike[str]) -> Path:
         SceneError: neither exists; the message lists the shipped scenes.
     """
     given = Path(scene)
-    if given.is_file():
+    if is_file(given):
         return given
     shipped = shipped_scenes()
     if str(scene) in shipped:
@@ -162,21 +142,6 @@ def _value(item: ErrorDetails) -> object:
     if item["type"] == "missing" and isinstance(item["input"], Mapping):
         return None
     return item["input"]
-
-
-def _values_within(document: object, limit: int) -> bool:
-    """Return whether ``document`` holds at most ``limit`` values, aliases counted at each use."""
-    pending, count = [document], 0
-    while pending:
-        value = pending.pop()
-        count += 1
-        if isinstance(value, Mapping):
-            pending.extend(value.values())
-        elif isinstance(value, list | tuple | set):
-            pending.extend(value)
-        if count + len(pending) > limit:
-            return False
-    return True
 
 
 def rule_of(item: ErrorDetails) -> str:

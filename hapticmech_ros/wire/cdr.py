@@ -12,8 +12,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.wire.bounds import Bounds
+from hapticmech_ros.wire.stamps import stamp_of
 
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 _HEADER = len(_LITTLE_ENDIAN)
@@ -24,9 +26,11 @@ class FlatArray:
 
     Args:
         fields: name -> size, in order; becomes the label of the message's one dimension.
+        bounds: what is sent keeps them; None: any finite numbers.
     """
 
-    def __init__(self, fields: Mapping[str, int]) -> None:
+    def __init__(self, fields: Mapping[str, int], bounds: Bounds | None = None) -> None:
+        self._bounds = bounds
         self.size = sum(fields.values())
         label = ",".join(f"{name}:{size}" for name, size in fields.items()).encode() + b"\0"
         body = struct.pack("<II", 1, len(label)) + label
@@ -42,10 +46,17 @@ class FlatArray:
 
         Raises:
             InvalidInputError: not ``size`` numbers.
+            OutputError: numbers that are not finite, or beyond their bounds.
         """
         if values.shape != (self.size,):
             raise InvalidInputError("array", values.shape, f"must have shape ({self.size},)")
-        return self._prefix + np.ascontiguousarray(values, dtype="<f8").tobytes()
+        values = np.ascontiguousarray(values, dtype="<f8")
+        if self._bounds is not None:
+            self._bounds.check_output(values)
+        elif not np.isfinite(values).all():
+            at = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise OutputError(f"array[{at}]", float(values[at]), "must be finite")
+        return self._prefix + values.tobytes()
 
     def decode(self, message: bytes) -> Array:
         """Return the data of a serialized message, of this layout or of any other, read-only.
@@ -107,23 +118,24 @@ def header_stamp(message: bytes) -> int:
     """Return the stamp (ns) of a serialized message that begins with a std_msgs/Header.
 
     Raises:
-        InvalidInputError: cut short, or not little-endian CDR.
+        InvalidInputError: cut short, not little-endian CDR, or a stamp that is none.
     """
     if message[:2] != _LITTLE_ENDIAN[:2] or len(message) < _HEADER + 8:
         raise InvalidInputError(
             "message", message[:12], "must be a whole little-endian CDR message"
         )
     seconds, nanoseconds = struct.unpack_from("<iI", message, _HEADER)
-    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+    return stamp_of(seconds, nanoseconds)
 
 
 def array_stamp(message: bytes) -> int:
     """Return the stamp (ns) of a serialized flat array whose first two numbers it is.
 
     Raises:
-        InvalidInputError: cut short, or not a Float64MultiArray of two numbers and more.
+        InvalidInputError: cut short, not a Float64MultiArray of two numbers and more, or a stamp
+            that is none.
     """
     values = decode(message)
     if values.size < 2:
         raise InvalidInputError("array", values.size, "must begin with seconds and nanoseconds")
-    return int(values[0]) * 1_000_000_000 + int(values[1])
+    return stamp_of(*values[:2].tolist())

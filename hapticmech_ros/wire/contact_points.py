@@ -12,9 +12,10 @@ import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import checked_values
+from hapticmech_ros.wire.stamps import seconds_of
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.touching import Touching
@@ -58,7 +59,7 @@ class ContactLayout:
         """Return the serialized message of what touches; None: nothing does."""
         count = 0 if touching is None else touching.pairs.size
         values = np.zeros(STAMP + PER_POINT * count)
-        values[:STAMP] = divmod(time_ns, NANOSECONDS)
+        values[:STAMP] = seconds_of(time_ns)
         if touching is not None and count:
             rows = values[STAMP:].reshape(count, PER_POINT)
             rows[:, 0], rows[:, 7] = touching.pairs, touching.depths
@@ -66,8 +67,7 @@ class ContactLayout:
             rows[:, 8:] = touching.forces
         flat = self._flat.get(count)
         if flat is None:
-            fields = {"stamp": STAMP, self._label: PER_POINT * count}
-            flat = self._flat[count] = FlatArray(fields)
+            flat = self._flat[count] = FlatArray(self._fields(count))
         return flat.encode(values)
 
     def unpack(self, data: Array) -> ContactPoints:
@@ -77,12 +77,15 @@ class ContactLayout:
             InvalidInputError: wrong length, not finite, or a pair that the scene has not.
         """
         count = max(0, (len(data) - STAMP) // PER_POINT)
-        values = checked_values("contacts", data, STAMP + PER_POINT * count)
+        bounds = bounds_of("contacts", self._fields(count))
+        stamp_ns, values = checked_values(data, bounds)
         rows = values[STAMP:].reshape(count, PER_POINT)
-        pairs = rows[:, 0].astype(np.int64)
+        pairs = np.clip(rows[:, 0], -1.0, self._pairs).astype(np.int64)
         wrong = (pairs != rows[:, 0]) | (pairs < 0) | (pairs >= self._pairs)
         if wrong.any():
             rule = f"must be an index of the scene's {self._pairs} contacts"
             raise InvalidInputError("pair", float(rows[np.argmax(wrong), 0]), rule)
-        stamp_ns = int(values[0]) * NANOSECONDS + int(values[1])
         return ContactPoints(stamp_ns, pairs, rows[:, 1:4], rows[:, 4:7], rows[:, 7], rows[:, 8:])
+
+    def _fields(self, count: int) -> dict[str, int]:
+        return {"stamp": STAMP, self._label: PER_POINT * count}

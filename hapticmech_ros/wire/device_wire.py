@@ -6,8 +6,8 @@ import numpy as np
 
 from hapticmech_ros.device import NO_WRENCH, DeviceState
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED
+from hapticmech_ros.wire.stamps import seconds_of
 
 
 class DeviceWriter:
@@ -28,7 +28,7 @@ class DeviceWriter:
 
     def see(self, state: DeviceState, push: Array, stamp_ns: int) -> None:
         """Write a state at a time (ns); ``push`` (6,) is by others, added to the hand's wrench."""
-        self.values[0], self.values[1] = divmod(stamp_ns, NANOSECONDS)
+        self.values[0], self.values[1] = seconds_of(stamp_ns)
         self._published[:] = state.published
         if push is not NO_WRENCH:
             self.hand_wrench += push

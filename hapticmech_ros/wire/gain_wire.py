@@ -8,8 +8,10 @@ import numpy as np
 
 from hapticmech_ros.control.local_model import LocalModel
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.wire.bounds import Bounds, bounds_of
 from hapticmech_ros.wire.layouts import checked_values
+from hapticmech_ros.wire.stamps import seconds_of, stamp_of
 
 # Field -> size; ``stamp`` and ``answered`` are seconds and nanoseconds.
 GAIN_FIELDS: dict[str, int] = {
@@ -41,18 +43,26 @@ class ServoGain(NamedTuple):
 
 def pack_gain(gain: ServoGain) -> Array:
     """Return the data (113,) of a ``device/servo_gain`` message."""
-    stamps = *divmod(gain.stamp_ns, NANOSECONDS), *divmod(gain.answered_ns, NANOSECONDS)
+    stamps = *seconds_of(gain.stamp_ns), *seconds_of(gain.answered_ns)
     matrices = (matrix.ravel() for matrix in gain.model)
     return np.concatenate(((*stamps, gain.to_mechanism), *matrices))
 
 
-def unpack_gain(data: object) -> ServoGain:
+def gain_bounds(limits: Limits | None = None) -> Bounds:
+    """Return the bounds of ``device/servo_gain``; of finite numbers where no scene is known."""
+    return bounds_of("gain", GAIN_FIELDS, limits)
+
+
+_ANY = gain_bounds()
+
+
+def unpack_gain(data: object, bounds: Bounds = _ANY) -> ServoGain:
     """Return the decoded message.
 
     Raises:
-        InvalidInputError: wrong length, or not finite.
+        InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
-    values = checked_values("gain", data, sum(GAIN_FIELDS.values()))
-    stamp, answered = (int(values[at]) * NANOSECONDS + int(values[at + 1]) for at in (0, 2))
+    stamp, values = checked_values(data, bounds)
+    answered = stamp_of(*values[2:4].tolist())
     model = LocalModel(*values[_MODEL:].reshape(3, 6, 6))
     return ServoGain(stamp, answered, float(values[4]), model)

@@ -11,27 +11,33 @@ from hapticmech_ros.mechanism.model import Array
 UNSOUND = -1
 
 
-@kernel("int64(Array(float64, 1, 'C', readonly=True), int64, float64)")
-def stamp_if_sound(values: Array, quaternion: int, tolerance: float) -> int:
+@kernel(
+    "int64(Array(float64, 1, 'C', readonly=True), Array(float64, 1, 'C', readonly=True), "
+    "int64, float64)"
+)
+def stamp_if_sound(values: Array, most: Array, quaternion: int, tolerance: float) -> int:
     """Return the time (ns) that a message stands for, or :data:`UNSOUND`.
 
-    Sound is what certainly keeps the rules: all numbers finite; of unit length within half the
-    tolerance the quaternion; a time of no more digits than a stamp has.
+    Sound is what certainly keeps the rules: no number larger than it may be, which none is that is
+    not finite; of unit length within half the tolerance the quaternion; a stamp of whole numbers.
 
     Args:
         values: the message's data, which begins with seconds and nanoseconds.
-        quaternion: index of the first of its four numbers.
+        most: as many numbers, the largest sizes that are allowed.
+        quaternion: index of the first of its four numbers; below 0 for none.
         tolerance: of the quaternion's length.
     """
     for i in range(values.size):
-        if not np.isfinite(values[i]):
+        if not abs(values[i]) <= most[i]:
             return UNSOUND
-    square = 0.0
-    for i in range(quaternion, quaternion + 4):
-        square += values[i] * values[i]
-    if abs(np.sqrt(square) - 1.0) > 0.5 * tolerance:
+    if quaternion >= 0:
+        square = 0.0
+        for i in range(quaternion, quaternion + 4):
+            square += values[i] * values[i]
+        if abs(np.sqrt(square) - 1.0) > 0.5 * tolerance:
+            return UNSOUND
+    # Within their bounds by now: they fit into whole numbers.
+    seconds, nanoseconds = int(values[0]), int(values[1])
+    if values[0] != seconds or values[1] != nanoseconds or seconds < 0 or nanoseconds < 0:
         return UNSOUND
-    seconds, nanoseconds = values[0], values[1]
-    if not (0.0 <= seconds < 4e9 and 0.0 <= nanoseconds < 1e9):
-        return UNSOUND
-    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+    return seconds * 1_000_000_000 + nanoseconds

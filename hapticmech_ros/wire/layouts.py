@@ -21,12 +21,11 @@ from hapticmech_ros.control.flat import (
     place_of,
     point_of,
 )
-from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.grasp import GRASP_SIZE
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.times import NANOSECONDS
-
-QUATERNION_TOLERANCE = 1e-3
+from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.wire.bounds import Bounds, bounds_of, check_unit
+from hapticmech_ros.wire.stamps import seconds_of
 
 # Field -> size. ``stamp`` is seconds and nanoseconds, as two numbers, to lose no bit.
 RENDERING_FIELDS: dict[str, int] = {
@@ -125,7 +124,7 @@ class DeviceSample(NamedTuple):
 
 def pack_device(sample: DeviceSample) -> Array:
     """Return the data (27,) of a ``device/state`` message."""
-    stamp = divmod(sample.stamp_ns, NANOSECONDS)
+    stamp = seconds_of(sample.stamp_ns)
     return np.concatenate((stamp, flat_device(sample.measured), sample.applied))
 
 
@@ -133,11 +132,9 @@ def unpack_device(data: object) -> DeviceSample:
     """Return the decoded message.
 
     Raises:
-        InvalidInputError: wrong length, not finite, or a quaternion off unit length.
+        InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
-    values = checked_values("device state", data, sum(DEVICE_FIELDS.values()))
-    check_unit(values[5:9])
-    stamp_ns = int(values[0]) * NANOSECONDS + int(values[1])
+    stamp_ns, values = checked_values(data, _DEVICE)
     return DeviceSample(stamp_ns, device_of(values[DEVICE_MEASURED]), values[21:27])
 
 
@@ -145,7 +142,7 @@ def pack_rendering(rendering: Rendering) -> Array:
     """Return the message's data (151,)."""
     s = np.zeros(6)
     s[: rendering.s.size] = rendering.s
-    head = (*divmod(rendering.stamp_ns, NANOSECONDS), rendering.count, rendering.s.size)
+    head = (*seconds_of(rendering.stamp_ns), rendering.count, rendering.s.size)
     rendered = flat_rendered(rendering.model, rendering.point)
     return np.concatenate((head, s, rendered, (rendering.commanded,), rendering.grasp))
 
@@ -154,13 +151,12 @@ def unpack_rendering(data: object) -> Rendering:
     """Return the decoded message.
 
     Raises:
-        InvalidInputError: wrong length, not finite, or a quaternion off unit length.
+        InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
-    values = checked_values("rendering", data, sum(RENDERING_FIELDS.values()))
-    check_unit(values[127:131])
+    stamp_ns, values = checked_values(data, _RENDERING)
     rendered = values[RENDERED]
     return Rendering(
-        int(values[0]) * NANOSECONDS + int(values[1]),
+        stamp_ns,
         int(values[2]),
         values[4 : 4 + int(values[3])],
         model_of(rendered),
@@ -174,7 +170,7 @@ def pack_energy(energy: Energy) -> Array:
     """Return the message's data (8,)."""
     return np.array(
         (
-            *divmod(energy.stamp_ns, NANOSECONDS),
+            *seconds_of(energy.stamp_ns),
             energy.kinetic,
             energy.potential,
             energy.work_in,
@@ -189,10 +185,10 @@ def unpack_energy(data: object) -> Energy:
     """Return the decoded message.
 
     Raises:
-        InvalidInputError: wrong length, or not finite.
+        InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
-    values = checked_values("energy", data, sum(ENERGY_FIELDS.values()))
-    return Energy(int(values[0]) * NANOSECONDS + int(values[1]), *map(float, values[2:]))
+    stamp_ns, values = checked_values(data, _ENERGY)
+    return Energy(stamp_ns, *map(float, values[2:]))
 
 
 def pose_of(position: Array, quaternion: Array) -> pin.SE3:
@@ -205,28 +201,25 @@ def pose_of(position: Array, quaternion: Array) -> pin.SE3:
     return place_of(np.concatenate((position, quaternion)))
 
 
-def check_unit(quaternion: Array) -> None:
-    """Refuse a quaternion that is no rotation.
+def device_bounds(limits: Limits | None = None) -> Bounds:
+    """Return the bounds of ``device/state``; of finite numbers where no scene is known."""
+    return bounds_of("device state", DEVICE_FIELDS, limits)
+
+
+def rendering_bounds(limits: Limits | None = None) -> Bounds:
+    """Return the bounds of ``rendering``; of finite numbers where no scene is known."""
+    return bounds_of("rendering", RENDERING_FIELDS, limits)
+
+
+def checked_values(data: object, bounds: Bounds) -> tuple[int, Array]:
+    """Return the stamp (ns) of a message's data, and the data as an array of their own (n,).
 
     Raises:
-        InvalidInputError: off unit length by more than 1e-3.
-    """
-    length = float(np.sqrt(quaternion @ quaternion))
-    if abs(length - 1.0) > QUATERNION_TOLERANCE:
-        rule = f"quaternion must have unit length within {QUATERNION_TOLERANCE:g}"
-        raise InvalidInputError("length of quaternion", length, rule)
-
-
-def checked_values(what: str, data: object, size: int) -> Array:
-    """Return the message's data as an array (size,).
-
-    Raises:
-        InvalidInputError: wrong length, or not finite.
+        InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
     values = np.array(data, dtype=float)
-    if values.shape != (size,):
-        raise InvalidInputError(f"{what} message", values.size, f"must hold {size} numbers")
-    if not np.isfinite(values).all():
-        index = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise InvalidInputError(f"{what} message[{index}]", values[index], "must be finite")
-    return values
+    return bounds.stamp(values), values
+
+
+_DEVICE, _RENDERING = device_bounds(), rendering_bounds()
+_ENERGY = bounds_of("energy", ENERGY_FIELDS)

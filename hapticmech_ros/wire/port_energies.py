@@ -8,8 +8,9 @@ import numpy as np
 
 from hapticmech_ros.control.energy_ledger import LedgerEntry
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.layouts import checked_values
+from hapticmech_ros.wire.stamps import seconds_of
 
 # Field -> size; ``stamp`` is seconds and nanoseconds, the rest J.
 CONTROLLER_ENERGY_FIELDS: dict[str, int] = {
@@ -27,6 +28,8 @@ DEVICE_ENERGY_FIELDS: dict[str, int] = {
     "available": 1,
     "dissipated": 1,
 }
+_CONTROLLER = bounds_of("controller energy", CONTROLLER_ENERGY_FIELDS)
+_DEVICE = bounds_of("device energy", DEVICE_ENERGY_FIELDS)
 # Told as available where nothing is held back.
 UNLIMITED = 1e30
 
@@ -53,17 +56,16 @@ class DeviceEnergy(NamedTuple):
 
 def pack_controller_energy(entry: LedgerEntry, stamp_ns: int) -> Array:
     """Return the data (6,) of a ``controller/energy`` message."""
-    return np.array((*divmod(stamp_ns, NANOSECONDS), *entry))
+    return np.array((*seconds_of(stamp_ns), *entry))
 
 
 def unpack_controller_energy(data: object) -> tuple[int, LedgerEntry]:
     """Return stamp, ns, and energies of a ``controller/energy`` message.
 
     Raises:
-        InvalidInputError: wrong length, or not finite.
+        InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
-    values = checked_values("controller energy", data, sum(CONTROLLER_ENERGY_FIELDS.values()))
-    stamp_ns = int(values[0]) * NANOSECONDS + int(values[1])
+    stamp_ns, values = checked_values(data, _CONTROLLER)
     return stamp_ns, LedgerEntry(*map(float, values[2:]))
 
 
@@ -71,15 +73,14 @@ def pack_device_energy(energy: DeviceEnergy) -> Array:
     """Return the data (7,) of a ``device/energy`` message."""
     stamp_ns, *energies = energy
     energies[3] = min(energies[3], UNLIMITED)
-    return np.array((*divmod(stamp_ns, NANOSECONDS), *energies))
+    return np.array((*seconds_of(stamp_ns), *energies))
 
 
 def unpack_device_energy(data: object) -> DeviceEnergy:
     """Return the decoded message.
 
     Raises:
-        InvalidInputError: wrong length, or not finite.
+        InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
-    values = checked_values("device energy", data, sum(DEVICE_ENERGY_FIELDS.values()))
-    stamp_ns = int(values[0]) * NANOSECONDS + int(values[1])
+    stamp_ns, values = checked_values(data, _DEVICE)
     return DeviceEnergy(stamp_ns, *map(float, values[2:]))

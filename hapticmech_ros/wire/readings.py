@@ -1,7 +1,7 @@
 """Messages of the control rate, checked but not taken apart: what the compiled control reads.
 
-They keep the same rules as in :mod:`~hapticmech_ros.wire.layouts`. A kernel lets pass what keeps
-them beyond doubt; whatever else comes goes the long way there, which names the rule.
+They keep the same rules as in :mod:`~hapticmech_ros.wire.layouts`; see
+:mod:`~hapticmech_ros.wire.bounds`.
 """
 
 from __future__ import annotations
@@ -9,21 +9,26 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.wire.kernels import UNSOUND, stamp_if_sound
+from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.wire.bounds import Bounds, SixBounds, twist_bounds
 from hapticmech_ros.wire.layouts import (
     COMMANDED,
-    DEVICE_FIELDS,
     DEVICE_MEASURED,
     GRASP,
-    QUATERNION_TOLERANCE,
     RENDERED,
-    RENDERING_FIELDS,
-    unpack_device,
-    unpack_rendering,
+    device_bounds,
+    rendering_bounds,
 )
 
-_DEVICE_SIZE = sum(DEVICE_FIELDS.values())
-_RENDERING_SIZE = sum(RENDERING_FIELDS.values())
+_DEVICE, _RENDERING = device_bounds(), rendering_bounds()
+
+
+class ReadingBounds(NamedTuple):
+    """Bounds of what a controller reads: ``device/state``, ``rendering``, and twists."""
+
+    device: Bounds
+    rendering: Bounds
+    twist: SixBounds
 
 
 class DeviceReading(NamedTuple):
@@ -49,35 +54,29 @@ class RenderingReading(NamedTuple):
     grasp: bytes
 
 
-def read_device(values: Array) -> DeviceReading:
+def reading_bounds(limits: Limits) -> ReadingBounds:
+    """Return the bounds of a scene's limits."""
+    return ReadingBounds(device_bounds(limits), rendering_bounds(limits), twist_bounds(limits))
+
+
+def read_device(values: Array, bounds: Bounds = _DEVICE) -> DeviceReading:
     """Return what the control needs of a message's data.
 
     Raises:
-        InvalidInputError: as :func:`~hapticmech_ros.wire.layouts.unpack_device` does.
+        InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
     # Numbers inside a message's bytes need not lie as kernels expect.
     values = values.copy()
-    stamp = _stamp(values, _DEVICE_SIZE, 5)
-    if stamp == UNSOUND:
-        stamp = unpack_device(values).stamp_ns
-    return DeviceReading(stamp, values[DEVICE_MEASURED])
+    return DeviceReading(bounds.stamp(values), values[DEVICE_MEASURED])
 
 
-def read_rendering(values: Array) -> RenderingReading:
+def read_rendering(values: Array, bounds: Bounds = _RENDERING) -> RenderingReading:
     """Return what the control needs of a message's data.
 
     Raises:
-        InvalidInputError: as :func:`~hapticmech_ros.wire.layouts.unpack_rendering` does.
+        InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
     values = values.copy()
-    stamp = _stamp(values, _RENDERING_SIZE, 127)
-    if stamp == UNSOUND:
-        stamp = unpack_rendering(values).stamp_ns
+    stamp = bounds.stamp(values)
     commanded, grasp = values.item(COMMANDED) != 0.0, values[GRASP].tobytes()
     return RenderingReading(stamp, values[RENDERED], commanded, grasp)
-
-
-def _stamp(values: Array, size: int, quaternion: int) -> int:
-    if values.size != size:
-        return UNSOUND
-    return stamp_if_sound(values, quaternion, QUATERNION_TOLERANCE)

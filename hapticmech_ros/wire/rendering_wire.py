@@ -6,8 +6,8 @@ import numpy as np
 
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.layouts import COMMANDED, GRASP, RENDERING_FIELDS
+from hapticmech_ros.wire.stamps import seconds_of
 from hapticmech_ros.wire.state import WireState
 
 _START = dict(
@@ -44,7 +44,7 @@ class RenderingWriter:
         """
         self._analyser.see(state.q, state.v, state.active, self._seen)
         values = self.values
-        values[0], values[1] = divmod(state.stamp_ns, NANOSECONDS)
+        values[0], values[1] = seconds_of(state.stamp_ns)
         self._contact[:] = state.contacts[self._index]
         values[COMMANDED] = state.commanded[self._index]
         values[GRASP] = state.grasps[self._index]

@@ -6,7 +6,6 @@ and where that point is, taken at one time, so that they belong together.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +17,10 @@ from hapticmech_ros.mechanism.evaluation import Active
 from hapticmech_ros.mechanism.grasp import GRASP_SIZE
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import checked_values
+from hapticmech_ros.wire.stamps import seconds_of
 
 _FLAGS = frozenset((0.0, 1.0))
 
@@ -70,6 +71,7 @@ class StateLayout:
 
     Attributes:
         fields: name of each part of the flat array -> its size, for the message's label.
+        bounds: of its numbers, by the limits of the mechanism's scene.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -86,6 +88,7 @@ class StateLayout:
             "/".join(["grasp", *mechanism.point_names]): GRASP_SIZE * self._points,
             "/".join(["commanded", *mechanism.point_names]): self._points,
         }
+        self.bounds = bounds_of("state", self.fields, mechanism.scene.limits)
         self._size = sum(self.fields.values())
 
     def pack(self, state: WireState) -> Array:
@@ -93,7 +96,7 @@ class StateLayout:
         # One array of numbers, rather than one of arrays: there are few of them.
         return np.array(
             (
-                *divmod(state.stamp_ns, NANOSECONDS),
+                *seconds_of(state.stamp_ns),
                 *state.active,
                 *self._mechanism.coordinates(state.q).tolist(),
                 *state.v.tolist(),
@@ -108,12 +111,10 @@ class StateLayout:
         """Return the decoded message.
 
         Raises:
-            InvalidInputError: wrong length, not finite, or a flag that is neither 0 nor 1.
+            InvalidInputError: a flag that is neither 0 nor 1; and as
+                :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
         """
-        values = np.array(data, dtype=float)
-        # Squares overflow long before numbers do: then each is looked at.
-        if values.shape != (self._size,) or not math.isfinite(values @ values):
-            values = checked_values("state", values, self._size)
+        stamp_ns, values = checked_values(data, self.bounds)
         nv, first, points = self._mechanism.nv, 2 + self._closures, self._points
         contacts = first + 2 * nv
         numbers = values.tolist()
@@ -122,7 +123,7 @@ class StateLayout:
             raise InvalidInputError("flags", list(flags), "must be 0 or 1")
         q = self._mechanism.configuration(values[first : first + nv])
         return WireState(
-            int(numbers[0]) * NANOSECONDS + int(numbers[1]),
+            stamp_ns,
             tuple(map(bool, flags[: self._closures])),
             q,
             values[first + nv : contacts],
@@ -141,7 +142,7 @@ class StateLayout:
         if data.ndim != 2 or data.shape[1] != self._size:
             raise InvalidInputError("states", data.shape, f"must have shape (n, {self._size})")
         flags = np.hstack((data[:, 2:first], data[:, -self._points :]))
-        well = np.isfinite(data).all(axis=1) & ((flags == 0.0) | (flags == 1.0)).all(axis=1)
+        well = self.bounds.keeps(data) & ((flags == 0.0) | (flags == 1.0)).all(axis=1)
         if not well.all():
             self.unpack(data[int(np.argmin(well))])
         positions = data[:, first : first + nv]

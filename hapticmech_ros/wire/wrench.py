@@ -5,7 +5,6 @@ As in :mod:`~hapticmech_ros.wire.cdr`: the message's Python objects would cost m
 
 from __future__ import annotations
 
-import math
 import struct
 from typing import NamedTuple
 
@@ -13,7 +12,8 @@ import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.bounds import ANY_WRENCH, SixBounds
+from hapticmech_ros.wire.stamps import seconds_of, stamp_of
 
 WORLD = "world"
 # Encapsulation, seconds, nanoseconds, length of the frame's name; the name; six numbers, aligned.
@@ -37,17 +37,24 @@ class WireWrench(NamedTuple):
     values: Array
 
 
-def encode_wrench(values: Array, stamp_ns: int) -> bytes:
-    """Return the serialized message of a wrench (6,) in ``world``."""
-    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
-    return _WHOLE.pack(_LITTLE_ENDIAN, seconds, nanoseconds, 6, b"world\0", *values.tolist())
+def encode_wrench(values: Array, stamp_ns: int, bounds: SixBounds = ANY_WRENCH) -> bytes:
+    """Return the serialized message of a wrench (6,) in ``world``.
+
+    Raises:
+        OutputError: beyond its bounds, not finite, or a time that no stamp can hold.
+    """
+    six = values.tolist()
+    bounds.check_output(six)
+    seconds, nanoseconds = seconds_of(stamp_ns)
+    return _WHOLE.pack(_LITTLE_ENDIAN, seconds, nanoseconds, 6, b"world\0", *six)
 
 
-def decode_wrench(message: bytes) -> WireWrench:
+def decode_wrench(message: bytes, bounds: SixBounds = ANY_WRENCH) -> WireWrench:
     """Return what a serialized WrenchStamped holds.
 
     Raises:
-        InvalidInputError: cut short, not little-endian CDR, or a value that is not finite.
+        InvalidInputError: cut short, not little-endian CDR, a stamp that is none, or a wrench
+            beyond its bounds or not finite.
     """
     try:
         encapsulation, seconds, nanoseconds, length = _HEAD.unpack_from(message)
@@ -59,6 +66,5 @@ def decode_wrench(message: bytes) -> WireWrench:
     except struct.error as error:
         rule = "must be a whole WrenchStamped"
         raise InvalidInputError("message", f"{len(message)} bytes: {error}", rule) from None
-    if not all(map(math.isfinite, six)):
-        raise InvalidInputError("wrench", list(six), "must be finite")
-    return WireWrench(seconds * NANOSECONDS + nanoseconds, frame, np.array(six))
+    bounds.check(six)
+    return WireWrench(stamp_of(seconds, nanoseconds), frame, np.array(six))

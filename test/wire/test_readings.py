@@ -7,14 +7,17 @@ import pytest
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement, RenderingModel
 from hapticmech_ros.control.flat import flat_device, flat_rendered
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.cdr import FlatArray, decode
 from hapticmech_ros.wire.layouts import (
     DEVICE_FIELDS,
     RENDERING_FIELDS,
     DeviceSample,
     Rendering,
+    device_bounds,
     pack_device,
     pack_rendering,
+    rendering_bounds,
     unpack_device,
     unpack_rendering,
 )
@@ -136,25 +139,69 @@ def test_the_quaternion_has_to_be_of_unit_length(kind):
 @pytest.mark.parametrize(
     ("seconds", "nanoseconds"),
     [
-        (0.0, 0.0),
         (-1.0, 5.0),
+        (-0.5, 0.0),
         (1e30, 0.0),
+        (1.797e308, 0.0),
         (3.0, 1e9),
         (3.0, -7.0),
-        (3.0, 1e30),
+        (3.0, 1.797e308),
+        (2.0**31, 0.0),
         (4e9, 1.0),
-        (1.5, 0.5),
+        (1.5, 0.0),
+        (1.0, 0.5),
     ],
 )
-def test_odd_stamps_are_read_as_before(kind, seconds, nanoseconds):
+def test_stamps_that_are_none_are_refused_before_anything_is_computed(kind, seconds, nanoseconds):
     read, unpack, _, _ = KINDS[kind]
     data, _ = sample(kind)
     data[:2] = seconds, nanoseconds
-    assert read(data).stamp_ns == unpack(data).stamp_ns
+    found = refusal(read, data)
+    assert found == refusal(unpack, data)
+    assert found[0] == "stamp, s and ns"
+    assert repr(seconds) in found[2]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_large_numbers_are_no_fault(kind):
+@pytest.mark.parametrize(("seconds", "nanoseconds"), [(0, 0), (2**31 - 1, 999_999_999)])
+def test_the_first_and_the_last_stamp_are_read(kind, seconds, nanoseconds):
+    read, unpack, _, _ = KINDS[kind]
+    data, _ = sample(kind)
+    data[:2] = seconds, nanoseconds
+    assert read(data).stamp_ns == unpack(data).stamp_ns == seconds * 1_000_000_000 + nanoseconds
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_large_numbers_are_no_fault_where_no_scene_is_known(kind):
     data, _ = sample(kind)
     data[15:20] = 1e300
     assert KINDS[kind][0](data).stamp_ns == STAMP
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_scene_bounds_every_number(kind):
+    read, _, name, quaternion = KINDS[kind]
+    bounds = {"device": device_bounds, "rendering": rendering_bounds}[kind](Limits())
+    for index in range(2, sample(kind)[0].size):
+        data, expected = sample(kind)
+        if kind == "rendering":
+            data[144] = 2.0
+        assert read(data, bounds)[1].tobytes() == expected.tobytes()
+        data[index] = -1e80
+        with pytest.raises(InvalidInputError) as caught:
+            read(data, bounds)
+        if quaternion <= index < quaternion + 4:
+            assert caught.value.what == "length of quaternion"
+        else:
+            assert caught.value.what == f"{name} message[{index}]"
+            assert "-1e+80" in str(caught.value)
+
+
+def test_velocities_are_bounded_to_the_last_digit_that_the_scene_allows():
+    bounds = device_bounds(Limits(linear_velocity=2.0))
+    data, _ = sample("device")
+    data[9] = 2.0
+    assert read_device(data, bounds).stamp_ns == STAMP
+    data[9] = np.nextafter(2.0, 3.0)
+    with pytest.raises(InvalidInputError, match=r"at most 2 .*limits\.linear_velocity"):
+        read_device(data, bounds)

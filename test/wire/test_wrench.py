@@ -1,11 +1,15 @@
 """WrenchStamped bytes: as rclpy writes and reads them, and refusals."""
 
+import struct
+
 import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, OutputError
+from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.wire.bounds import wrench_bounds
 from hapticmech_ros.wire.wrench import decode_wrench, encode_wrench
 
 VALUES = np.array([1.5, -2.0, 3.25, -1e-300, 5e5, -0.0])
@@ -48,9 +52,44 @@ def test_big_endian_is_refused():
         decode_wrench(b"\x00\x00" + encode_wrench(VALUES, 5)[2:])
 
 
+def packed(values, seconds=5, nanoseconds=0):
+    """Return the bytes of a wrench that nobody has looked at."""
+    head = b"\x00\x01\x00\x00", seconds, nanoseconds, 6, b"world\0"
+    return struct.pack("<4siII6s6x6d", *head, *values)
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_what_is_not_finite_is_refused(bad):
+@pytest.mark.parametrize("index", range(6))
+def test_what_is_not_finite_is_refused_and_never_sent(bad, index):
     values = VALUES.copy()
-    values[4] = bad
+    values[index] = bad
     with pytest.raises(InvalidInputError, match="finite"):
-        decode_wrench(encode_wrench(values, 5))
+        decode_wrench(packed(values))
+    with pytest.raises(OutputError, match="finite"):
+        encode_wrench(values, 5)
+
+
+@pytest.mark.parametrize("index", range(6))
+def test_what_is_larger_than_the_scene_allows_is_refused_and_never_sent(index):
+    bounds = wrench_bounds(Limits(force=10.0, torque=2.0))
+    values = np.zeros(6)
+    values[index] = -(10.0 if index < 3 else 2.0)
+    assert decode_wrench(encode_wrench(values, 5, bounds), bounds).values[index] == values[index]
+    values[index] *= 1.0 + 1e-15
+    rule = "at most 10 .*force" if index < 3 else "at most 2 .*torque"
+    with pytest.raises(InvalidInputError, match=rule):
+        decode_wrench(packed(values), bounds)
+    with pytest.raises(OutputError, match=rule):
+        encode_wrench(values, 5, bounds)
+
+
+@pytest.mark.parametrize(("seconds", "nanoseconds"), [(-1, 0), (5, 1_000_000_000)])
+def test_a_stamp_that_is_none_is_refused(seconds, nanoseconds):
+    with pytest.raises(InvalidInputError, match="stamp"):
+        decode_wrench(packed(VALUES, seconds, nanoseconds))
+
+
+@pytest.mark.parametrize("time_ns", [-1, 2**31 * 1_000_000_000, 1 << 62])
+def test_a_time_that_no_stamp_can_hold_is_refused_where_it_would_be_written(time_ns):
+    with pytest.raises(OutputError, match=r"stamp, s is not sent: seconds must be from 0"):
+        encode_wrench(VALUES, time_ns)

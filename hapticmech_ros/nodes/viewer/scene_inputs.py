@@ -8,7 +8,6 @@ from typing import Any, Generic, TypeVar
 
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray, UInt8
 
@@ -17,7 +16,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import Latest
-from hapticmech_ros.nodes.messages import read_pose, read_wrench
+from hapticmech_ros.nodes.messages import deserialized, read_pose, read_wrench
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.contact_points import ContactLayout, ContactPoints
@@ -130,12 +129,16 @@ class SceneInputs:
             actor,
             DEVICE_POSE.name,
             PoseStamped,
-            lambda data: read_pose(deserialize_message(data, PoseStamped)),
+            lambda data: read_pose(deserialized(data, PoseStamped), actor.limits),
         )
-        self._hand = Ear(actor, DEVICE_FORCE.name, WrenchStamped, _wrench)
-        self._command = Ear(actor, DEVICE_COMMAND.name, WrenchStamped, _wrench)
+
+        def wrench(data: bytes) -> Array:
+            return read_wrench(deserialized(data, WrenchStamped), actor.wrenches)
+
+        self._hand = Ear(actor, DEVICE_FORCE.name, WrenchStamped, wrench)
+        self._command = Ear(actor, DEVICE_COMMAND.name, WrenchStamped, wrench)
         self._points = {
-            name: Ear(actor, POINT_COMMAND.of(name), WrenchStamped, _wrench)
+            name: Ear(actor, POINT_COMMAND.of(name), WrenchStamped, wrench)
             for name in mechanism.point_names
         }
         self._count = Ear(
@@ -186,12 +189,8 @@ class SceneInputs:
         )
 
 
-def _wrench(data: bytes) -> Array:
-    return read_wrench(deserialize_message(data, WrenchStamped))
-
-
 def _count(data: bytes, largest: int) -> int:
-    count = int(deserialize_message(data, UInt8).data)
+    count = int(deserialized(data, UInt8).data)
     if count > largest:
         raise InvalidInputError("count", count, f"must be 0 to {largest}")
     return count

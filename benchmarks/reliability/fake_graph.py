@@ -1,0 +1,338 @@
+"""The actors of a graph in one thread, on a host that is no node: no middleware, no clock.
+
+Time goes on when it is told to, and every message that an actor sends is looked at.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import Float64MultiArray
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.nodes.actor import Actor, ClockedActor
+from hapticmech_ros.nodes.exchange import Exchange
+from hapticmech_ros.nodes.haptic_device import HapticDevice
+from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
+from hapticmech_ros.nodes.message_info import WithInfo
+from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
+from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
+from hapticmech_ros.nodes.viewer.scene_viewer import SceneViewer
+from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.topics import DEVICE_STATE
+
+ACTORS: tuple[type[Actor[Any]], ...] = (
+    HapticDevice,
+    MechanismSimulator,
+    NullspaceAnalyser,
+    TeleoperationController,
+    SceneViewer,
+)
+WRENCH_TYPE = "geometry_msgs/msg/WrenchStamped"
+START_NS = 1_700_000_000 * NANOSECONDS
+
+
+@dataclass
+class Subscription:
+    """What an actor hears: as bytes, within the process, or as messages."""
+
+    topic: str
+    kind: Any
+    callback: Callable[..., None]
+    raw: bool
+
+    def get_publisher_count(self) -> int:
+        """One speaks."""
+        return 1
+
+
+@dataclass
+class Seen:
+    """What was wrong with what actors sent.
+
+    Attributes:
+        not_finite: messages with a number that is not finite.
+        beyond: samples in which actuators gave more than they may.
+        sent: messages.
+        examples: of what was wrong.
+    """
+
+    not_finite: int = 0
+    beyond: int = 0
+    sent: int = 0
+    examples: list[str] = field(default_factory=list)
+
+
+class Log:
+    """What a node says, by level."""
+
+    def __init__(self) -> None:
+        self.lines: list[tuple[str, str]] = []
+
+    def __getattr__(self, level: str) -> Callable[[str], None]:
+        def say(text: str) -> None:
+            if len(self.lines) < 1000:
+                self.lines.append((level, text))
+
+        return say
+
+
+class Host:
+    """Hosts one actor."""
+
+    def __init__(self, graph: FakeGraph, name: str) -> None:
+        self.graph = graph
+        self.name = name
+        self.active = False
+        self.exchange = graph.exchange
+        self.log = Log()
+        self.refused = 0
+        self.last_refusal = ""
+        self.timers: list[list[Any]] = []
+        self.services: dict[str, Callable[[Any, Any], Any]] = {}
+        self.actor: Any = None
+
+    def create_publisher(self, kind: Any, name: str, qos: Any) -> Any:
+        """Return what sends to the graph."""
+        topic = self.resolve_topic_name(name)
+        return SimpleNamespace(
+            topic_name=topic,
+            publish=lambda message: self.graph.sent(topic, kind, message),
+            get_subscription_count=lambda: 1000,
+        )
+
+    def create_subscription(
+        self, kind: Any, name: str, callback: Any, qos: Any, raw: bool = False
+    ) -> Subscription:
+        """Hear a topic."""
+        made = Subscription(self.resolve_topic_name(name), kind, callback, raw)
+        self.graph.subscriptions[made.topic].append(made)
+        return made
+
+    def create_service(self, kind: Any, name: str, callback: Any) -> object:
+        """Offer a service."""
+        self.services[name] = callback
+        return object()
+
+    def destroy_subscription(self, subscription: Subscription) -> bool:
+        """Hear a topic no more."""
+        self.graph.subscriptions[subscription.topic].remove(subscription)
+        return True
+
+    def resolve_topic_name(self, name: str) -> str:
+        """Return the full name."""
+        return name if name.startswith("/") else f"/{name}"
+
+    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
+        """Return the topics that people push through."""
+        return [(name, [WRENCH_TYPE]) for name in self.graph.pushing]
+
+    def count_publishers(self, topic: str) -> int:
+        """One speaks."""
+        return 1
+
+    def get_publishers_info_by_topic(self, topic: str) -> list[Any]:
+        """Nobody that has a name."""
+        return []
+
+    def get_logger(self) -> Log:
+        """Return the log."""
+        return self.log
+
+    def look_at_clock(self) -> None:
+        """Nobody sets this clock."""
+
+    def now_ns(self) -> int:
+        """Return the graph's time, ns."""
+        return self.graph.now_ns
+
+    def keep(self, entity: Any) -> Any:
+        """Return it."""
+        return entity
+
+    def drop(self, entity: Any) -> None:
+        """Destroy a subscription."""
+        self.destroy_subscription(entity)
+
+    def hand_over(self, topic: str, listener: Any) -> Callable[[bytes], bool]:
+        """Hear a topic within the process."""
+        self.graph.within[topic].append(listener)
+        self.exchange.listen(topic, listener)
+        # All goes by the exchange: what the subscription brings is dropped.
+        return lambda message: True
+
+    def every(self, period_s: float, callback: Callable[[], None]) -> None:
+        """Call back while active."""
+        self.timers.append([period_s, 0, callback])
+
+    def end(self) -> None:
+        """Deactivate."""
+        if self.active:
+            self.actor.deactivate()
+        self.active = False
+
+    def refuse(self, topic: str, error: InvalidInputError) -> None:
+        """Count a message that breaks a rule."""
+        self.refused += 1
+        self.last_refusal = f"{topic}: {error}"
+
+    def begin(self) -> None:
+        """Activate."""
+        self.actor.activate()
+        if isinstance(self.actor, ClockedActor):
+            self.actor.begin(self.graph.now_ns)
+        self.active = True
+
+    def act(self, now_ns: int) -> None:
+        """Let the actor act, and what waits for its turn."""
+        if not self.active:
+            return
+        for timer in self.timers:
+            if now_ns >= timer[1]:
+                timer[1] = now_ns + round(timer[0] * NANOSECONDS)
+                timer[2]()
+        if isinstance(self.actor, ClockedActor):
+            self.actor.act(now_ns)
+        self.exchange.deliver()
+
+
+class FakeGraph:
+    """All actors of a scene.
+
+    Args:
+        scene: name or path.
+        pushing: full names of topics through which people push.
+        actors: which.
+        parameters: by actor's name.
+
+    Attributes:
+        now_ns: the time.
+        hosts: by actor's name.
+        seen: what was wrong with what was sent.
+        last: topic -> the last message sent, as bytes where it is sent so.
+    """
+
+    def __init__(
+        self,
+        scene: str,
+        pushing: Iterable[str] = (),
+        actors: Iterable[type[Actor[Any]]] = ACTORS,
+        parameters: Mapping[str, Mapping[str, object]] | None = None,
+    ) -> None:
+        self.now_ns = START_NS
+        self.exchange = Exchange()
+        self.subscriptions: dict[str, list[Subscription]] = defaultdict(list)
+        self.within: dict[str, list[Callable[[bytes], None]]] = defaultdict(list)
+        self.pushing = tuple(pushing)
+        self.seen = Seen()
+        self.last: dict[str, Any] = {}
+        self._numbers: dict[str, int] = defaultdict(int)
+        self._limits = math.inf, math.inf
+        self.hosts: dict[str, Host] = {}
+        for kind in actors:
+            host = self.hosts[kind.name] = Host(self, kind.name)
+            given = {"scene": scene, **(parameters or {}).get(kind.name, {})}
+            host.actor = kind(host, kind.parameters_type(**given))
+        device = next(iter(self.hosts.values())).actor.scene.device
+        self._limits = device.force_limit * (1 + 1e-9), device.torque_limit * (1 + 1e-9)
+        self.period_ns = next(iter(self.hosts.values())).actor.scene.simulation.period * 1e9
+        for host in self.hosts.values():
+            host.begin()
+
+    def actor(self, name: str) -> Any:
+        """Return an actor by name."""
+        return self.hosts[name].actor
+
+    def run(self, seconds: float) -> None:
+        """Let time go on, by halves of a period."""
+        for _ in range(round(2e9 * seconds / self.period_ns)):
+            self.tick()
+
+    def tick(self) -> None:
+        """Let half a period go by."""
+        self.now_ns += round(self.period_ns / 2)
+        for host in self.hosts.values():
+            host.act(self.now_ns)
+
+    def listened(self) -> list[tuple[str, Any]]:
+        """Return every topic that somebody hears, and its message type."""
+        return [(name, found[0].kind) for name, found in self.subscriptions.items() if found]
+
+    def put(self, topic: str, message: bytes) -> None:
+        """Bring a message's bytes to all who hear the topic, as the middleware would."""
+        for listener in self.within[topic]:
+            listener(message)
+        for one in list(self.subscriptions[topic]):
+            if one.raw:
+                self._heard(one, message)
+                continue
+            try:
+                whole = deserialize_message(message, one.kind)
+            except RuntimeError:
+                continue  # the middleware drops it
+            self._heard(one, whole)
+
+    def sent(self, topic: str, kind: Any, message: Any) -> None:
+        """Look at what an actor sends, and bring it to those who do not hear it otherwise."""
+        self.seen.sent += 1
+        self.last[topic] = message
+        wrong = [value for value in numbers_of(kind, message) if not math.isfinite(value)]
+        if wrong:
+            self.seen.not_finite += 1
+            self._example(f"{topic}: {wrong[:3]}")
+        if topic.endswith(DEVICE_STATE.name):
+            applied = np.frombuffer(message[-48:])
+            force, torque = np.linalg.norm(applied[:3]), np.linalg.norm(applied[3:])
+            if not (force <= self._limits[0] and torque <= self._limits[1]):
+                self.seen.beyond += 1
+                self._example(f"{topic}: {applied.tolist()}")
+        for one in list(self.subscriptions.get(topic, ())):
+            if one.raw:
+                given = message if isinstance(message, bytes) else serialize_message(message)
+                self._heard(one, given)
+            elif not one.raw and not isinstance(message, bytes):
+                self._heard(one, message)
+
+    def _heard(self, one: Subscription, message: Any) -> None:
+        if isinstance(one.callback, WithInfo):
+            self._numbers[one.topic] += 1
+            info = {"publication_sequence_number": self._numbers[one.topic]}
+            one.callback(message, info)
+        else:
+            one.callback(message)
+
+    def _example(self, text: str) -> None:
+        if len(self.seen.examples) < 20:
+            self.seen.examples.append(text)
+
+
+def numbers_of(kind: Any, message: Any) -> Iterable[float]:
+    """Return all numbers of a message or its bytes, those of an array at once."""
+    if isinstance(message, bytes):
+        if kind is Float64MultiArray:
+            values = decode(message)
+            return () if np.isfinite(values).all() else values.tolist()
+        return struct.unpack("<6d", message[-48:])
+    return _numbers(message)
+
+
+def _numbers(value: Any) -> Iterable[float]:
+    if isinstance(value, float):
+        yield value
+    elif hasattr(value, "get_fields_and_field_types"):
+        for name in value.get_fields_and_field_types():
+            yield from _numbers(getattr(value, name))
+    elif hasattr(value, "typecode"):
+        yield from map(float, value)
+    elif isinstance(value, list | tuple | np.ndarray):
+        for one in value:
+            yield from _numbers(one)

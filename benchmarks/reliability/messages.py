@@ -1,0 +1,210 @@
+"""Messages that nobody should send, at every topic that a node hears: in process, and on the wire.
+
+In process all actors share a thread and a made-up time, so that a million messages take minutes and
+every message that leaves is looked at. On the wire the same messages go through the middleware to
+real processes, as bytes.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.serialization import serialize_message
+
+from benchmarks.reliability.fake_graph import FakeGraph
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.hostile import Hostile
+from benchmarks.reliability.wire_messages import run_wire
+from hapticmech_ros.bench.memory.resident import resident
+from hapticmech_ros.scene import load_scene
+from hapticmech_ros.scene.document import Scene
+
+PART = "messages"
+# Scenes by turns: plane with a loop, and in space with contacts.
+SCENES = ("five_bar", "peg_in_hole", "spatial_arm")
+IN_PROCESS, ON_THE_WIRE = 1_000_000, 100_000
+QUICK_IN_PROCESS, QUICK_ON_THE_WIRE = 20_000, 2_000
+# Between two halves of a period; and in a row before the graph is looked at again.
+AT_ONCE, BURST = 8, 5_000
+SETTLED_S, LOOK_S = 3.0, 0.5
+HANG_S = 5.0
+SEED = 20260
+MEGABYTE = 1e6
+
+
+def run(quick: bool, out: Path) -> list[Figure]:
+    """Send them all; examples of what went wrong are written to ``out``."""
+    count, wire = (QUICK_IN_PROCESS, QUICK_ON_THE_WIRE) if quick else (IN_PROCESS, ON_THE_WIRE)
+    out.mkdir(parents=True, exist_ok=True)
+    return [*run_in_process(count, out), *run_wire(wire, out)]
+
+
+def run_in_process(count: int, out: Path, scenes: Sequence[str] = SCENES) -> list[Figure]:
+    """Send so many messages to actors in this process, a share for each scene."""
+    trials = [Trial(scene, seed) for seed, scene in enumerate(scenes, SEED)]
+    for trial in trials:
+        trial.send(-(-count // len(trials)))
+    lines = [line for trial in trials for line in trial.lines()]
+    (out / "messages_in_process.txt").write_text("\n".join(lines), "utf-8")
+    sent = sum(trial.sent for trial in trials)
+
+    def figure(name: str, value: float, unit: str = "", most: float | None = 0.0) -> Figure:
+        return Figure(PART, f"in process: {name}", value, unit, most=most, trials=sent)
+
+    return [
+        Figure(PART, "in process: messages", sent, least=count, trials=sent),
+        figure("exceptions that escaped", sum(trial.escaped for trial in trials)),
+        figure("defects that were survived", sum(trial.defects() for trial in trials)),
+        figure("outputs not finite", sum(trial.graph.seen.not_finite for trial in trials)),
+        figure("samples beyond the force limit", sum(t.graph.seen.beyond for t in trials)),
+        figure("longest callback", max(trial.longest_s for trial in trials), "s", HANG_S),
+        figure("looks at a graph that had not come back", sum(t.lost for t in trials)),
+        Figure(PART, "in process: looks", sum(t.looks for t in trials), trials=sent),
+        figure("memory's growth", max(t.growth_mb for t in trials), "MB", 20.0),
+    ]
+
+
+class Trial:
+    """One scene's graph under fire.
+
+    Attributes:
+        sent: hostile messages.
+        escaped: exceptions that would have ended a process.
+        looks, lost: how often the graph was looked at after a burst, and had not come back.
+        longest_s: the longest that a message took.
+        growth_mb: of this process's memory, after the first fifth.
+    """
+
+    def __init__(self, scene: str, seed: int) -> None:
+        self.scene = load_scene(scene)
+        self._held, self._expiring = pushing(self.scene)
+        self.graph = FakeGraph(scene, [*self._held, *self._expiring])
+        self._hostile = Hostile(seed, frames(self.scene))
+        self.sent = self.escaped = self.looks = self.lost = 0
+        self.longest_s = self.growth_mb = 0.0
+        self._examples: list[str] = []
+        self.graph.run(SETTLED_S)
+        self._samples = self._wholes()
+        self._homes = {
+            topic: message for topic, message in self._samples.items() if topic.endswith("/grasp")
+        }
+
+    def send(self, count: int) -> None:
+        """Send so many, with the graph's own messages between them."""
+        topics = self.graph.listened()
+        settled_mb = 0.0
+        while self.sent < count:
+            for _ in range(BURST // AT_ONCE):
+                for _ in range(AT_ONCE):
+                    self._put(*topics[self._hostile.index(len(topics))])
+                self._guarded(self.graph.tick)
+            self._look()
+            gc.collect()
+            found = resident_mb()
+            if self.sent <= count // 5 or not settled_mb:
+                settled_mb = found
+            self.growth_mb = max(self.growth_mb, found - settled_mb)
+
+    def defects(self) -> int:
+        """Return how many errors nobody had foreseen."""
+        return sum(host.actor.failures.defects for host in self.graph.hosts.values())
+
+    def lines(self) -> list[str]:
+        """Return what there is to read."""
+        told = [f"{self.scene.name}: {self.sent} sent, {self.graph.seen}"]
+        for host in self.graph.hosts.values():
+            failures = host.actor.failures
+            told.append(
+                f"  {host.name}: refused {host.refused} (last: {host.last_refusal[:200]}), "
+                f"failures {failures.count}, defects {failures.defects}, last {failures.last}"
+            )
+            told += [f"    {level}: {text}" for level, text in host.log.lines if level == "fatal"]
+            faults = sorted({text for level, text in host.log.lines if level == "error"})
+            told += [f"    {text[:300]}" for text in faults[:40]]
+        return told + [f"  {example}" for example in self._examples]
+
+    def _put(self, topic: str, kind: Any) -> None:
+        sample = self._samples.get(topic, b"")
+        message = self._hostile.message(kind, sample, self.graph.now_ns)
+        before = time.monotonic()
+        self._guarded(lambda: self.graph.put(topic, message))
+        self.longest_s = max(self.longest_s, time.monotonic() - before)
+        self.sent += 1
+
+    def _guarded(self, call: Any) -> None:
+        try:
+            call()
+        except Exception as error:  # noqa: BLE001 - counted: in a node it would end the process
+            self.escaped += 1
+            if len(self._examples) < 20:
+                self._examples.append(f"escaped: {error!r}")
+
+    def _look(self) -> None:
+        """Let everyone else be silent, put the world back, and see whether the graph renders."""
+        graph = self.graph
+        zero = serialize_message(stamped(WrenchStamped()))
+        for topic in (*self._held, *self._expiring):
+            graph.put(topic, zero)
+        for topic, message in self._homes.items():
+            graph.put(topic, message)
+        self._guarded(lambda: graph.run(SETTLED_S))
+        answers = []
+        controller, device = graph.actor("teleoperation_controller"), graph.actor("haptic_device")
+        for _ in range(5):
+            self._guarded(lambda: graph.run(LOOK_S / 5))
+            answers.append(controller.status()[0] and device.status()[0])
+        self.looks += 1
+        if not all(answers) or not all(host.active for host in graph.hosts.values()):
+            self.lost += 1
+            if len(self._examples) < 20:
+                told = {name: host.actor.status()[1] for name, host in graph.hosts.items()}
+                self._examples.append(f"not back after {self.sent}: {told}")
+
+    def _wholes(self) -> dict[str, bytes]:
+        """Return a whole message for every topic that is heard."""
+        found: dict[str, bytes] = {}
+        for topic, kind in self.graph.listened():
+            last = self.graph.last.get(topic)
+            if last is None and kind is PoseStamped:
+                last = self.graph.last.get(f"{topic}ed")
+            last = kind() if last is None else last
+            found[topic] = last if isinstance(last, bytes) else serialize_message(last)
+        return found
+
+
+def stamped(message: Any) -> Any:
+    """Return a message in ``world``."""
+    message.header.frame_id = "world"
+    return message
+
+
+def pushing(scene: Scene) -> tuple[list[str], list[str]]:
+    """Return the topics through which people push, what is held first, what expires second."""
+    bodies = [point.name for point in scene.operational_points]
+    bodies += [link.name for link in scene.links]
+    prefixes = ["/device", *(f"/mechanism/{body}" for body in bodies)]
+    held = [f"{prefix}/held_cf" for prefix in prefixes]
+    expiring = [
+        f"{prefix}/{'hand_cf' if prefix == '/device' else 'external_cf'}/somebody"
+        for prefix in prefixes
+    ]
+    return held, expiring
+
+
+def frames(scene: Scene) -> list[str]:
+    """Return the names of frames that mean something in a scene."""
+    points = [point.name for point in scene.operational_points]
+    links = [link.name for link in scene.links]
+    return [*points, *links, *(f"{name}_world" for name in points), "device", "device_world"]
+
+
+def resident_mb() -> float:
+    """Return this process's memory."""
+    found = resident(os.getpid())
+    return 0.0 if found is None else found.resident / MEGABYTE

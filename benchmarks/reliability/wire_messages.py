@@ -1,0 +1,265 @@
+"""The same messages on the wire: as bytes, through the middleware, to a graph of real processes."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64MultiArray
+
+from benchmarks.reliability.fake_graph import numbers_of
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.hostile import Hostile
+from hapticmech_ros.bench.children import BenchError, output_to
+from hapticmech_ros.bench.memory.resident import resident
+from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.nodes.loop import wait_for_messages
+from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.scene import load_scene
+
+PART, SCENE, POINT = "messages", "five_bar", "handle"
+DEVICE_OUT, MECHANISM_OUT = "device/state", "mechanism/state"
+RENDERING_OUT, GAIN_OUT = f"analysis/{POINT}/rendering", "device/servo_gain"
+COMMANDS = ("device/servo_cf", f"mechanism/{POINT}/servo_cf")
+CRTK = {"device/measured_cp": PoseStamped, "device/measured_cv": TwistStamped}
+# So many at once, and then a pause in which they are read: subscribers keep one message each.
+AT_ONCE, PAUSE_S = 14, 0.005
+STARTS_WITHIN_S, BACK_WITHIN_S, HANG_S = 30.0, 10.0, 5.0
+RECOVERS_S = 2.0
+# Topics of the control rate that it listens to; its own messages that it knows again.
+LISTENED, REMEMBERED = 6, 100_000
+SENT_RELIABLY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+SEED = 20270
+MEGABYTE = 1e6
+
+
+def run_wire(count: int, out: Path) -> list[Figure]:
+    """Send until so many were refused by the nodes they were for, which is how we know of them."""
+    environment = private_environment()
+    os.environ.update(environment)
+    # A machine that is busy with all this pauses now and then.
+    parameters = {
+        "diagnostics_period": 0.1,
+        "view_rate": 50.0,
+        "haptic_device.command_timeout": 0.05,
+        "teleoperation_controller.input_timeout": 0.05,
+    }
+    with output_to(out / "messages_on_the_wire.log"), Graph(SCENE, False, "", parameters) as graph:
+        attack = Attack(graph, environment)
+        try:
+            attack.wait(attack.renders, STARTS_WITHIN_S, "the graph to render")
+            attack.run(count)
+        finally:
+            attack.close()
+    notes = [f"{name}: {text}" for name, text in sorted(attack.told.items())]
+    (out / "messages_on_the_wire.txt").write_text("\n".join(notes), "utf-8")
+    return attack.figures(count)
+
+
+class Attack:
+    """A stranger in the graph: sends what nobody should send, and listens to what comes of it."""
+
+    def __init__(self, graph: Graph, environment: dict[str, str]) -> None:
+        self._graph = graph
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=int(environment["ROS_DOMAIN_ID"]))
+        self._node = rclpy.create_node("stranger", context=self._context)
+        self._executor = EventsExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        scene = load_scene(SCENE)
+        device = scene.device
+        self._limits = device.force_limit * (1 + 1e-9), device.torque_limit * (1 + 1e-9)
+        links = [link.name for link in scene.links]
+        self._hostile = Hostile(SEED, [POINT, *links, "device", f"{POINT}_world"])
+        self.sent = self.not_finite = self.beyond = self.outputs = 0
+        self.silence_s = self.growth_mb = 0.0
+        self.back = False
+        self.ended: list[str] = []
+        self.told: dict[str, str] = {}
+        self._heard_s: dict[str, float] = {}
+        self._well: dict[str, bool] = {}
+        self._refused: dict[str, int] = {}
+        self._samples: dict[str, bytes] = {}
+        self._kinds: dict[str, Any] = {
+            **dict.fromkeys(
+                (DEVICE_OUT, MECHANISM_OUT, RENDERING_OUT, GAIN_OUT), Float64MultiArray
+            ),
+            **dict.fromkeys(COMMANDS, WrenchStamped),
+            **CRTK,
+            "device/measured_cf": WrenchStamped,
+            f"mechanism/{POINT}/grasp": PoseStamped,
+        }
+        for body in ("device", *(f"mechanism/{name}" for name in (POINT, *links[:2]))):
+            verb = "hand_cf" if body == "device" else "external_cf"
+            self._kinds[f"{body}/{verb}/stranger"] = WrenchStamped
+            self._kinds[f"{body}/held_cf/stranger"] = WrenchStamped
+        self._own: dict[bytes, None] = {}
+        for topic in (DEVICE_OUT, MECHANISM_OUT, RENDERING_OUT, GAIN_OUT, *COMMANDS):
+            self._listen(topic)
+        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_status, 100)
+        self._grasped: list[PoseStamped] = []
+        grasped = f"mechanism/{POINT}/grasped"
+        self._node.create_subscription(PoseStamped, grasped, self._grasped.append, LATCHED)
+
+    @property
+    def refused(self) -> int:
+        """How many messages nodes have refused."""
+        return sum(self._refused.values())
+
+    def renders(self) -> bool:
+        """Return whether every node says that all is well."""
+        return len(self._well) >= 4 and all(self._well.values())
+
+    def wait(self, condition: Callable[[], object], timeout_s: float, what: str) -> None:
+        """Handle messages until a condition holds.
+
+        Raises:
+            BenchError: it does not, or a node has ended.
+        """
+        end = time.monotonic() + timeout_s
+        while not condition():
+            if time.monotonic() > end:
+                raise BenchError(f"waited {timeout_s:g} s in vain for {what}")
+            self._spin(0.02)
+
+    def run(self, count: int) -> None:
+        """Send until so many were refused; then be silent, and see whether the graph comes back."""
+        self.wait(lambda: len(self._samples) == LISTENED, STARTS_WITHIN_S, "all topics' messages")
+        publishers = [
+            (topic, kind, self._node.create_publisher(kind, topic, SENT_RELIABLY))
+            for topic, kind in self._kinds.items()
+        ]
+        self._spin(1.0)
+        before = self._memory()
+        settled = before
+        end = time.monotonic() + max(60.0, count / 100.0)
+        while self.refused < count and not self._graph.ended() and time.monotonic() < end:
+            for _ in range(AT_ONCE):
+                topic, kind, publisher = publishers[self._hostile.index(len(publishers))]
+                sample = self._samples.get(topic, b"")
+                message = self._hostile.message(kind, sample, time.time_ns())
+                self._own[_known(message)] = None
+                publisher.publish(message)
+                self.sent += 1
+            while len(self._own) > REMEMBERED:
+                del self._own[next(iter(self._own))]
+            self._spin(PAUSE_S)
+            now = time.monotonic()
+            silent = max((now - heard for heard in self._heard_s.values()), default=0.0)
+            self.silence_s = max(self.silence_s, silent)
+            if self.refused < count // 5:
+                settled = self._memory()
+        after = self._memory()
+        self.growth_mb = max(
+            (after[name] - settled.get(name, 0.0) for name in after), default=float("nan")
+        )
+        self._undo(publishers)
+        for _, _, publisher in publishers:
+            self._node.destroy_publisher(publisher)
+        self._spin(RECOVERS_S)
+        try:
+            self.wait(self.renders, BACK_WITHIN_S, "the graph to come back")
+            self.back = True
+        except BenchError:
+            self.back = False
+        self.ended = self._graph.ended()
+        for name in self.ended:
+            self.told[f"ended: {name}"] = f"exit code {self._graph.processes[name].poll()}"
+
+    def figures(self, count: int) -> list[Figure]:
+        """Return what was found."""
+
+        def figure(name: str, value: float, unit: str = "", most: float = 0.0) -> Figure:
+            return Figure(PART, f"on the wire: {name}", value, unit, most=most, trials=self.sent)
+
+        return [
+            Figure(
+                PART,
+                "on the wire: messages delivered",
+                self.refused,
+                least=count,
+                trials=self.sent,
+                note="as counted by the nodes that refused them; more were taken",
+            ),
+            figure("processes that ended", len(self.ended)),
+            figure("longest silence of a node", self.silence_s, "s", HANG_S),
+            figure("outputs not finite", self.not_finite),
+            figure("samples beyond the force limit", self.beyond),
+            figure("graphs that did not come back", 0 if self.back else 1),
+            figure("memory's growth", self.growth_mb, "MB", 20.0),
+            Figure(PART, "on the wire: outputs looked at", self.outputs, trials=self.sent),
+        ]
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def _listen(self, topic: str) -> None:
+        """Look at what nodes send, not at what this one does."""
+        kind = self._kinds[topic]
+
+        def heard(message: bytes) -> None:
+            if _known(message) in self._own:
+                return
+            self._samples.setdefault(topic, message)
+            self.outputs += 1
+            wrong = [value for value in numbers_of(kind, message) if not math.isfinite(value)]
+            if wrong:
+                self.not_finite += 1
+                self.told[f"not finite on {topic}"] = str(wrong[:5])
+            if topic == DEVICE_OUT:
+                self._look_at_force(message)
+
+        self._node.create_subscription(kind, topic, heard, SENT_RELIABLY, raw=True)
+
+    def _look_at_force(self, message: bytes) -> None:
+        applied = np.frombuffer(message[-48:])
+        force, torque = np.linalg.norm(applied[:3]), np.linalg.norm(applied[3:])
+        if not (force <= self._limits[0] and torque <= self._limits[1]):
+            self.beyond += 1
+            self.told["beyond the limit"] = str(applied.tolist())
+
+    def _on_status(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            figures = {pair.key: pair.value for pair in status.values}
+            self._heard_s[status.name] = time.monotonic()
+            self._well[status.name] = status.level == DiagnosticStatus.OK
+            self._refused[status.name] = int(figures.get("refused_messages", "0"))
+            keys = ("refused_messages", "last_refusal", "failures", "last_failure")
+            told = ", ".join(f"{key} {figures.get(key, '')}" for key in keys)
+            self.told[status.name] = f"{status.message}; {told}"
+
+    def _undo(self, publishers: Sequence[tuple[str, Any, Any]]) -> None:
+        """Let go of what is held for ever, and put the point that is held where it was."""
+        zero = WrenchStamped()
+        zero.header.frame_id = "world"
+        for topic, _, publisher in publishers:
+            if "held_cf" in topic:
+                publisher.publish(zero)
+            elif topic.endswith("/grasp") and self._grasped:
+                publisher.publish(self._grasped[0])
+        self._spin(0.5)
+
+    def _memory(self) -> dict[str, float]:
+        found = {name: resident(process.pid) for name, process in self._graph.processes.items()}
+        return {name: one.resident / MEGABYTE for name, one in found.items() if one is not None}
+
+    def _spin(self, seconds: float) -> None:
+        wait_for_messages(self._executor, seconds)
+
+
+def _known(message: bytes) -> bytes:
+    """Return what of a message's bytes the middleware leaves as it is, filled up as it does."""
+    return message[4:].ljust(-(-len(message) // 4) * 4 - 4, b"\0")

@@ -1,0 +1,128 @@
+"""What an actor does when a callback or a tick of its goes wrong: fail closed, say so, go on.
+
+A failure never ends the process, and nobody is left under a force. The actor is put back to where
+all was well, at rest, and begins anew, so that the graph comes back by itself. What the package
+raises on purpose, such as a state that is no longer finite, may come as often as its cause does;
+anything else is a defect of the program, and an actor that keeps on meeting one is deactivated.
+"""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable
+
+from hapticmech_ros.errors import HapticMechError, shown
+from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.times import NANOSECONDS
+
+# So many defects within this time, and the node deactivates itself.
+MOST_DEFECTS, DEFECTS_WITHIN_NS = 20, 10 * NANOSECONDS
+# A failure of one callback is logged at most this often; all of them are counted.
+LOG_PERIOD_NS = NANOSECONDS
+
+Status = tuple[bool, str, dict[str, str]]
+
+
+class Failures:
+    """Runs an actor's callbacks and ticks, and counts those that fail.
+
+    Args:
+        node: that hosts the actor.
+        reseat: puts the actor back to where all was well, at rest, with nobody under a force.
+
+    Attributes:
+        count, defects: failures so far, and those of them that nobody had foreseen.
+        last: what failed last, and how.
+    """
+
+    def __init__(self, node: Host, reseat: Callable[[], None]) -> None:
+        self._node = node
+        self._reseat = reseat
+        self.count = 0
+        self.last = ""
+        self.defects = 0
+        self._lately: deque[int] = deque(maxlen=MOST_DEFECTS)
+        self._logged: dict[str, int] = {}
+
+    def run(self, what: str, call: Callable[..., object], *arguments: object) -> None:
+        """Call; whatever goes wrong is said under the name ``what``, and the actor begins anew."""
+        try:
+            call(*arguments)
+        except Exception as error:  # noqa: BLE001 - a hand is held: no error may stop what stops it
+            self.met(what, error)
+
+    def refusing(self, what: str, call: Callable[[], object]) -> None:
+        """Call for somebody who waits for an answer.
+
+        Raises:
+            HapticMechError: as the call does, or because it failed.
+        """
+        before = self.count
+        refusals: list[HapticMechError] = []
+
+        def called() -> None:
+            try:
+                call()
+            except HapticMechError as error:
+                refusals.append(error)
+
+        self.run(what, called)
+        if refusals:
+            raise refusals[0]
+        if self.count > before:
+            raise HapticMechError(self.last)
+
+    def status(self, ask: Callable[[], Status]) -> Status:
+        """Return an actor's status with what failed, be it that the status cannot be told."""
+        told: list[Status] = []
+        self.run("status", lambda: told.append(ask()))
+        well, sentence, figures = told[0] if told else (False, self.last, {})
+        return well, sentence, {**figures, "failures": str(self.count), "last_failure": self.last}
+
+    def met(self, what: str, error: Exception) -> None:
+        """Say what went wrong, and begin anew, or give up."""
+        self.count += 1
+        self.last = f"{what}: {_sentence(error)}"
+        now = time.monotonic_ns()
+        last = self._logged.get(what)
+        if last is None or now - last > LOG_PERIOD_NS:
+            self._logged[what] = now
+            self._node.get_logger().error(f"begins anew at rest, {self.last}")
+        if isinstance(error, HapticMechError):
+            self._begin_anew()
+            return
+        self.defects += 1
+        self._lately.append(now)
+        full = len(self._lately) == MOST_DEFECTS
+        if full and now - self._lately[0] <= DEFECTS_WITHIN_NS:
+            self._give_up()
+        else:
+            self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        try:
+            self._reseat()
+        except Exception as error:  # noqa: BLE001 - as in run(): what cannot begin anew must end
+            self.last = f"cannot begin anew: {_sentence(error)}"
+            self._give_up()
+
+    def _give_up(self) -> None:
+        """Deactivate the node, whatever becomes of it meanwhile."""
+        self._lately.clear()
+        self._node.get_logger().fatal(f"gives up and deactivates itself, {self.last}")
+        try:
+            self._node.end()
+        except Exception as error:  # noqa: BLE001 - as in run(): it does nothing more either way
+            self._node.get_logger().fatal(f"cannot be deactivated: {_sentence(error)}")
+        self._node.active = False
+
+
+def _sentence(error: Exception) -> str:
+    """Return what an error says; of a defect also what it is, and where it was."""
+    if isinstance(error, HapticMechError):
+        return str(error)
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" ({frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno})" if frames else ""
+    return f"{type(error).__name__}: {shown(str(error))}{where}"

@@ -1,0 +1,259 @@
+"""Bounds of the numbers in messages: what each of them is, and how large it may be.
+
+One table says which quantity every field holds; a scene's ``limits`` say how large it may be. What
+is read and what is sent is held to the same bounds, by one comparison of all numbers of a message,
+which no NaN and no infinity passes.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hapticmech_ros.errors import InvalidInputError, OutputError
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.wire.kernels import UNSOUND, stamp_if_sound
+from hapticmech_ros.wire.stamps import LAST_SECOND, stamp_of
+
+QUATERNION_TOLERANCE = 1e-3
+_TWIST = ("linear_velocity",) * 3 + ("angular_velocity",) * 3
+_WRENCH = ("force",) * 3 + ("torque",) * 3
+# Field -> quantities of its numbers, over and over. What is named one by one, as the mechanism's
+# joints are, has a slash behind the field's name.
+QUANTITIES: dict[str, tuple[str, ...]] = {
+    "stamp": ("seconds", "nanoseconds"),
+    "answered": ("seconds", "nanoseconds"),
+    "position": ("position",),
+    "quaternion": ("quaternion",),
+    "twist": _TWIST,
+    "hand_wrench": _WRENCH,
+    "applied": _WRENCH,
+    "contact": _WRENCH,
+    "contact/": _WRENCH,
+    "count": ("count",),
+    "directions": ("count",),
+    "s": ("ratio",),
+    "inverse_inertia": ("inverse_inertia",),
+    "constraint_projector": ("ratio",),
+    "balanced_share": ("ratio",),
+    "free_acceleration": ("acceleration",),
+    "commanded": ("flags",),
+    "commanded/": ("flags",),
+    "closed/": ("flags",),
+    "position/": ("joint_position",),
+    "velocity/": ("joint_velocity",),
+    "grasp": ("link", *("position",) * 3, *("angle",) * 3),
+    "grasp/": ("link", *("position",) * 3, *("angle",) * 3),
+    "to_mechanism": ("energy",),
+    "force": ("ratio",),
+    "stiffness": ("stiffness",),
+    "damping": ("damping",),
+}
+# Quantities that no scene says anything about.
+FIXED: dict[str, float] = {
+    "seconds": float(LAST_SECOND),
+    "nanoseconds": 999_999_999.0,
+    "quaternion": sys.float_info.max,  # its length is looked at
+    "count": 6.0,
+    "flags": 1.0,
+    "link": 1e6,
+    "angle": 1e6,
+}
+ANY = "finite number"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bounds:
+    """Bounds of a flat message, which begins with its stamp.
+
+    Attributes:
+        what: the message's name, for errors.
+        quantities: of each of its n numbers.
+        most: (n,) their largest sizes.
+        quaternion: index of the first of a quaternion's numbers; -1 for none.
+    """
+
+    what: str
+    quantities: tuple[str, ...]
+    most: Array
+    quaternion: int
+
+    def stamp(self, values: Array) -> int:
+        """Return the stamp (ns) of a message's data that keeps every rule.
+
+        Args:
+            values: the data, float64, an array of its own in C order.
+
+        Raises:
+            InvalidInputError: wrong length, a number beyond its bound or not finite, a quaternion
+                off unit length, or a stamp that is none.
+        """
+        if values.shape == self.most.shape:
+            stamp = stamp_if_sound(values, self.most, self.quaternion, QUATERNION_TOLERANCE)
+            if stamp != UNSOUND:
+                return stamp
+        return self._told(values)
+
+    def check_output(self, values: Array) -> None:
+        """Hold what is to be sent to the same rules.
+
+        Raises:
+            OutputError: as :meth:`stamp`.
+        """
+        try:
+            self.stamp(values)
+        except InvalidInputError as error:
+            raise OutputError(error.what, error.value, error.rule) from None
+
+    def keeps(self, rows: Array) -> npt.NDArray[np.bool_]:
+        """Return which of n messages' data (n, size) are certain to keep every rule (n,)."""
+        with np.errstate(invalid="ignore"):
+            within = (np.abs(rows) <= self.most).all(axis=1)
+            stamps = rows[:, :2]
+            stamped = (stamps >= 0.0) & (stamps == np.floor(stamps))
+            return np.asarray(within & stamped.all(axis=1))
+
+    def _told(self, values: Array) -> int:
+        """Return the stamp, or name the rule that is broken."""
+        if values.shape != self.most.shape:
+            rule = f"must hold {self.most.size} numbers"
+            raise InvalidInputError(f"{self.what} message", values.size, rule)
+        wrong = np.flatnonzero(~np.isfinite(values))
+        if wrong.size:
+            where = f"{self.what} message[{wrong[0]}]"
+            raise InvalidInputError(where, float(values[wrong[0]]), "must be finite")
+        stamp = stamp_of(float(values[0]), float(values[1]))
+        wrong = np.flatnonzero(np.abs(values) > self.most)
+        if wrong.size:
+            at = int(wrong[0])
+            where = f"{self.what} message[{at}]"
+            rule = _rule(self.quantities[at], self.most[at])
+            raise InvalidInputError(where, float(values[at]), rule)
+        if self.quaternion >= 0:
+            check_unit(values[self.quaternion : self.quaternion + 4])
+        return stamp
+
+
+@dataclass(frozen=True, slots=True)
+class SixBounds:
+    """Bounds of a wrench or twist: three numbers of one quantity and three of another.
+
+    Attributes:
+        what: its name, for errors.
+        quantities: of the first and the last three.
+        first, last: their largest sizes.
+    """
+
+    what: str
+    quantities: tuple[str, str] = (ANY, ANY)
+    first: float = sys.float_info.max
+    last: float = sys.float_info.max
+
+    def check(self, six: Sequence[float]) -> None:
+        """Refuse six numbers of which one is too large, or not finite.
+
+        Raises:
+            InvalidInputError: so it is.
+        """
+        x, y, z, a, b, c = six
+        f, t = self.first, self.last
+        if not (
+            -f <= x <= f
+            and -f <= y <= f
+            and -f <= z <= f
+            and -t <= a <= t
+            and -t <= b <= t
+            and -t <= c <= t
+        ):
+            self._told(six)
+
+    def check_output(self, six: Sequence[float]) -> None:
+        """Hold what is to be sent to the same rules.
+
+        Raises:
+            OutputError: as :meth:`check`.
+        """
+        try:
+            self.check(six)
+        except InvalidInputError as error:
+            raise OutputError(error.what, error.value, error.rule) from None
+
+    def _told(self, six: Sequence[float]) -> None:
+        if not np.isfinite(six).all():
+            raise InvalidInputError(self.what, list(six), "must be finite")
+        at, most = (0, self.first) if max(map(abs, six[:3])) > self.first else (1, self.last)
+        raise InvalidInputError(self.what, list(six), _rule(self.quantities[at], most))
+
+
+ANY_WRENCH = SixBounds("wrench")
+
+
+def wrench_bounds(limits: Limits) -> SixBounds:
+    """Return the bounds of a wrench in a scene's messages."""
+    return SixBounds("wrench", ("force", "torque"), limits.force, limits.torque)
+
+
+def twist_bounds(limits: Limits) -> SixBounds:
+    """Return the bounds of a twist in a scene's messages."""
+    quantities = ("linear_velocity", "angular_velocity")
+    return SixBounds("twist", quantities, limits.linear_velocity, limits.angular_velocity)
+
+
+def pose_bounds(limits: Limits) -> SixBounds:
+    """Return the bounds of a position and of a quaternion's x, y and z; its length is looked at."""
+    return SixBounds("pose", ("position", ANY), limits.position)
+
+
+def bounds_of(what: str, fields: Mapping[str, int], limits: Limits | None = None) -> Bounds:
+    """Return the bounds of a flat message.
+
+    Args:
+        what: its name, for errors.
+        fields: field -> size, the stamp first.
+        limits: of the scene; None, where no scene is known, bounds nothing but stamps, flags and
+            counts.
+    """
+    quantities = tuple(_quantities(fields))
+    most = np.array([_most(quantity, limits) for quantity in quantities])
+    most.flags.writeable = False
+    quaternion = quantities.index("quaternion") if "quaternion" in quantities else -1
+    return Bounds(what, quantities, most, quaternion)
+
+
+def check_unit(quaternion: Array) -> None:
+    """Refuse a quaternion that is no rotation.
+
+    Raises:
+        InvalidInputError: off unit length by more than 1e-3.
+    """
+    with np.errstate(over="ignore"):
+        length = float(np.sqrt(quaternion @ quaternion))
+    if not abs(length - 1.0) <= QUATERNION_TOLERANCE:
+        rule = f"quaternion must have unit length within {QUATERNION_TOLERANCE:g}"
+        raise InvalidInputError("length of quaternion", length, rule)
+
+
+def _quantities(fields: Mapping[str, int]) -> Iterator[str]:
+    for name, size in fields.items():
+        head, slash, _ = name.partition("/")
+        pattern = QUANTITIES.get(head + slash, (ANY,))
+        for index in range(size):
+            yield pattern[index % len(pattern)]
+
+
+def _most(quantity: str, limits: Limits | None) -> float:
+    if quantity in FIXED:
+        return FIXED[quantity]
+    if limits is None or quantity == ANY:
+        return sys.float_info.max
+    return float(getattr(limits, quantity))
+
+
+def _rule(quantity: str, most: float) -> str:
+    whose = quantity if quantity in FIXED else f"limits.{quantity} of the scene"
+    return f"must be at most {most:g} in size ({whose})"
