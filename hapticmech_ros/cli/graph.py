@@ -6,12 +6,14 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from hapticmech_ros.cli.console import ComposedOption, SceneArgument, console
+from hapticmech_ros.cli.durations import seconds_of
 from hapticmech_ros.errors import InvalidInputError
 
 CHECK_PERIOD_S = 0.2
@@ -37,6 +39,14 @@ def run(
     control_rate: Annotated[
         float, typer.Option(min=0.0, max=10000.0, help="Hz; 0: the scene's own")
     ] = 0.0,
+    network_delay: Annotated[
+        str,
+        typer.Option(help="one way to the device, such as 50ms: all is set for it"),
+    ] = "",
+    only: Annotated[
+        list[str] | None,
+        typer.Option(help="node to run here, any number; others run elsewhere"),
+    ] = None,
     record: Annotated[Path | None, typer.Option(help="bag to record everything into")] = None,
     storage: StorageOption = "mcap",
     view: Annotated[bool, typer.Option(help="also publish markers, frames, URDF")] = False,
@@ -56,16 +66,21 @@ def run(
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
     from hapticmech_ros.graph import Graph, check_running, start_process, stop_process
     from hapticmech_ros.lockstep import LockstepRun, run_lockstep
-    from hapticmech_ros.nodes.entry import NODES, VIEWER
+    from hapticmech_ros.nodes.entry import VIEWER
     from hapticmech_ros.scene import load_scene
 
-    loaded = load_scene(scene, control_rate)
+    delay = seconds_of("--network-delay", network_delay) if network_delay else 0.0
+    loaded = load_scene(scene, control_rate, delay)
     held = tuple(loaded.operational_point(name).name for name in hold or ())
     if len(set(held)) < len(held):
         raise InvalidInputError("hold", held, "each point can be held once")
     parameters = settings_of(settings or [])
+    if delay:
+        parameters["network_delay"] = delay
     arguments = ("--params-file", str(params_file)) if params_file else ()
     stop = stop_by_signals()
+    if lockstep and only:
+        raise InvalidInputError("--only", only, "lockstep runs all nodes")
     if lockstep:
         plan = LockstepRun(
             scene,
@@ -88,7 +103,7 @@ def run(
         parameters["control_rate"] = control_rate
     if use_sim_time:
         parameters["use_sim_time"] = True
-    nodes = [*NODES, VIEWER] if view else NODES
+    nodes = [*nodes_of(only or ()), *([VIEWER] if view else [])]
     recorder = None
     if record is not None:
         command = [sys.executable, "-m", "hapticmech_ros", "bag", "record", "--all"]
@@ -131,6 +146,20 @@ def stop_by_signals() -> threading.Event:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     return stop
+
+
+def nodes_of(only: Sequence[str]) -> list[str]:
+    """Return the graph's nodes that are to run here.
+
+    Raises:
+        InvalidInputError: a node that there is none of.
+    """
+    from hapticmech_ros.nodes.entry import NODES
+
+    for name in only:
+        if name not in NODES:
+            raise InvalidInputError("--only", name, f"must be one of {', '.join(NODES)}")
+    return [name for name in NODES if not only or name in only]
 
 
 def settings_of(texts: list[str]) -> dict[str, object]:
