@@ -145,15 +145,17 @@ def unpack_device(data: object) -> DeviceSample:
     Raises:
         InvalidInputError: wrong length, not finite, or a quaternion off unit length.
     """
-    given = np.array(data, dtype=float)
-    size = sum(DEVICE_FIELDS.values())
-    if given.shape == (_OLD_DEVICE_SIZE,):
-        given = np.append(given, _NOT_TOLD)
-    values = checked_values("device state", given, size)
+    values = whole_device(np.array(data, dtype=float))
+    values = checked_values("device state", values, sum(DEVICE_FIELDS.values()))
     check_unit(values[5:9])
     stamp_ns = int(values[0]) * NANOSECONDS + int(values[1])
     measured, obeys = device_of(values[DEVICE_MEASURED]), bool(values[28])
     return DeviceSample(stamp_ns, measured, values[21:27], float(values[27]), obeys)
+
+
+def whole_device(values: Array) -> Array:
+    """Return a ``device/state`` message's data; of an older version, with what it did not tell."""
+    return np.append(values, _NOT_TOLD) if values.shape == (_OLD_DEVICE_SIZE,) else values
 
 
 def pack_rendering(rendering: Rendering) -> Array:
