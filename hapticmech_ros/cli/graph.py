@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +14,7 @@ from typing import Annotated
 import typer
 
 from hapticmech_ros.cli.console import ComposedOption, SceneArgument, console
+from hapticmech_ros.cli.durations import seconds_of
 from hapticmech_ros.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
 
@@ -39,6 +41,14 @@ def run(
     control_rate: Annotated[
         float, typer.Option(min=0.0, max=10000.0, help="Hz; 0: the scene's own")
     ] = 0.0,
+    network_delay: Annotated[
+        str,
+        typer.Option(help="one way to the device, such as 50ms: all is set for it"),
+    ] = "",
+    only: Annotated[
+        list[str] | None,
+        typer.Option(help="node to run here, any number; others run elsewhere"),
+    ] = None,
     record: Annotated[Path | None, typer.Option(help="bag to record everything into")] = None,
     storage: StorageOption = "mcap",
     view: Annotated[bool, typer.Option(help="also publish markers, frames, URDF")] = False,
@@ -61,17 +71,22 @@ def run(
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
     from hapticmech_ros.graph import Bystander, Graph, start_process
     from hapticmech_ros.lockstep import LockstepRun, run_lockstep
-    from hapticmech_ros.nodes.entry import NODES, VIEWER
+    from hapticmech_ros.nodes.entry import VIEWER
     from hapticmech_ros.scene import load_scene
 
     choose_discovery(os.environ, discovery)
-    loaded = load_scene(scene, control_rate)
+    delay = seconds_of("--network-delay", network_delay) if network_delay else 0.0
+    loaded = load_scene(scene, control_rate, delay)
     held = tuple(loaded.operational_point(name).name for name in hold or ())
     if len(set(held)) < len(held):
         raise InvalidInputError("hold", held, "each point can be held once")
     parameters = settings_of(settings or [])
+    if delay:
+        parameters["network_delay"] = delay
     arguments = ("--params-file", str(params_file)) if params_file else ()
     stop = stop_by_signals()
+    if lockstep and only:
+        raise InvalidInputError("--only", only, "lockstep runs all nodes")
     if lockstep:
         plan = LockstepRun(
             scene,
@@ -94,7 +109,7 @@ def run(
         parameters["control_rate"] = control_rate
     if use_sim_time:
         parameters["use_sim_time"] = True
-    nodes = [*NODES, VIEWER] if view else NODES
+    nodes = [*nodes_of(only or ()), *([VIEWER] if view else [])]
     recorder = None
     if record is not None:
         if record.exists():
@@ -144,6 +159,20 @@ def stop_by_signals() -> threading.Event:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     return stop
+
+
+def nodes_of(only: Sequence[str]) -> list[str]:
+    """Return the graph's nodes that are to run here.
+
+    Raises:
+        InvalidInputError: a node that there is none of.
+    """
+    from hapticmech_ros.nodes.entry import NODES
+
+    for name in only:
+        if name not in NODES:
+            raise InvalidInputError("--only", name, f"must be one of {', '.join(NODES)}")
+    return [name for name in NODES if not only or name in only]
 
 
 def settings_of(texts: list[str]) -> dict[str, object]:

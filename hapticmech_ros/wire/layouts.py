@@ -144,12 +144,14 @@ def unpack_device(data: object) -> DeviceSample:
     Raises:
         InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
-    given = np.array(data, dtype=float)
-    if given.shape == (_OLD_DEVICE_SIZE,):
-        given = np.append(given, _NOT_TOLD)
-    stamp_ns, values = checked_values(given, _DEVICE)
+    stamp_ns, values = checked_values(whole_device(np.array(data, dtype=float)), _DEVICE)
     measured, obeys = device_of(values[DEVICE_MEASURED]), bool(values[28])
     return DeviceSample(stamp_ns, measured, values[21:27], float(values[27]), obeys)
+
+
+def whole_device(values: Array) -> Array:
+    """Return a ``device/state`` message's data; of an older version, with what it did not tell."""
+    return np.append(values, _NOT_TOLD) if values.shape == (_OLD_DEVICE_SIZE,) else values
 
 
 def pack_rendering(rendering: Rendering) -> Array:
