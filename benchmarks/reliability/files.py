@@ -5,6 +5,7 @@ python -m benchmarks.reliability.files [NUMBER] [OUT]
 
 from __future__ import annotations
 
+import contextlib
 import json
 import select
 import shutil
@@ -73,8 +74,10 @@ class Worker:
         process = self._process or self._start()
         if process.stdin is None:
             raise RuntimeError("a worker without input")
-        process.stdin.write(f"{number}\n")
-        process.stdin.flush()
+        # One that has ended says so where it is read.
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.write(f"{number}\n")
+            process.stdin.flush()
         line = _line(process, PATIENCE_S)
         if line:
             return dict(json.loads(line))

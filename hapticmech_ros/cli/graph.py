@@ -13,8 +13,11 @@ import typer
 
 from hapticmech_ros.cli.console import ComposedOption, SceneArgument, console
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.files import check_file
 
 CHECK_PERIOD_S = 0.2
+# Bytes.
+PARAMETER_FILE_LIMIT = 1_000_000
 
 NamespaceOption = Annotated[str, typer.Option(help="put nodes and topics under this name")]
 StorageOption = Annotated[str, typer.Option(help="mcap or sqlite3")]
@@ -64,7 +67,7 @@ def run(
     if len(set(held)) < len(held):
         raise InvalidInputError("hold", held, "each point can be held once")
     parameters = settings_of(settings or [])
-    arguments = ("--params-file", str(params_file)) if params_file else ()
+    arguments = arguments_of(params_file)
     stop = stop_by_signals()
     if lockstep:
         plan = LockstepRun(
@@ -131,6 +134,18 @@ def stop_by_signals() -> threading.Event:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     return stop
+
+
+def arguments_of(params_file: Path | None) -> tuple[str, ...]:
+    """Return what nodes are given for a parameter file, which ROS would wait for if it is a pipe.
+
+    Raises:
+        FileError: no regular file, or too large.
+    """
+    if params_file is None:
+        return ()
+    check_file(params_file, PARAMETER_FILE_LIMIT)
+    return "--params-file", str(params_file)
 
 
 def settings_of(texts: list[str]) -> dict[str, object]:
