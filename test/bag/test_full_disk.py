@@ -67,7 +67,7 @@ def sound(tmp_path: Path, wrench_bytes: Bytes) -> Path:
     [
         (("bag", "check", "{sound}", "--json", "/dev/full"), "No space left on device"),
         (("bag", "check", "{sound}", "--json", "/nowhere/x"), "No such file or directory"),
-        (("scene", "show", "two_link", "--out", "/dev/full/x.png"), "Not a directory"),
+        (("scene", "show", "two_link", "--out", "/dev/full/x.png"), "/dev/full: File exists"),
         (("bag", "check", "{sound}/" + "x" * 300), "no bag at"),
         (("scene", "check", "x" * 300), "no such file"),
         (("scene", "check", "/dev/zero"), "no such file"),
