@@ -15,6 +15,7 @@ import numpy as np
 from benchmarks.reliability.sample import DEVICE, Ring, Samples
 from benchmarks.reliability.stepped_clock import SteppedClock
 from hapticmech_ros.bench.children import BenchError, Teller, output_to, wait_until
+from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
 
@@ -44,6 +45,7 @@ class Rig:
         clock: what /clock says, for nodes with ``use_sim_time``; nobody publishes it if left out.
         domain: ROS_DOMAIN_ID; one that is probably free if left out.
         clean: measure a clean run first.
+        composed: all nodes of a host in one process, which takes a machine least.
 
     Attributes:
         environment: of a process that is to meet the graph, with the machine's own clock.
@@ -61,6 +63,7 @@ class Rig:
         clock: SteppedClock | None = None,
         domain: int | None = None,
         clean: bool = True,
+        composed: bool = False,
     ) -> None:
         out.mkdir(parents=True, exist_ok=True)
         self._log = out / f"{name}.log"
@@ -69,6 +72,7 @@ class Rig:
         self._all_topics = all_topics
         self._clock = clock
         self._clean = clean
+        self._composed = composed
         self._stack = ExitStack()
         self._graphs: list[Graph] = []
         self.environment = {**private_environment(domain), "OPENBLAS_NUM_THREADS": "1"}
@@ -81,6 +85,8 @@ class Rig:
         Raises:
             BenchError: the device does not render.
         """
+        # Whoever comes first compiles the kernels, for a minute or two: not one of those watched.
+        compile_ahead()
         try:
             folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
             self.ring = Ring(folder / "ring", fresh=True)
@@ -187,6 +193,7 @@ class Rig:
         with output_to(self._log):
             return Graph(
                 SCENE,
+                composed=self._composed and len(nodes) > 1,
                 parameters=self._parameters,
                 environment=environment,
                 nodes=nodes,
