@@ -25,6 +25,13 @@ class HapticMechError(Exception):
     """Base class of every error that this package raises on purpose."""
 
 
+def as_ours(error: Exception) -> HapticMechError:
+    """Return an error as one of ours, in a sentence: somebody else's with its type's name."""
+    if isinstance(error, HapticMechError):
+        return error
+    return HapticMechError(f"{type(error).__name__}: {' '.join(str(error).split())}")
+
+
 @dataclass(frozen=True, slots=True)
 class SceneProblem:
     """One broken rule in a scene.

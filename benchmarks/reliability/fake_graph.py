@@ -14,7 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.errors import InvalidInputError
@@ -43,12 +43,11 @@ START_NS = 1_700_000_000 * NANOSECONDS
 
 @dataclass
 class Subscription:
-    """What an actor hears: as bytes, within the process, or as messages."""
+    """What an actor hears, as bytes."""
 
     topic: str
     kind: Any
     callback: Callable[..., None]
-    raw: bool
 
     def get_publisher_count(self) -> int:
         """One speaks."""
@@ -114,7 +113,9 @@ class Host:
         self, kind: Any, name: str, callback: Any, qos: Any, raw: bool = False
     ) -> Subscription:
         """Hear a topic."""
-        made = Subscription(self.resolve_topic_name(name), kind, callback, raw)
+        if not raw:
+            raise TypeError(f"{name}: actors hear bytes")
+        made = Subscription(self.resolve_topic_name(name), kind, callback)
         self.graph.subscriptions[made.topic].append(made)
         return made
 
@@ -272,14 +273,7 @@ class FakeGraph:
         for listener in self.within[topic]:
             listener(message)
         for one in list(self.subscriptions[topic]):
-            if one.raw:
-                self._heard(one, message)
-                continue
-            try:
-                whole = deserialize_message(message, one.kind)
-            except RuntimeError:
-                continue  # the middleware drops it
-            self._heard(one, whole)
+            self._heard(one, message)
 
     def sent(self, topic: str, kind: Any, message: Any) -> None:
         """Look at what an actor sends, and bring it to those who do not hear it otherwise."""
@@ -295,14 +289,13 @@ class FakeGraph:
             if not (force <= self._limits[0] and torque <= self._limits[1]):
                 self.seen.beyond += 1
                 self._example(f"{topic}: {applied.tolist()}")
-        for one in list(self.subscriptions.get(topic, ())):
-            if one.raw:
-                given = message if isinstance(message, bytes) else serialize_message(message)
+        heard = list(self.subscriptions.get(topic, ()))
+        if heard:
+            given = message if isinstance(message, bytes) else serialize_message(message)
+            for one in heard:
                 self._heard(one, given)
-            elif not one.raw and not isinstance(message, bytes):
-                self._heard(one, message)
 
-    def _heard(self, one: Subscription, message: Any) -> None:
+    def _heard(self, one: Subscription, message: bytes) -> None:
         if isinstance(one.callback, WithInfo):
             self._numbers[one.topic] += 1
             info = {"publication_sequence_number": self._numbers[one.topic]}

@@ -22,6 +22,8 @@ from hapticmech_ros.files import open_file
 
 # Bytes of a record: a chunk that is not compressed, and its head.
 RECORD_LIMIT = UNPACKED_LIMIT + 4096
+# Times are 64 bits with a sign everywhere else.
+LATEST_NS = 2**63 - 1
 MAGIC = b"\x89MCAP0\r\n"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
 _HEAD = struct.Struct("<BQ")
@@ -75,6 +77,8 @@ class McapScan:
                 yield from self._chunk(content)
             elif kind == _MESSAGE:
                 channel, _, time_ns, _ = _MESSAGE_HEAD.unpack_from(content)
+                if time_ns > LATEST_NS:
+                    raise ReaderError(f"a message is of {time_ns} ns")
                 yield Found(self._channels[channel], time_ns, content[_MESSAGE_HEAD.size :])
             elif kind == _SCHEMA:
                 self._schema(content)

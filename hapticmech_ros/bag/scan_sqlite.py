@@ -29,17 +29,22 @@ class SqliteScan:
     """See :class:`hapticmech_ros.bag.scan.Scan`.
 
     Opening a database whose writer died changes it and its journal: a copy is opened.
+
+    Args:
+        path: of the file.
+        scratch: folder for the copy.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, scratch: Path) -> None:
         self.path = path
+        self._scratch = scratch
         self.trouble = ""
         self.lost_bytes = 0
 
     def __iter__(self) -> Iterator[Found]:
         """Yield topics, each before its first message, and messages."""
         size = check_file(self.path)
-        with TemporaryDirectory(dir=_roomy(self.path)) as folder:
+        with TemporaryDirectory(dir=self._scratch) as folder:
             copy = Path(folder) / self.path.name
             shutil.copyfile(self.path, copy)
             for suffix in JOURNALS:
@@ -75,16 +80,3 @@ def _rows(database: sqlite3.Connection) -> Iterator[Found]:
             continue
         if number in topics:
             yield Found(topics[number], time_ns, data)
-
-
-def _roomy(path: Path) -> Path | None:
-    """Return a folder for a copy of a large file: beside the bag's folder, if we may write there.
-
-    None stands for the system's folder for temporary files.
-    """
-    beside = path.resolve().parent.parent
-    try:
-        with TemporaryDirectory(dir=beside):
-            return beside
-    except OSError:
-        return None

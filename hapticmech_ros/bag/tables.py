@@ -96,7 +96,7 @@ def checked_message(row: tuple[Any, ...]) -> tuple[int, int, bytes]:
         ReaderError: a value is not what it should be.
     """
     number, time_ns, data = row
-    if type(number) is int and type(time_ns) is int and isinstance(data, bytes):
+    if type(number) is int and type(time_ns) is int and time_ns >= 0 and isinstance(data, bytes):
         return number, time_ns, data
     raise ReaderError("table 'messages' has a row that is no message")
 

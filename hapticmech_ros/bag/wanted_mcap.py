@@ -18,7 +18,7 @@ from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader, Statistics, read_exact
 
 from hapticmech_ros.bag.offered_qos import read_offers
-from hapticmech_ros.bag.scan_mcap import McapScan, channel_notes
+from hapticmech_ros.bag.scan_mcap import LATEST_NS, McapScan, channel_notes
 from hapticmech_ros.bag.unpack import chunk_records
 from hapticmech_ros.files import check_file
 
@@ -27,7 +27,6 @@ _MESSAGE, _CHANNEL = 0x05, 0x04
 # Footer and summary's offsets: what the index ends with.
 _LAST = (0x02, 0x0E)
 INDEX_RECORD_LIMIT = 16 << 20
-_NEVER = 2**63 - 1
 # Channel, number, time of recording and of publishing; the message follows.
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHECKSUM = struct.Struct("<I")
@@ -66,13 +65,16 @@ class WantedMcap(McapReader):
             if kind == _CHANNEL:
                 read_offers(channel_notes(content).get("offered_qos_profiles", ""))
         super().read_index()
+        found = self.statistics
+        if found is not None and max(found.start_time, found.end_time) > LATEST_NS:
+            raise ReaderError(f"its messages are of {found.start_time} to {found.end_time} ns")
 
     def meta_scan(self) -> None:
         """Find topics, and count messages, by reading all."""
         scan = McapScan(Path(str(self.path)))
         counts: dict[int, int] = {}
         numbers: dict[str, int] = {}
-        first, last = _NEVER, 0
+        first, last = LATEST_NS, 0
         for topic, time_ns, data in scan:
             number = numbers.setdefault(topic.name, len(numbers) + 1)
             if data is None and number not in counts:
@@ -152,6 +154,8 @@ def _messages(
             raise ReaderError(f"a record of the chunk at {place} is longer than the chunk")
         if kind == _MESSAGE:
             channel, _, time_ns, _ = _MESSAGE_HEAD.unpack_from(records, at)
+            if time_ns > LATEST_NS:
+                raise ReaderError(f"a message of the chunk at {place} is of {time_ns} ns")
             if channel in wanted and start <= time_ns < stop:
                 found.append(
                     (time_ns, place, wanted[channel], records[at + _MESSAGE_HEAD.size : end])

@@ -26,7 +26,7 @@ from hapticmech_ros.bag.tables import (
     stored_topics,
 )
 from hapticmech_ros.bag.unpack import UNPACKED_LIMIT
-from hapticmech_ros.files import open_file
+from hapticmech_ros.files import check_file, open_file
 
 # Of the first page: its head; places of the size of a page (1 is 65536), and number of pages.
 _PAGE_SIZE, _PAGES = struct.Struct(">H"), struct.Struct(">I")
@@ -39,6 +39,11 @@ class WantedSqlite(Sqlite3Reader):
     """A file of a folder; as the library's reader, but for counts, which are 0."""
 
     _counted = False
+
+    def open(self) -> None:
+        """Open the file."""
+        check_file(str(self.path))
+        super().open()
 
     def _open(self) -> None:
         self._size = self._refuse_cut()

@@ -50,10 +50,21 @@ app.add_typer(device.app, name="device")
 
 
 def main() -> None:
-    """Run the command; errors of ours are one clear message and exit code 1."""
+    """Run the command; errors of ours, and files, are one clear message and exit code 1."""
     choose_discovery(os.environ)
     try:
         app()
     except HapticMechError as error:
-        errors.print(f"error: {error}", style="red", highlight=False, markup=False)
+        _end(str(error))
+    except BrokenPipeError:
+        # Whoever read the output has gone, such as `head`; Python must not try to write the rest.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    except OSError as error:  # no permission, a full disk
+        where = "" if error.filename is None else f"{error.filename}: "
+        _end(f"{where}{error.strerror or error}")
+
+
+def _end(reason: str) -> None:
+    errors.print(f"error: {reason}", style="red", highlight=False, markup=False, soft_wrap=True)
+    sys.exit(1)

@@ -26,7 +26,7 @@ from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.nodes.refuge import Refuge
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
 from hapticmech_ros.scene.mechanism import OperationalPoint
-from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energies import energy_of
 from hapticmech_ros.wire.energy_topics import ENERGY
@@ -34,9 +34,6 @@ from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, pack_energy
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import CLOSURES, EXTERNAL_WRENCH, JOINT_STATES, STATE
-
-# How long a mechanism that failed is silent, so that everyone notices, before it goes on at rest.
-FAILURE_SILENCE_NS = NANOSECONDS // 2
 
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):
@@ -68,7 +65,6 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         held = parameters.held_points.split(",") if parameters.held_points else [self.point]
         self._held = [self._mechanism.point_index(name.strip()) for name in held]
         self._on_links: dict[str, Array] = {}
-        self._silent_until_ns = 0
         self._refuge = Refuge(self._state, self.period_s)
         self._ticks = self._sampled_ns = 0
         self._joints = JointState(name=list(coordinate_names(self._mechanism)))
@@ -127,10 +123,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def reseat(self) -> None:
         """Stand still where all was well, pushed by nobody, and be silent for all to notice."""
-        self._state = self._refuge.go_back()
+        self._state = self._refuge.go_back(self.now_ns())
         self.deactivate()
         self.activate()
-        self._silent_until_ns = self.now_ns() + FAILURE_SILENCE_NS
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the commands to act on, and awaited wrenches, are there."""
@@ -143,7 +138,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Step the mechanism under the wrenches that stand, and publish its state."""
-        if deadline_ns < self._silent_until_ns:
+        if self._refuge.rests(deadline_ns, self.activate):
             return
         if self._ticks or not self.lockstep:
             for time_ns in self.times(periods, deadline_ns):
@@ -194,11 +189,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             "kinetic_energy_j": f"{energy.kinetic:.6g}",
             "potential_energy_j": f"{energy.potential:.6g}",
             "energy_balance_j": f"{energy.balance:.9g}",
+            "overtaken_commands": str(sum(port.order.overtaken for port in self._ports)),
         }
         now = self.now_ns()
         fault = next((fault for port in self._ports if (fault := port.fault(now))), "")
         figures["fault"] = fault
-        if not fault and now < self._silent_until_ns:
+        if not fault and self._refuge.resting:
             fault = f"begins anew, {self.failures.last}"
         well = not fault
         return well, fault or f"closed loops: {closed}", figures

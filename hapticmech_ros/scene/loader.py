@@ -25,7 +25,9 @@ MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf")
 FILE_SIZE_LIMIT = 4_000_000
 
 
-def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scene:
+def load_scene(
+    scene: str | os.PathLike[str], control_rate: float = 0.0, network_delay: float = 0.0
+) -> Scene:
     """Load a scene from a file, or a shipped scene by its bare name (``five_bar``).
 
     A file is YAML, with its links or with ``model``, the file that they come from; or that file
@@ -34,13 +36,14 @@ def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scen
     Args:
         scene: path or name.
         control_rate: Hz, instead of the scene's own ``simulation.period``; 0 leaves it.
+        network_delay: s, one way, instead of its ``connection.expected``; 0 leaves it.
 
     Raises:
         SceneError: not found, not readable, not YAML, or breaking rules; the message names file,
             key path, value and rule for every problem found.
     """
     path = find_scene(scene)
-    document = _at_rate(written_document(path), control_rate)
+    document = _over_network(_at_rate(written_document(path), control_rate), network_delay)
     folder = path.resolve().parent
     document = with_script_path(with_mesh_paths(document, folder), folder)
     if isinstance(document, Mapping) and "model" in document:
@@ -73,6 +76,16 @@ def _at_rate(document: object, control_rate: float) -> object:
         return document
     period = 1.0 / control_rate
     return {**document, "simulation": {**simulation, "period": period}}
+
+
+def _over_network(document: object, network_delay: float) -> object:
+    """Return the document with another expected delay (s, one way), unless that is 0."""
+    if network_delay == 0.0 or not isinstance(document, Mapping):
+        return document
+    connection = document.get("connection", {})
+    if not isinstance(connection, Mapping):
+        return document
+    return {**document, "connection": {**connection, "expected": network_delay}}
 
 
 def scene_from_document(document: object, source: str = "<document>") -> Scene:

@@ -1,0 +1,314 @@
+"""Hostile messages and states against all actors at once, in one thread and made-up time."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64MultiArray
+
+from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, Host
+from benchmarks.reliability.hostile import Hostile
+from benchmarks.reliability.messages import run_in_process
+from hapticmech_ros.errors import OutputError
+from hapticmech_ros.nodes.failures import MOST_DEFECTS
+from hapticmech_ros.nodes.haptic_device import HapticDevice
+from hapticmech_ros.nodes.messages import set_stamp
+from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.wrench import decode_wrench
+
+CONTROLLER, DEVICE = "teleoperation_controller", "haptic_device"
+MECHANISM, ANALYSER = "mechanism_simulator", "nullspace_analyser"
+ON_LINK, ON_HAND = "/mechanism/link2/external_cf/x", "/device/hand_cf/x"
+HELD = "/mechanism/link2/held_cf/x"
+STATE_TOPICS = {
+    "device/state": CONTROLLER,
+    "mechanism/state": ANALYSER,
+    "analysis/handle/rendering": CONTROLLER,
+    "device/servo_gain": DEVICE,
+}
+
+
+# Without the viewer, which costs most and does nothing to others.
+FOUR = ACTORS[:4]
+
+
+def rendering():
+    """Return a graph that renders, and has found whoever pushes."""
+    found = FakeGraph("five_bar", [ON_LINK, ON_HAND, HELD], FOUR)
+    found.run(0.3)
+    assert well(found)
+    return found
+
+
+@pytest.fixture
+def graph():
+    return rendering()
+
+
+@pytest.fixture(scope="module")
+def unmoved():
+    """Return a graph that only refuses."""
+    return rendering()
+
+
+def well(graph):
+    """Return whether all actors do their work now."""
+    return all(host.active and host.actor.status()[0] for host in graph.hosts.values())
+
+
+def unharmed(graph):
+    graph.run(0.02)
+    assert well(graph)
+    assert all(host.actor.failures.count == 0 for host in graph.hosts.values())
+    assert graph.seen.not_finite == graph.seen.beyond == 0
+
+
+def push(graph, topic, force):
+    message = WrenchStamped()
+    message.header.frame_id = "world"
+    set_stamp(message.header.stamp, graph.now_ns)
+    message.wrench.force.x = force
+    graph.put(topic, serialize_message(message))
+
+
+def changed(graph, topic, where, value):
+    """Return the last message of a topic, stamped now, with some numbers changed."""
+    message = graph.last[f"/{topic}"]
+    size = graph_size(message)
+    values = np.frombuffer(message[-8 * size :]).copy()
+    values[:2] = divmod(graph.now_ns, NANOSECONDS)
+    values[where] = value
+    return message[: -8 * size] + values.tobytes()
+
+
+def graph_size(message):
+    (label,) = struct.unpack_from("<I", message, 8)
+    at = 12 + label
+    at += -(at - 4) % 4 + 12
+    return struct.unpack_from("<I", message, at)[0]
+
+
+def force_now(graph):
+    return np.linalg.norm(np.frombuffer(graph.last["/device/state"][-48:])[:3])
+
+
+@pytest.mark.parametrize("topic", STATE_TOPICS)
+def test_a_stamp_that_is_none_ends_nobody(unmoved, topic):
+    host = unmoved.hosts[STATE_TOPICS[topic]]
+    for stamp in (1.797e308, -1.797e308, np.nan, np.inf, -1.0, 0.5, 2.0**31):
+        for index in (0, 1):
+            before = host.refused
+            unmoved.put(f"/{topic}", changed(unmoved, topic, index, stamp))
+            assert host.refused == before + 1, host.last_refusal
+            assert "stamp" in host.last_refusal or "finite" in host.last_refusal
+    unharmed(unmoved)
+
+
+def test_velocities_beyond_reason_are_refused_before_anything_is_computed(unmoved):
+    analyser = unmoved.hosts[ANALYSER]
+    for speed in (1e4, 1e80, 1e160, 1e308):
+        unmoved.put("/device/state", changed(unmoved, "device/state", slice(9, 15), speed))
+        assert "limits.linear_velocity" in unmoved.hosts[CONTROLLER].last_refusal
+        before, rate = analyser.refused, min(1e3 * speed, 1e308)
+        unmoved.put("/mechanism/state", changed(unmoved, "mechanism/state", slice(7, 10), rate))
+        assert analyser.refused == before + 1
+    unharmed(unmoved)
+
+
+@pytest.mark.parametrize("topic", [ON_LINK, HELD, ON_HAND])
+def test_pushes_beyond_reason_are_refused(unmoved, topic):
+    for force in (1e7, 1e80, 1e308, np.nan):
+        before = sum(host.refused for host in unmoved.hosts.values())
+        push(unmoved, topic, force)
+        assert sum(host.refused for host in unmoved.hosts.values()) == before + 1
+    unharmed(unmoved)
+
+
+@pytest.mark.parametrize("topic", [ON_LINK, HELD])
+def test_a_push_that_no_mechanism_bears_is_forgotten_and_the_graph_comes_back(graph, topic):
+    for _ in range(3):
+        push(graph, topic, 1e6)
+        graph.run(0.01)
+    mechanism = graph.actor(MECHANISM)
+    assert mechanism.failures.count >= 1
+    assert mechanism.failures.defects == 0
+    told = mechanism.status()
+    assert not told[0]
+    assert "begins anew" in told[1]
+    assert "begins anew" in graph.hosts[MECHANISM].log.lines[-1][1]
+    # It is silent for half a second, and then all goes on.
+    before = mechanism.failures.count
+    graph.run(0.8)
+    assert mechanism.failures.count == before
+    assert well(graph)
+    assert graph.seen.not_finite == 0
+
+
+def test_a_mechanism_that_fails_again_at_once_begins_where_the_scene_does(graph):
+    mechanism = graph.actor(MECHANISM)
+    start = mechanism._simulator.initial_state()
+    push(graph, ON_LINK, 300.0)
+    graph.run(0.05)
+    moved = mechanism._state.q.copy()
+    assert not np.allclose(moved, start.q, atol=1e-6)
+    push(graph, HELD, 1e6)
+    graph.run(0.6)
+    assert mechanism.failures.count == 1
+    # Where it was, until it fails again.
+    assert np.abs(mechanism._state.q - moved).max() < np.abs(moved - start.q).max()
+    push(graph, HELD, 1e6)
+    graph.run(0.05)
+    assert mechanism.failures.count == 2
+    assert (mechanism._state.q == start.q).all()
+    graph.run(0.8)
+    assert well(graph)
+
+
+def test_a_hand_that_is_torn_away_is_let_go_and_taken_again(graph):
+    device = graph.actor(DEVICE)
+    home = device._state.pose.translation.copy()
+    taken = device.times_held
+    for _ in range(10):
+        push(graph, ON_HAND, 9e5)
+        graph.run(0.005)
+    assert device.failures.count >= 1
+    assert device.failures.defects == 0
+    # What its actuators do is zero from the failure on, and published.
+    assert force_now(graph) == 0.0
+    push(graph, ON_HAND, 0.0)
+    graph.run(0.8)
+    assert well(graph)
+    assert device.times_held >= taken
+    assert np.isfinite(device._state.pose.translation).all()
+    assert np.abs(device._state.pose.translation - home).max() < 1e3
+    assert graph.seen.not_finite == graph.seen.beyond == 0
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
+def test_a_device_whose_state_is_none_goes_back_to_where_it_was(graph, bad):
+    device = graph.actor(DEVICE)
+    before = device._state.pose.translation.copy()
+    device._state.flat[7:13] = bad
+    device._state.flat[:3] = bad
+    graph.run(0.003)
+    assert device.failures.count >= 1
+    assert np.abs(device._state.pose.translation - before).max() < 1e-3
+    assert force_now(graph) == 0.0
+    graph.run(0.8)
+    assert well(graph)
+    assert graph.seen.not_finite == graph.seen.beyond == 0
+
+
+def test_a_controller_whose_answer_is_none_lets_go_of_both_and_engages_anew(graph):
+    controller = graph.actor(CONTROLLER)
+    side = controller._side
+    engaged = controller.engagements
+    real = side.tick
+
+    def broken(*arguments):
+        answer = real(*arguments)
+        answer.wrenches[:2] = np.nan
+        return answer
+
+    side.tick = broken
+    graph.run(0.003)
+    assert controller.failures.count == 1
+    assert "wrench is not sent" in controller.failures.last
+    assert controller._side is not side
+    graph.run(0.3)
+    assert controller.engagements > engaged
+    assert well(graph)
+    assert graph.seen.not_finite == 0
+
+
+def test_who_cannot_help_failing_is_deactivated_with_nobody_under_a_force(graph):
+    host = graph.hosts[CONTROLLER]
+
+    def broken(*arguments):
+        raise OverflowError("math range error")
+
+    host.actor._answer_to = broken
+    graph.run(0.2)
+    assert not host.active
+    assert host.actor.failures.defects == MOST_DEFECTS
+    assert any(level == "fatal" and "math range error" in text for level, text in host.log.lines)
+    for topic in ("/device/servo_cf", "/mechanism/handle/servo_cf"):
+        assert not decode_wrench(graph.last[topic]).values.any()
+    assert force_now(graph) == 0.0
+
+
+def test_a_state_that_cannot_be_analysed_is_refused_and_counted(graph):
+    analyser = graph.actor(ANALYSER)
+
+    def broken(state):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    real, analyser._rendering.see = analyser._rendering.see, broken
+    before = graph.hosts[ANALYSER].refused
+    graph.run(0.01)
+    analyser._rendering.see = real
+    assert graph.hosts[ANALYSER].refused >= before + 5
+    assert "Singular matrix" in graph.hosts[ANALYSER].last_refusal
+    assert analyser.failures.count == 0
+    graph.run(0.3)
+    assert well(graph)
+
+
+def test_broken_poses_twists_and_wrenches_are_refused_and_counted(graph):
+    host = graph.hosts[MECHANISM]
+    message = PoseStamped()
+    message.header.frame_id = "handle"
+    good = serialize_message(message)
+    before = host.refused
+    for wrong in (b"", b"\0\1\0\0", good[:20], good[:-9]):
+        graph.put("/mechanism/handle/grasp", wrong)
+    message.pose.position.x = 1e9
+    graph.put("/mechanism/handle/grasp", serialize_message(message))
+    message.pose.position.x, message.pose.orientation.w = 0.0, 0.0
+    graph.put("/mechanism/handle/grasp", serialize_message(message))
+    assert host.refused == before + 6
+    assert host.actor.failures.count == 0
+
+
+@pytest.mark.parametrize("time_ns", [-5, 2**31 * NANOSECONDS])
+def test_a_clock_that_no_stamp_can_tell_is_refused_at_the_start(time_ns):
+    class Late(FakeGraph):
+        def __init__(self):
+            self.now_ns = time_ns
+            self.exchange = None
+
+    host = Host(Late(), DEVICE)
+    with pytest.raises(OutputError, match="builtin_interfaces/Time"):
+        HapticDevice(host, HapticDevice.parameters_type(scene="five_bar"))
+
+
+def test_time_that_goes_beyond_what_stamps_hold_leaves_the_device_at_zero(graph):
+    graph.now_ns = 2**31 * NANOSECONDS - 5_000_000
+    for host in graph.hosts.values():
+        host.begin()
+    graph.run(0.02)
+    device = graph.hosts[DEVICE]
+    assert "builtin_interfaces/Time" in device.actor.failures.last
+    assert not np.any(device.actor._state.applied)
+    assert graph.seen.not_finite == 0
+
+
+def test_hostile_messages_repeat_and_are_of_every_kind():
+    wholes = [Hostile(3, ["a"]) for _ in range(2)]
+    sample = serialize_message(Float64MultiArray(data=[1.0] * 8))
+    made = [[one.message(WrenchStamped, b"", 5) for _ in range(200)] for one in wholes]
+    assert made[0] == made[1]
+    lengths = {len(message) for message in made[0]}
+    assert len(lengths) > 20
+    del sample
+
+
+def test_thousands_of_hostile_messages(tmp_path: Path):
+    figures = run_in_process(2_000, tmp_path, ["five_bar"])
+    broken = [figure for figure in figures if not figure.kept]
+    assert not broken, (broken, (tmp_path / "messages_in_process.txt").read_text())
