@@ -39,7 +39,7 @@ class Graph:
 def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
     out = tmp_path_factory.mktemp("reliability")
     with SteppedClock(out) as clock:
-        hosts = [(tuple(NODES), clock.environment({}))]
+        hosts = [(tuple(NODES), clock)]
         domain = next_domain()
         with Rig(out, "short", hosts, all_topics=True, domain=domain, clean=False) as rig:
             yield Graph(rig, clock)
