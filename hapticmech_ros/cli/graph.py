@@ -14,14 +14,10 @@ from typing import Annotated
 import typer
 
 from hapticmech_ros.cli.console import ComposedOption, SceneArgument, console
-<<<<<<< HEAD
 from hapticmech_ros.cli.durations import seconds_of
 from hapticmech_ros.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
-=======
-from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.files import check_file
->>>>>>> files
 
 CHECK_PERIOD_S = 0.2
 # Bytes.
@@ -88,13 +84,9 @@ def run(
     if len(set(held)) < len(held):
         raise InvalidInputError("hold", held, "each point can be held once")
     parameters = settings_of(settings or [])
-<<<<<<< HEAD
     if delay:
         parameters["network_delay"] = delay
-    arguments = ("--params-file", str(params_file)) if params_file else ()
-=======
     arguments = arguments_of(params_file)
->>>>>>> files
     stop = stop_by_signals()
     if lockstep and only:
         raise InvalidInputError("--only", only, "lockstep runs all nodes")
@@ -172,7 +164,6 @@ def stop_by_signals() -> threading.Event:
     return stop
 
 
-<<<<<<< HEAD
 def nodes_of(only: Sequence[str]) -> list[str]:
     """Return the graph's nodes that are to run here.
 
@@ -185,7 +176,8 @@ def nodes_of(only: Sequence[str]) -> list[str]:
         if name not in NODES:
             raise InvalidInputError("--only", name, f"must be one of {', '.join(NODES)}")
     return [name for name in NODES if not only or name in only]
-=======
+
+
 def arguments_of(params_file: Path | None) -> tuple[str, ...]:
     """Return what nodes are given for a parameter file, which ROS would wait for if it is a pipe.
 
@@ -196,7 +188,6 @@ def arguments_of(params_file: Path | None) -> tuple[str, ...]:
         return ()
     check_file(params_file, PARAMETER_FILE_LIMIT)
     return "--params-file", str(params_file)
->>>>>>> files
 
 
 def settings_of(texts: list[str]) -> dict[str, object]:
