@@ -77,11 +77,15 @@ setup(
     install_requires=[
         # Comes with pin as well, which uses it by itself; contacts call it.
         "coal>=3,<4",
+        # Unpacks chunks of bags; rosbags needs it as well.
+        "lz4>=4",
         "matplotlib",
         "numba>=0.61",
         "numpy",
         "pin>=4.1,<5",
         "pydantic>=2",
+        # Reads YAML, by LibYAML; ruamel.yaml, which rosbags brings, writes it.
+        "PyYAML",
         "rich",
         "rosbags>=0.11",
         "ruamel.yaml",

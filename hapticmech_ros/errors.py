@@ -25,6 +25,13 @@ class HapticMechError(Exception):
     """Base class of every error that this package raises on purpose."""
 
 
+def as_ours(error: Exception) -> HapticMechError:
+    """Return an error as one of ours, in a sentence: somebody else's with its type's name."""
+    if isinstance(error, HapticMechError):
+        return error
+    return HapticMechError(f"{type(error).__name__}: {' '.join(str(error).split())}")
+
+
 @dataclass(frozen=True, slots=True)
 class SceneProblem:
     """One broken rule in a scene.
@@ -84,3 +91,21 @@ class OutputError(HapticMechError):
 
 class BagError(HapticMechError):
     """A bag that cannot be read, or does not hold what was asked of it."""
+
+
+class FileError(HapticMechError):
+    """A file that cannot be read or written, or whose contents break a rule.
+
+    Attributes:
+        file: its path, or what else it is known by.
+        value: what was found.
+        rule: that it breaks, in words.
+        where: in the file, such as ``line 3``.
+    """
+
+    def __init__(self, file: str, value: object, rule: str, where: str = "file") -> None:
+        self.file = file
+        self.value = value
+        self.rule = rule
+        self.where = where
+        super().__init__(f"{file}: {where}: {rule} (got {shown(value)})")

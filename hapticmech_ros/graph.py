@@ -9,14 +9,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
 from hapticmech_ros.compilation.library import compile_ahead
+from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.share import shared
 
 # A node answers a signal within its longest wait; what does not end by then is killed.
 STOP_TIMEOUT_S = 5.0
@@ -26,6 +26,37 @@ MECHANISM = "mechanism_simulator"
 
 class NodeDiedError(HapticMechError):
     """A node's process ended by itself."""
+
+
+class Bystander:
+    """A process beside a graph that nobody in it needs: its death is told, and the graph goes on.
+
+    Args:
+        name: what it is to a person.
+        process: the process.
+        loss: what its death means.
+        tell: shows a sentence to a person.
+    """
+
+    def __init__(
+        self, name: str, process: subprocess.Popen[str], loss: str, tell: Callable[[str], None]
+    ) -> None:
+        self.process = process
+        self._name, self._loss, self._tell = name, loss, tell
+        self._told = False
+
+    def look(self) -> None:
+        """Tell once if it has ended."""
+        if not self._told and self.process.poll() is not None:
+            self._told = True
+            self._tell(f"{ending(self._name, self.process)}: the graph goes on, but {self._loss}")
+
+    def end(self) -> bool:
+        """End it, if it still runs, and return whether it did its work to the end."""
+        if not self._told and stop_process(self.process):
+            self._told = True
+            self._tell(f"{ending(self._name, self.process)}: {self._loss}")
+        return not self._told
 
 
 class Graph:
@@ -163,10 +194,15 @@ def _plan(
 def start_process(
     command: Sequence[str], environment: Mapping[str, str], pipe_output: bool = False
 ) -> subprocess.Popen[str]:
-    """Start a process that ends with this one, whatever ends this one."""
+    """Start a process that ends with this one, whatever ends this one.
+
+    It is found from this machine alone, unless the environment asks for more.
+    """
+    chosen = dict(environment)
+    choose_discovery(chosen)
     return subprocess.Popen(
         list(command),
-        env=dict(environment),
+        env=chosen,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE if pipe_output else None,
         text=True,
@@ -176,9 +212,15 @@ def start_process(
 
 def check_running(name: str, process: subprocess.Popen[str]) -> None:
     """Raise NodeDiedError if a process has ended."""
-    code = process.poll()
-    if code is not None:
-        raise NodeDiedError(f"{name} ended by itself with exit code {code}")
+    if process.poll() is not None:
+        raise NodeDiedError(ending(name, process))
+
+
+def ending(name: str, process: subprocess.Popen[str]) -> str:
+    """Return how a process has ended, in words."""
+    code = process.wait()
+    why = f"exit code {code}" if code >= 0 else f"signal {-code}"
+    return f"{name} ended by itself: {why}"
 
 
 def stop_process(process: subprocess.Popen[str]) -> int:
@@ -203,15 +245,13 @@ def told_by(process: subprocess.Popen[str]) -> Iterator[dict[str, Any]]:
 def private_environment(domain: int | None = None) -> dict[str, str]:
     """Return an environment for a ROS graph of its own: on this machine, away from other graphs.
 
-    Fast DDS then talks UDP over loopback, unless the user has chosen profiles of his own.
+    A profile of Fast DDS that the user has chosen himself is left to him.
 
     Args:
         domain: ROS_DOMAIN_ID; if left out, the user's, or else one that is probably free.
     """
     environment = dict(os.environ)
-    profiles = shared("config/dds/loopback_udp.xml")
-    if profiles is not None:
-        environment.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(profiles))
+    choose_discovery(environment, "localhost")
     guess = 1 + (os.getpid() + time.time_ns() // 1000) % 100
     environment.setdefault("ROS_DOMAIN_ID", str(guess))
     if domain is not None:

@@ -16,6 +16,7 @@ NODES = ("haptic_device", "mechanism_simulator", "nullspace_analyser", "teleoper
 ARGUMENTS = (
     ("scene", "five_bar", "shipped scene, or path of a YAML file"),
     ("control_rate", "0.0", "samples per second, Hz; 0.0: the scene's own"),
+    ("network_delay", "0.0", "one way between device and controller, designed for, s"),
     ("operational_point", "", "where the user holds; empty: the scene's first point"),
     ("namespace", "", "put nodes and topics under this name"),
     ("composed", "false", "all four nodes in one process"),
@@ -32,6 +33,7 @@ def generate_launch_description():
         "scene": ParameterValue(given["scene"], value_type=str),
         "operational_point": ParameterValue(given["operational_point"], value_type=str),
         "control_rate": ParameterValue(given["control_rate"], value_type=float),
+        "network_delay": ParameterValue(given["network_delay"], value_type=float),
         "use_sim_time": ParameterValue(given["use_sim_time"], value_type=bool),
     }
 

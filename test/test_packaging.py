@@ -40,6 +40,7 @@ DISTRIBUTIONS = {
     "pinocchio": "pin",
     "pydantic_core": "pydantic",
     "ruamel": "ruamel.yaml",
+    "yaml": "pyyaml",
 }
 # Looked for, and done without where they are not.
 NEWER_PYTHON = {"backports", "compression"}

@@ -7,19 +7,21 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-# Of the messages: which topic, when it arrived (ns, monotonic clock), its stamp (ns), force (N) and
-# torque (N m) that it tells of; what is not finite, or cannot be read, is NaN.
+# Of the messages: which topic, when it arrived (ns, monotonic clock), its stamp (ns), the number by
+# which its publisher counts it, force (N) and torque (N m) that it tells of; what is not finite, or
+# cannot be read, is NaN.
 SAMPLE = np.dtype(
     [
         ("topic", "i8"),
         ("arrived_ns", "i8"),
         ("stamp_ns", "i8"),
+        ("number", "i8"),
         ("force", "f8"),
         ("torque", "f8"),
     ]
 )
 DEVICE, COMMAND, MECHANISM, RENDERING = range(4)
-# Ten minutes of four topics at 1 kHz, 96 MB of which the disk sees what is written.
+# Ten minutes of four topics at 1 kHz; the disk sees what is written.
 CAPACITY = 1 << 22
 COUNT_BYTES = 8
 
@@ -48,10 +50,10 @@ class Ring:
         """How many samples were written, ever."""
         return int(self._count[0])
 
-    def put(self, topic: int, arrived_ns: int, stamp_ns: int, force: float, torque: float) -> None:
-        """Write a sample, then count it."""
+    def put(self, sample: tuple[int, int, int, int, float, float]) -> None:
+        """Write a sample, in the order of :data:`SAMPLE`, then count it."""
         count = self._count[0]
-        self._samples[count % CAPACITY] = (topic, arrived_ns, stamp_ns, force, torque)
+        self._samples[count % CAPACITY] = sample
         self._count[0] = count + 1
 
     def since(self, number: int) -> Samples:

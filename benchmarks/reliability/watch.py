@@ -27,6 +27,7 @@ from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, RENDERING,
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.child import tell, watch
 from hapticmech_ros.nodes.loop import wake_up_in_time
+from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.qos import RECORDER_SUBSCRIBER
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire import topics
@@ -35,6 +36,8 @@ from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.wrench import decode_wrench
 
 NAN = float("nan")
+# What a sample of the ring can hold.
+LAST = 1 << 63
 Told = tuple[int, float, float]
 
 
@@ -57,15 +60,18 @@ class GraphWatch(Node):
     def _listen(self, topic: int, name: str, kind: type, read: Callable[[bytes], Told]) -> None:
         ring = self._ring
 
-        def keep(message: bytes) -> None:
+        def keep(message: bytes, info: Info) -> None:
             now = time.monotonic_ns()
             try:
                 stamp, force, torque = read(message)
             except (HapticMechError, ArithmeticError, ValueError):
                 stamp, force, torque = 0, NAN, NAN
-            ring.put(topic, now, stamp, force, torque)
+            if not 0 <= stamp < LAST:
+                stamp = 0
+            number = info["publication_sequence_number"]
+            ring.put((topic, now, stamp, number if number < LAST else 0, force, torque))
 
-        self.create_subscription(kind, name, keep, RECORDER_SUBSCRIBER, raw=True)
+        self.create_subscription(kind, name, WithInfo(keep), RECORDER_SUBSCRIBER, raw=True)
 
     def _on_status(self, message: DiagnosticArray) -> None:
         for status in message.status:

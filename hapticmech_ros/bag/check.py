@@ -14,6 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from hapticmech_ros.bag.reader import BagReader, BagTopic
 from hapticmech_ros.errors import BagError
+from hapticmech_ros.files import exists
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topics import TOPICS
 
@@ -94,7 +95,7 @@ def check(path: str | os.PathLike[str]) -> BagCheck:
     Raises:
         BagError: no bag at ``path``. What is wrong with a bag stands in the report.
     """
-    if not Path(path).exists():
+    if not exists(path):
         raise BagError(f"no bag at {path}")
     try:
         with BagReader(path) as bag:

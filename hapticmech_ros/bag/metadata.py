@@ -8,13 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
-from pathlib import Path
-from typing import Any, Literal, cast
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Literal, cast
 
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.metadata import dump_qos_v9
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
+
+from hapticmech_ros.errors import FileError
+from hapticmech_ros.files import read_text
+from hapticmech_ros.yaml_text import read_yaml
 
 VERSION: Literal[9] = 9
 DISTRIBUTION = "jazzy"
@@ -24,6 +28,79 @@ ROOT = "rosbag2_bagfile_information"
 UNFINISHED = ("recording", "unfinished")
 # rosbag2's starting time of a bag, or file, that has no message.
 NEVER_NS = 2**63 - 1
+# Bytes of the file; one of a thousand files and a hundred topics has 300 kB.
+SIZE_LIMIT = 8_000_000
+
+
+def in_folder(name: str) -> str:
+    """Return the name of a storage file, which has to be one in the bag's folder.
+
+    Before version 4 the folder's name stood before it.
+
+    Raises:
+        ValueError: it is elsewhere.
+    """
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts or not path.name or "\0" in name:
+        raise ValueError("must be a file in the bag's folder")
+    return name
+
+
+_Count = Annotated[int, Field(strict=True, ge=0, le=NEVER_NS)]
+_Number = Annotated[int, Field(strict=True, ge=-NEVER_NS, le=NEVER_NS)]
+_Text = Annotated[str, Field(strict=True)]
+_FileName = Annotated[_Text, AfterValidator(in_folder)]
+
+
+class _Part(BaseModel):
+    """Part of the metadata; newer versions may say more."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class _Start(_Part):
+    nanoseconds_since_epoch: _Number
+
+
+class _Duration(_Part):
+    nanoseconds: _Number
+
+
+class _File(_Part):
+    path: _FileName
+    starting_time: _Start
+    duration: _Duration
+    message_count: _Count
+
+
+class _TopicMetadata(_Part):
+    name: _Text
+    type: _Text
+    serialization_format: _Text
+    offered_qos_profiles: str | list[Any] = ""
+    type_description_hash: _Text = ""
+
+
+class _TopicCount(_Part):
+    topic_metadata: _TopicMetadata
+    message_count: _Count
+
+
+class _Information(_Part):
+    """What this package takes from metadata, of any version."""
+
+    version: Annotated[int, Field(strict=True, ge=1, le=VERSION)]
+    storage_identifier: _Text
+    relative_file_paths: list[_FileName]
+    starting_time: _Start
+    duration: _Duration
+    message_count: _Count
+    topics_with_message_count: list[_TopicCount]
+    compression_format: str | None = ""
+    compression_mode: str | None = ""
+    files: list[_File] | None = None
+    custom_data: Any = None
+    ros_distro: str | None = ""
 
 
 @dataclass(slots=True)
@@ -89,15 +166,32 @@ def write_metadata(folder: Path, information: Mapping[str, Any]) -> None:
     temporary.replace(folder / FILE_NAME)
 
 
+def load_metadata(folder: Path) -> dict[str, Any]:
+    """Return the fields of a folder's metadata.
+
+    Raises:
+        FileError: not there, not YAML within limits, or not metadata of a bag.
+    """
+    path = folder / FILE_NAME
+    found = read_yaml(read_text(path, SIZE_LIMIT), str(path))
+    information = found.get(ROOT) if isinstance(found, dict) else None
+    if not isinstance(information, dict):
+        raise FileError(str(path), found, f"must have a mapping {ROOT}")
+    try:
+        _Information.model_validate(information)
+    except ValidationError as error:
+        item = error.errors()[0]
+        where = ".".join(map(str, item["loc"]))
+        raise FileError(str(path), item["input"], item["msg"], where) from None
+    return information
+
+
 def read_metadata(folder: Path) -> dict[str, Any]:
     """Return the fields of a folder's metadata; empty if there are none that can be read."""
     try:
-        text = (folder / FILE_NAME).read_text(encoding="utf-8")
-        found = YAML(typ="safe").load(text)
-    except (OSError, UnicodeDecodeError, YAMLError):
+        return load_metadata(folder)
+    except FileError:
         return {}
-    information = found.get(ROOT) if isinstance(found, dict) else None
-    return information if isinstance(information, dict) else {}
 
 
 def is_unfinished(information: Mapping[str, Any]) -> bool:
@@ -112,8 +206,8 @@ def is_recording(folder: Path) -> bool:
     A finished bag says so nowhere, which is seen without taking its YAML apart.
     """
     try:
-        text = (folder / FILE_NAME).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+        text = read_text(folder / FILE_NAME, SIZE_LIMIT)
+    except FileError:
         return False
     return UNFINISHED[1] in text and is_unfinished(read_metadata(folder))
 

@@ -17,6 +17,7 @@ from hapticmech_ros.bag.stamps import stamp_reader
 from hapticmech_ros.bag.storage import SUFFIXES
 from hapticmech_ros.bag.wanted import any_reader, number_of_files
 from hapticmech_ros.errors import BagError
+from hapticmech_ros.files import exists
 
 # How far messages of one file may be older than the last ones of the file before it.
 OVERLAP_NS = 2_000_000_000
@@ -59,7 +60,7 @@ class BagReader:
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
-        if not self.path.exists():
+        if not exists(self.path):
             raise BagError(f"no bag at {self.path}")
         if self.path.is_dir():
             self._check_folder()
@@ -230,6 +231,6 @@ def _in_order(stream: Iterator[Raw]) -> Iterator[Raw]:
 
 def _damaged(path: Path, error: Exception, topic: str = "") -> BagError:
     where = f" (topic {topic})" if topic else ""
-    reason = str(error) or type(error).__name__
+    reason = " ".join(str(error).split()) or type(error).__name__
     hint = "" if topic else f"; `hapticmech bag repair {path}` recovers what can be read"
     return BagError(f"bag {path}{where} is damaged, or its recording was cut short: {reason}{hint}")

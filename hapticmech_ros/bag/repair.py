@@ -1,16 +1,20 @@
-"""Makes a new, complete bag from what can be read of a damaged or unfinished one."""
+"""Makes a new, complete bag from what can be read of a damaged or unfinished one.
+
+A child process with limits reads it: nobody knows what became of its bytes.
+"""
 
 from __future__ import annotations
 
 import os
 import re
-import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
+from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from hapticmech_ros.bag.metadata import is_unfinished, read_metadata
@@ -18,16 +22,16 @@ from hapticmech_ros.bag.scan import FoundTopic, Scan
 from hapticmech_ros.bag.scan_mcap import McapScan
 from hapticmech_ros.bag.scan_sqlite import SqliteScan
 from hapticmech_ros.bag.storage import SUFFIXES
+from hapticmech_ros.bag.unpack import FILE_RATIO, UNPACKED_LIMIT, unpack_file, unpacked
 from hapticmech_ros.bag.writer import BagWriter
-from hapticmech_ros.errors import BagError
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
+from hapticmech_ros.cage import CageError, Limits, caged
+from hapticmech_ros.errors import BagError, FileError
+from hapticmech_ros.files import check_file, exists, is_file
 
 COMPRESSED = ".zstd"
-_BLOCK = 1 << 20
+# What the child may take: bytes of memory; s for any bag, and bytes that it reads in a second.
+MEMORY = 4 * UNPACKED_LIMIT
+SECONDS, BYTES_PER_SECOND = 4, 250_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,25 +98,50 @@ def repair(
             ``path`` already.
     """
     given = Path(source)
-    files = _storage_files(given)
-    (storage,) = {_storage(file) for file in files}
     target = Path(path) if path is not None else given.with_name(f"{given.stem}_repaired")
+    size = sum(check_file(file) for file in _storage_files(given) if is_file(file))
+    limits = Limits(MEMORY, SECONDS + size // BYTES_PER_SECOND, UNPACKED_LIMIT + FILE_RATIO * size)
+    with TemporaryDirectory(dir=_roomy(given)) as scratch:
+        item = {"source": str(given), "target": str(target), "scratch": scratch}
+        try:
+            (said,) = caged(repair_in_child, [item], limits)
+        except CageError as error:
+            raise BagError(f"bag {given}: its repair {error.rule}") from None
+    if "error" in said:
+        raise BagError(said["error"])
+    files = tuple(FileRepair(**file) for file in said.pop("files"))
+    return RepairReport(given, target, files, **said)
+
+
+def repair_in_child(item: Mapping[str, str]) -> dict[str, Any]:
+    """Do what :func:`repair` says; return the parts of its report, or the error."""
+    given, target, scratch = Path(item["source"]), Path(item["target"]), Path(item["scratch"])
     information = read_metadata(given) if given.is_dir() else {}
     stated = None if is_unfinished(information) else information.get("message_count")
-    unpack = _unpacker(information)
-    with BagWriter(target, storage) as writer:
-        refused: dict[str, str] = {}
-        done = tuple(_copy(file, storage, writer, refused, unpack) for file in files)
+    packed = str(information.get("compression_mode") or "").lower() == "message"
+    refused: dict[str, str] = {}
+    try:
+        files = _storage_files(given)
+        (storage,) = {_storage(file) for file in files}
+        with BagWriter(target, storage) as writer:
+            done = [_copy(file, storage, writer, refused, packed, scratch) for file in files]
+    except BagError as error:
+        return {"error": str(error)}
+    except OSError as error:
+        return {"error": f"bag {given} cannot be repaired: {error}"}
     counts = writer.counts
-    return RepairReport(
-        given, target, done, counts, refused, stated if isinstance(stated, int) else None
-    )
+    return {
+        "files": [asdict(file) for file in done],
+        "counts": counts,
+        "refused": refused,
+        "stated": stated,
+    }
 
 
 def _storage_files(given: Path) -> list[Path]:
-    if not given.exists():
+    if not exists(given):
         raise BagError(f"no bag at {given}")
-    candidates = [given] if given.is_file() else list(given.iterdir())
+    candidates = list(given.iterdir()) if given.is_dir() else [given]
     files = sorted((file for file in candidates if _storage(file)), key=_natural)
     if not files:
         raise BagError(f"nothing to repair in {given}: no {' or '.join(SUFFIXES)} file")
@@ -134,39 +163,40 @@ def _natural(file: Path) -> list[tuple[int, str]]:
     ]
 
 
-def _unpacker(information: dict[str, object]) -> Callable[[bytes], bytes]:
-    """Return what makes plain bytes of a message."""
-    if str(information.get("compression_mode", "")).lower() == "message":
-        return lambda data: bytes(zstd.decompress(data))
-    return lambda data: data
-
-
 def _copy(
     file: Path,
     storage: str,
     writer: BagWriter,
     refused: dict[str, str],
-    unpack: Callable[[bytes], bytes],
+    packed: bool,
+    scratch: Path,
 ) -> FileRepair:
-    with TemporaryDirectory() as folder:
+    """Write what can be read of a file; its messages may be compressed one by one."""
+    with TemporaryDirectory(dir=scratch) as folder:
         plain, trouble = file, ""
-        if file.suffix == COMPRESSED:
-            plain = Path(folder) / file.stem
-            trouble = _decompress(file, plain)
-        scan: Scan = McapScan(plain) if storage == "mcap" else SqliteScan(plain)
-        writer.split()
         messages, lost = 0, 0
-        for topic, time_ns, data in scan:
-            _announce(writer, topic, refused)
-            if data is None or topic.name in refused:
-                continue
-            try:
-                plain_data = unpack(data)
-            except zstd.ZstdError as error:
-                trouble, lost = f"holds a message that cannot be read ({error})", lost + len(data)
-                continue
-            writer.write(topic.name, time_ns, plain_data)
-            messages += 1
+        try:
+            if file.suffix == COMPRESSED:
+                plain = Path(folder) / file.stem
+                trouble = unpack_file(file, plain)
+            scan: Scan = McapScan(plain) if storage == "mcap" else SqliteScan(plain, Path(folder))
+            writer.split()
+            for topic, time_ns, data in scan:
+                _announce(writer, topic, refused)
+                if data is None or topic.name in refused:
+                    continue
+                try:
+                    plain_data = unpacked(data, "zstd") if packed else data
+                except ReaderError as error:
+                    trouble, lost = (
+                        f"holds a message that cannot be read ({error})",
+                        lost + len(data),
+                    )
+                    continue
+                writer.write(topic.name, time_ns, plain_data)
+                messages += 1
+        except FileError as error:
+            return FileRepair(file.name, messages, f"cannot be read: {error.rule}", lost)
     return FileRepair(file.name, messages, trouble or scan.trouble, lost + scan.lost_bytes)
 
 
@@ -199,13 +229,14 @@ def _hash(msgtype: str, definition: MessageDefinition) -> str:
         return ""
 
 
-def _decompress(file: Path, plain: Path) -> str:
-    """Decompress as far as it goes; return why it ended early, or nothing."""
-    with file.open("rb") as packed, plain.open("wb") as out:
-        try:
-            with zstd.open(packed, "rb") as stream:
-                while block := stream.read(_BLOCK):
-                    out.write(block)
-        except (zstd.ZstdError, EOFError, OSError) as error:
-            return f"breaks off within its compressed data ({error})"
-    return ""
+def _roomy(path: Path) -> Path | None:
+    """Return a folder for copies of large files: beside the bag, if we may write there.
+
+    None stands for the system's folder for temporary files.
+    """
+    beside = path.resolve().parent
+    try:
+        with TemporaryDirectory(dir=beside):
+            return beside
+    except OSError:
+        return None

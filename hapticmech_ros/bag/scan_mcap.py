@@ -6,6 +6,7 @@ https://mcap.dev/spec.
 
 from __future__ import annotations
 
+import io
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,11 +14,16 @@ from typing import BinaryIO
 
 from rosbags.interfaces import MessageDefinition
 from rosbags.rosbag2 import ReaderError
-from rosbags.rosbag2.metadata import parse_qos
-from rosbags.rosbag2.storage_mcap import decompress
 
+from hapticmech_ros.bag.offered_qos import read_offers
 from hapticmech_ros.bag.scan import FORMATS, NO_DEFINITION, Found, FoundTopic
+from hapticmech_ros.bag.unpack import UNPACKED_LIMIT, chunk_records
+from hapticmech_ros.files import open_file
 
+# Bytes of a record: a chunk that is not compressed, and its head.
+RECORD_LIMIT = UNPACKED_LIMIT + 4096
+# Times are 64 bits with a sign everywhere else.
+LATEST_NS = 2**63 - 1
 MAGIC = b"\x89MCAP0\r\n"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
 _HEAD = struct.Struct("<BQ")
@@ -40,19 +46,25 @@ class McapScan:
 
     def __iter__(self) -> Iterator[Found]:
         """Yield topics, each before its first message, and messages."""
-        size = self.path.stat().st_size
-        with self.path.open("rb") as file:
+        with open_file(self.path) as file:
+            size = file.seek(0, io.SEEK_END)
+            file.seek(0)
             if file.read(len(MAGIC)) != MAGIC:
                 self._lose("does not begin as an mcap file does", size)
                 return
             while len(head := file.read(_HEAD.size)) == _HEAD.size:
                 kind, length = _HEAD.unpack(head)
-                if length > size - file.tell():
-                    left = file.read()
+                there = size - file.tell()
+                if length > there:
+                    self._kept = 0
                     if kind == _CHUNK:
-                        yield from self._cut_chunk(left)
-                    self._lose("breaks off within a record", len(head) + len(left) - self._kept)
+                        yield from self._cut_chunk(file.read(RECORD_LIMIT))
+                    self._lose("breaks off within a record", len(head) + there - self._kept)
                     return
+                if length > RECORD_LIMIT:
+                    self._lose(f"has a record of more than {RECORD_LIMIT} bytes", length)
+                    file.seek(length, io.SEEK_CUR)
+                    continue
                 if kind == _DATA_END:
                     self._look_at_end(file, size)
                     return
@@ -65,6 +77,8 @@ class McapScan:
                 yield from self._chunk(content)
             elif kind == _MESSAGE:
                 channel, _, time_ns, _ = _MESSAGE_HEAD.unpack_from(content)
+                if time_ns > LATEST_NS:
+                    raise ReaderError(f"a message is of {time_ns} ns")
                 yield Found(self._channels[channel], time_ns, content[_MESSAGE_HEAD.size :])
             elif kind == _SCHEMA:
                 self._schema(content)
@@ -79,11 +93,7 @@ class McapScan:
         compression, at = _text(content, _CHUNK_HEAD.size)
         (length,) = struct.unpack_from("<Q", content, at)
         packed = content[at + 8 : at + 8 + length]
-        try:
-            records = decompress(packed, compression, size, checksum)
-        except Exception as error:  # Decompressors have errors of their own.
-            raise ReaderError(f"chunk: {error}") from error
-        yield from self._records(records)
+        yield from self._records(chunk_records(packed, compression, size, checksum))
 
     def _cut_chunk(self, content: bytes) -> Iterator[Found]:
         """Yield the whole messages of a chunk that lacks its end; of a compressed one nothing."""
@@ -101,6 +111,8 @@ class McapScan:
             if at + length > len(records):
                 return
             self._kept = at + length
+            if kind == _CHUNK:
+                raise ReaderError("a chunk within a chunk")
             yield from self._record(kind, records[at : self._kept])
 
     def _schema(self, content: bytes) -> None:
@@ -114,18 +126,12 @@ class McapScan:
 
     def _channel(self, content: bytes) -> Iterator[Found]:
         number, schema = struct.unpack_from("<HH", content)
-        topic, at = _text(content, 4)
-        _, at = _text(content, at)
-        (length,) = struct.unpack_from("<I", content, at)
-        at, end = at + 4, at + 4 + length
-        notes: dict[str, str] = {}
-        while at < end:
-            key, at = _text(content, at)
-            notes[key], at = _text(content, at)
+        topic, _ = _text(content, 4)
+        notes = channel_notes(content)
         if number in self._channels:
             return
         msgtype, definition = self._schemas[schema]
-        offered = tuple(parse_qos(notes.get("offered_qos_profiles", "")))
+        offered = read_offers(notes.get("offered_qos_profiles", ""))
         type_hash = notes.get("topic_type_hash", "")
         self._channels[number] = FoundTopic(topic, msgtype, definition, type_hash, offered)
         yield Found(self._channels[number])
@@ -138,6 +144,26 @@ class McapScan:
     def _lose(self, trouble: str, size: int) -> None:
         self.trouble = self.trouble or trouble
         self.lost_bytes += size
+
+
+def channel_notes(content: bytes) -> dict[str, str]:
+    """Return what a channel's record notes besides its topic.
+
+    Raises:
+        ReaderError: not such a record.
+    """
+    notes: dict[str, str] = {}
+    try:
+        _, at = _text(content, 4)
+        _, at = _text(content, at)
+        (length,) = struct.unpack_from("<I", content, at)
+        at, end = at + 4, at + 4 + length
+        while at < end:
+            key, at = _text(content, at)
+            notes[key], at = _text(content, at)
+    except (struct.error, UnicodeDecodeError) as error:
+        raise ReaderError(f"a channel cannot be read ({error})") from None
+    return notes
 
 
 def _text(content: bytes, at: int) -> tuple[str, int]:

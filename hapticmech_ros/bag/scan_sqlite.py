@@ -9,11 +9,18 @@ from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from rosbags.interfaces import MessageDefinition
 from rosbags.rosbag2 import ReaderError
-from rosbags.rosbag2.metadata import parse_qos
 
-from hapticmech_ros.bag.scan import FORMATS, NO_DEFINITION, Found, FoundTopic
+from hapticmech_ros.bag.scan import Found
+from hapticmech_ros.bag.tables import (
+    ROW,
+    STEPS_AT_ONCE,
+    Steps,
+    checked_message,
+    refuse_strange_tables,
+    stored_topics,
+)
+from hapticmech_ros.files import check_file, exists
 
 JOURNALS = ("-wal", "-journal")
 
@@ -22,78 +29,54 @@ class SqliteScan:
     """See :class:`hapticmech_ros.bag.scan.Scan`.
 
     Opening a database whose writer died changes it and its journal: a copy is opened.
+
+    Args:
+        path: of the file.
+        scratch: folder for the copy.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, scratch: Path) -> None:
         self.path = path
+        self._scratch = scratch
         self.trouble = ""
         self.lost_bytes = 0
 
     def __iter__(self) -> Iterator[Found]:
         """Yield topics, each before its first message, and messages."""
-        with TemporaryDirectory(dir=_roomy(self.path)) as folder:
+        size = check_file(self.path)
+        with TemporaryDirectory(dir=self._scratch) as folder:
             copy = Path(folder) / self.path.name
             shutil.copyfile(self.path, copy)
             for suffix in JOURNALS:
                 journal = self.path.with_name(self.path.name + suffix)
-                if journal.exists():
+                if exists(journal):
+                    size += check_file(journal)
                     shutil.copyfile(journal, copy.with_name(copy.name + suffix))
             read = 0
             try:
                 with closing(sqlite3.connect(copy)) as database:
+                    database.set_progress_handler(Steps(size).too_many, STEPS_AT_ONCE)
                     for found in _rows(database):
-                        read += len(found.data or b"")
+                        read += ROW + len(found.data) if found.data is not None else 0
+                        if read > size:
+                            raise ReaderError("it has more messages than there is room for in it")
                         yield found
             except (sqlite3.Error, ReaderError, UnicodeDecodeError) as error:
                 self.trouble = f"cannot be read to its end ({error})"
-                self.lost_bytes = max(0, self.path.stat().st_size - read)
+                self.lost_bytes = max(0, size - read)
 
 
 def _rows(database: sqlite3.Connection) -> Iterator[Found]:
-    topics = _topics(database)
+    refuse_strange_tables(database.execute)
+    topics = {number: topic for number, (topic, _) in stored_topics(database.execute).items()}
     for topic in topics.values():
         yield Found(topic)
     # In order of writing, not through the index, which may be what is damaged.
     query = "SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id"
-    for number, time_ns, data in database.execute(query):
-        if number in topics and isinstance(data, bytes):
+    for row in database.execute(query):
+        try:
+            number, time_ns, data = checked_message(row)
+        except ReaderError:
+            continue
+        if number in topics:
             yield Found(topics[number], time_ns, data)
-
-
-def _topics(database: sqlite3.Connection) -> dict[int, FoundTopic]:
-    have = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
-    optional = [
-        name if name in have else f"'' AS {name}"
-        for name in ("offered_qos_profiles", "type_description_hash")
-    ]
-    definitions = _definitions(database)
-    found = {}
-    query = f"SELECT id, name, type, {', '.join(optional)} FROM topics ORDER BY id"
-    for number, name, msgtype, qos, type_hash in database.execute(query):
-        definition = definitions.get(msgtype, NO_DEFINITION)
-        found[number] = FoundTopic(name, msgtype, definition, type_hash, tuple(parse_qos(qos)))
-    return found
-
-
-def _definitions(database: sqlite3.Connection) -> dict[str, MessageDefinition]:
-    if not list(database.execute("PRAGMA table_info(message_definitions)")):
-        return {}
-    query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-    return {
-        msgtype: MessageDefinition(FORMATS[encoding], text)
-        for msgtype, encoding, text in database.execute(query)
-        if encoding in FORMATS
-    }
-
-
-def _roomy(path: Path) -> Path | None:
-    """Return a folder for a copy of a large file: beside the bag's folder, if we may write there.
-
-    None stands for the system's folder for temporary files.
-    """
-    beside = path.resolve().parent.parent
-    try:
-        with TemporaryDirectory(dir=beside):
-            return beside
-    except OSError:
-        return None

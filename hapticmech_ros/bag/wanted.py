@@ -1,27 +1,107 @@
-"""The library's reader, with readers of storage files that cost what is wanted of them."""
+"""The library's reader, with readers of storage files that cost what is wanted of them.
+
+They believe nothing that a file says of itself: its sizes, its names, its types.
+"""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Collection, Generator
+from contextlib import ExitStack, suppress
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
+from typing import Any
 
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection, ConnectionExtRosbag2
+from rosbags.rosbag2 import ReaderError
+from rosbags.rosbag2.metadata import ReaderMetadata
 from rosbags.rosbag2.reader import DirectoryReader, Reader
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.typesys import Stores, get_typestore
 
+from hapticmech_ros.bag.metadata import load_metadata
+from hapticmech_ros.bag.offered_qos import read_offers
+from hapticmech_ros.bag.scan import NO_DEFINITION
+from hapticmech_ros.bag.unpack import unpack_file, unpacked
 from hapticmech_ros.bag.wanted_mcap import WantedMcap
-from hapticmech_ros.bag.wanted_sqlite import WantedSqlite
+from hapticmech_ros.bag.wanted_sqlite import CountedSqlite, WantedSqlite
+from hapticmech_ros.files import exists
+
+_NEVER = 2**63 - 1
 
 
 class _Folder(DirectoryReader):
     # Counts are those of metadata.yaml.
     STORAGE_PLUGINS = MappingProxyType({"mcap": WantedMcap, "sqlite3": WantedSqlite})
 
+    def open(self) -> None:
+        """Open all files that the metadata name."""
+        self.stack = ExitStack()
+        try:
+            self._open(self.stack)
+        except BaseException:
+            with suppress(Exception):
+                self.close()
+            raise
+
+    def _open(self, stack: ExitStack) -> None:
+        said = load_metadata(Path(str(self.path)))
+        plugin = self.STORAGE_PLUGINS.get(said["storage_identifier"])
+        if plugin is None:
+            raise ReaderError(f"storage {said['storage_identifier']!r} is not supported")
+        mode = str(said.get("compression_mode") or "none").lower()
+        if mode != "none" and said.get("compression_format") != "zstd":
+            raise ReaderError(f"compression {said.get('compression_format')!r} is not supported")
+        names = [PurePosixPath(name).name for name in said["relative_file_paths"]]
+        paths = [Path(str(self.path)) / name for name in names]
+        missing = [path.name for path in paths if not exists(path)]
+        if missing:
+            raise ReaderError(f"files are missing: {missing}")
+        self.connections = [
+            _connection(number, entry, self)
+            for number, entry in enumerate(said["topics_with_message_count"], start=1)
+        ]
+        strange = {
+            str(entry["topic_metadata"]["serialization_format"])
+            for entry in said["topics_with_message_count"]
+        } - {"cdr"}
+        if strange:
+            raise ReaderError(f"serialization {sorted(strange)} is not supported")
+        self.metadata = _times(said, mode)
+        if mode == "file":
+            paths = _plain(paths, Path(stack.enter_context(TemporaryDirectory())))
+        self.storages = []
+        for path in paths:
+            storage = plugin(path)
+            storage.open()
+            stack.callback(storage.close)
+            self.storages.append(storage)
+        definitions = {
+            one.msgtype: one.msgdef
+            for storage in reversed(self.storages)
+            for one in reversed(storage.connections)
+            if one.msgdef.format != NO_DEFINITION.format
+        }
+        self.connections = [
+            one._replace(msgdef=definitions.get(one.msgtype, one.msgdef))
+            for one in self.connections
+        ]
+        self._packed = mode == "message"
+
+    def messages(
+        self,
+        connections: Collection[Connection],
+        start: int | None = None,
+        stop: int | None = None,
+    ) -> Generator[tuple[Connection, int, bytes], None, None]:
+        """Yield connection, time (ns) and bytes of messages, file by file."""
+        for connection, time_ns, data in super().messages(connections, start, stop):
+            yield connection, time_ns, unpacked(data, "zstd") if self._packed else data
+
 
 class _Bag(Reader):
-    # Of a file alone the counts are asked for, and only the library's reader has them.
-    STORAGE_PLUGINS = MappingProxyType({"dir": _Folder, ".mcap": WantedMcap, ".db3": Sqlite3Reader})
+    # Of a file alone the messages are counted.
+    STORAGE_PLUGINS = MappingProxyType({"dir": _Folder, ".mcap": WantedMcap, ".db3": CountedSqlite})
 
 
 def any_reader(path: Path) -> AnyReader:
@@ -42,3 +122,45 @@ def number_of_files(reader: AnyReader) -> int:
         for one in reader.readers
         if isinstance(one, Reader)
     )
+
+
+def _connection(number: int, entry: dict[str, Any], owner: DirectoryReader) -> Connection:
+    said = entry["topic_metadata"]
+    offered = read_offers(said.get("offered_qos_profiles") or [])
+    return Connection(
+        number,
+        said["name"],
+        said["type"],
+        NO_DEFINITION,
+        said.get("type_description_hash", ""),
+        entry["message_count"],
+        ConnectionExtRosbag2(said["serialization_format"], list(offered)),
+        owner,
+    )
+
+
+def _times(said: dict[str, Any], mode: str) -> ReaderMetadata:
+    """Return what the library says of a bag; messages are unpacked here, not there."""
+    count, span = said["message_count"], said["duration"]["nanoseconds"]
+    start = said["starting_time"]["nanoseconds_since_epoch"]
+    return ReaderMetadata(
+        duration=span + 1 if count else 0,
+        start_time=start if count else _NEVER,
+        end_time=start + span + 1 if count else 0,
+        message_count=count,
+        compression_format=said.get("compression_format") or None,
+        compression_mode=mode if mode == "file" else None,
+        ros_distro=said.get("ros_distro"),
+        custom=said.get("custom_data"),
+    )
+
+
+def _plain(paths: list[Path], folder: Path) -> list[Path]:
+    """Return files that were compressed as a whole, unpacked into a folder."""
+    found = []
+    for path in paths:
+        found.append(folder / path.stem)
+        trouble = unpack_file(path, found[-1])
+        if trouble:
+            raise ReaderError(f"{path.name} {trouble}")
+    return found

@@ -10,14 +10,23 @@ from __future__ import annotations
 import heapq
 import struct
 from collections.abc import Collection, Generator, Mapping
+from pathlib import Path
 from typing import BinaryIO
 
-from rosbags.interfaces import Connection
+from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.errors import ReaderError
-from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader, decompress, read_exact
+from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader, Statistics, read_exact
+
+from hapticmech_ros.bag.offered_qos import read_offers
+from hapticmech_ros.bag.scan_mcap import LATEST_NS, McapScan, channel_notes
+from hapticmech_ros.bag.unpack import chunk_records
+from hapticmech_ros.files import check_file
 
 _HEAD = struct.Struct("<BQ")
-_MESSAGE = 0x05
+_MESSAGE, _CHANNEL = 0x05, 0x04
+# Footer and summary's offsets: what the index ends with.
+_LAST = (0x02, 0x0E)
+INDEX_RECORD_LIMIT = 16 << 20
 # Channel, number, time of recording and of publishing; the message follows.
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHECKSUM = struct.Struct("<I")
@@ -30,7 +39,70 @@ _Item = tuple[int, int, Connection | None, bytes]
 
 
 class WantedMcap(McapReader):
-    """An mcap file; as the library's reader, and faster where few topics are wanted."""
+    """An mcap file; as the library's reader, and faster where few topics are wanted.
+
+    A file without an index is read front to back, as it is for repair.
+    """
+
+    def open(self) -> None:
+        """Open the file."""
+        check_file(str(self.path))
+        super().open()
+
+    def read_index(self) -> None:
+        """Read topics and chunks from the file's end, once topics were found to be plain ones."""
+        bio = self.bio
+        if bio is None:
+            raise ReaderError(f"{self.path} is not open")
+        bio.seek(self.data_end)
+        while len(head := bio.read(_HEAD.size)) == _HEAD.size:
+            kind, length = _HEAD.unpack(head)
+            if kind in _LAST:
+                break
+            if length > INDEX_RECORD_LIMIT:
+                raise ReaderError(f"its index has a record of more than {INDEX_RECORD_LIMIT} bytes")
+            content = read_exact(bio, length)
+            if kind == _CHANNEL:
+                read_offers(channel_notes(content).get("offered_qos_profiles", ""))
+        super().read_index()
+        found = self.statistics
+        if found is not None and max(found.start_time, found.end_time) > LATEST_NS:
+            raise ReaderError(f"its messages are of {found.start_time} to {found.end_time} ns")
+
+    def meta_scan(self) -> None:
+        """Find topics, and count messages, by reading all."""
+        scan = McapScan(Path(str(self.path)))
+        counts: dict[int, int] = {}
+        numbers: dict[str, int] = {}
+        first, last = LATEST_NS, 0
+        for topic, time_ns, data in scan:
+            number = numbers.setdefault(topic.name, len(numbers) + 1)
+            if data is None and number not in counts:
+                extra = ConnectionExtRosbag2("cdr", list(topic.offered))
+                self.connections.append(
+                    Connection(number, topic.name, topic.type, topic.definition, "", 0, extra, self)
+                )
+                counts[number] = 0
+            elif data is not None:
+                counts[number] += 1
+                first, last = min(first, time_ns), max(last, time_ns)
+        if scan.trouble:
+            raise ReaderError(f"it {scan.trouble}")
+        total = sum(counts.values())
+        self.statistics = Statistics(total, 0, len(counts), 0, 0, 0, first, last, counts)
+
+    def messages_scan(
+        self,
+        connections: Collection[Connection],
+        start: int | None = None,
+        stop: int | None = None,
+    ) -> Generator[tuple[Connection, int, bytes], None, None]:
+        """Yield messages of a file without an index, as they are written."""
+        wanted = {connection.topic: connection for connection in connections}
+        for topic, time_ns, data in McapScan(Path(str(self.path))):
+            in_time = (start is None or start <= time_ns) and (stop is None or time_ns < stop)
+            if data is not None and in_time and topic.name in wanted:
+                yield wanted[topic.name], time_ns, data
 
     def messages(
         self,
@@ -71,7 +143,7 @@ def _messages(
     (checksum,) = _CHECKSUM.unpack(read_exact(bio, _CHECKSUM.size))
     bio.seek(place + _TO_NAME + len(chunk.compression))
     packed = read_exact(bio, chunk.compressed_size)
-    records = decompress(packed, chunk.compression, chunk.uncompressed_size, checksum)
+    records = chunk_records(packed, chunk.compression, chunk.uncompressed_size, checksum)
     found: list[_Item] = []
     at, size = 0, len(records)
     while at < size:
@@ -82,6 +154,8 @@ def _messages(
             raise ReaderError(f"a record of the chunk at {place} is longer than the chunk")
         if kind == _MESSAGE:
             channel, _, time_ns, _ = _MESSAGE_HEAD.unpack_from(records, at)
+            if time_ns > LATEST_NS:
+                raise ReaderError(f"a message of the chunk at {place} is of {time_ns} ns")
             if channel in wanted and start <= time_ns < stop:
                 found.append(
                     (time_ns, place, wanted[channel], records[at + _MESSAGE_HEAD.size : end])

@@ -1,4 +1,4 @@
-"""Opens an SQLite file of a bag folder without counting its messages.
+"""Opens an SQLite file of a bag without believing it, and of a folder without counting messages.
 
 The library counts them by topic whenever it opens a file, which reads all of it; of a folder the
 counts stand in ``metadata.yaml``, and are taken from there.
@@ -8,22 +8,26 @@ from __future__ import annotations
 
 import io
 import struct
+from collections.abc import Collection, Generator
 
-from rosbags.interfaces import (
-    Connection,
-    ConnectionExtRosbag2,
-    MessageDefinition,
-    MessageDefinitionFormat,
-)
+import apsw
+from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.errors import ReaderError
-from rosbags.rosbag2.metadata import ReaderMetadata, parse_qos
+from rosbags.rosbag2.metadata import ReaderMetadata
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-from hapticmech_ros.bag.scan import FORMATS, NO_DEFINITION
+from hapticmech_ros.bag.tables import (
+    ROW,
+    STEPS_AT_ONCE,
+    Execute,
+    Steps,
+    checked_message,
+    refuse_strange_tables,
+    stored_topics,
+)
+from hapticmech_ros.bag.unpack import UNPACKED_LIMIT
+from hapticmech_ros.files import check_file, open_file
 
-# Schema from which on the file has definitions of its message types and their hashes.
-_WITH_DEFINITIONS = 4
-_TABLES = {"schema", "messages", "topics", "message_definitions"}
 # Of the first page: its head; places of the size of a page (1 is 65536), and number of pages.
 _PAGE_SIZE, _PAGES = struct.Struct(">H"), struct.Struct(">I")
 _PAGE_SIZE_AT, _PAGES_AT = 16, 28
@@ -32,67 +36,72 @@ _HEAD = 100
 
 
 class WantedSqlite(Sqlite3Reader):
-    """A file of a folder; as the library's reader, but for counts, which are 0.
+    """A file of a folder; as the library's reader, but for counts, which are 0."""
 
-    A file of an older schema is the library's.
-    """
+    _counted = False
+
+    def open(self) -> None:
+        """Open the file."""
+        check_file(str(self.path))
+        super().open()
 
     def _open(self) -> None:
-        self._refuse_cut()
-        connection = self.dbconn
-        if connection is None:
+        self._size = self._refuse_cut()
+        database = self.dbconn
+        if database is None:
             raise ReaderError(f"{self.path} is not open")
-        names = connection.execute('SELECT name FROM sqlite_master WHERE type = "table"')
-        if not {str(row[0]) for row in names} >= _TABLES:
-            super()._open()
-            return
-        version = connection.execute("SELECT schema_version FROM schema").fetchone()
-        if version is None or int(version[0]) < _WITH_DEFINITIONS:
-            super()._open()
-            return
-        self.schema = int(version[0])
-        definitions = connection.execute(
-            "SELECT topic_type, encoding, encoded_message_definition, type_description_hash"
-            " FROM message_definitions ORDER BY id"
-        )
-        self.msgtypes = [
-            dict(zip(("name", "encoding", "msgdef", "digest"), map(str, row), strict=True))
-            for row in definitions
-        ]
-        topics = connection.execute(
-            "SELECT id, name, type, serialization_format, offered_qos_profiles,"
-            " type_description_hash FROM topics ORDER BY id"
-        )
+        self._steps = Steps(self._size)
+        database.limit(apsw.SQLITE_LIMIT_LENGTH, UNPACKED_LIMIT)
+        database.set_progress_handler(self._steps.too_many, STEPS_AT_ONCE)
+        execute: Execute = database.execute
+        refuse_strange_tables(execute)
+        counts = self._counts(execute)
         self.connections = [
             Connection(
                 number,
-                name,
-                kind,
-                self._definition(kind),
-                digest,
-                0,
-                ConnectionExtRosbag2(serialization, parse_qos(offered)),
+                topic.name,
+                topic.type,
+                topic.definition,
+                topic.type_hash,
+                counts.get(number, 0),
+                ConnectionExtRosbag2(serialization, list(topic.offered)),
                 self,
             )
-            for number, name, kind, serialization, offered, digest in topics
+            for number, (topic, serialization) in stored_topics(execute).items()
         ]
-        first = connection.execute("SELECT MIN(timestamp) FROM messages").fetchone()
-        last = connection.execute("SELECT MAX(timestamp) FROM messages").fetchone()
-        if first is not None and last is not None and first[0] is not None:
-            start, end = int(first[0]), int(last[0]) + 1
-            self.metadata = ReaderMetadata(end - start, start, end, 0, None, None, None, None)
+        ((first,),) = execute("SELECT MIN(timestamp) FROM messages")
+        ((last,),) = execute("SELECT MAX(timestamp) FROM messages")
+        if type(first) is int and type(last) is int:
+            span = last + 1 - first, first, last + 1
+            self.metadata = ReaderMetadata(*span, sum(counts.values()), None, None, None, None)
+        elif first is not None:
+            raise ReaderError("table 'messages' has a time that is no number")
 
-    def _definition(self, kind: str) -> MessageDefinition:
-        found = next((one for one in self.msgtypes if one["name"] == kind), None)
-        if found is None:
-            return NO_DEFINITION
-        return MessageDefinition(
-            FORMATS.get(found["encoding"], MessageDefinitionFormat.NONE), found["msgdef"]
-        )
+    def messages(
+        self,
+        connections: Collection[Connection],
+        start: int | None = None,
+        stop: int | None = None,
+    ) -> Generator[tuple[Connection, int, bytes], None, None]:
+        """Yield connection, time (ns) and bytes of messages, in order of time."""
+        self._steps.renew()
+        seen = 0
+        for connection, *rest in super().messages(connections, start, stop):
+            _, time_ns, data = checked_message((connection.id, *rest))
+            seen += len(data) + ROW
+            if seen > self._size:
+                raise ReaderError(f"{self.path} has more messages than there is room for in it")
+            yield connection, time_ns, data
 
-    def _refuse_cut(self) -> None:
-        """Refuse a file that is shorter than its first page says; counting would have found out."""
-        with self.path.open("rb") as file:
+    def _counts(self, execute: Execute) -> dict[int, int]:
+        """Return how many messages each topic has; nothing where somebody else has counted."""
+        if not self._counted:
+            return {}
+        return dict(execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id"))
+
+    def _refuse_cut(self) -> int:
+        """Refuse a file that is shorter than its first page says; return its size, bytes."""
+        with open_file(str(self.path)) as file:
             head = file.read(_HEAD)
             size = file.seek(0, io.SEEK_END)
         if len(head) < _HEAD:
@@ -102,3 +111,10 @@ class WantedSqlite(Sqlite3Reader):
         said = pages * (_LARGEST_PAGE if page == 1 else page)
         if said > size:
             raise ReaderError(f"{self.path} has {size} bytes of {said}")
+        return size
+
+
+class CountedSqlite(WantedSqlite):
+    """A file alone, whose messages are counted as it is opened."""
+
+    _counted = True

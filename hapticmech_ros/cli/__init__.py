@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib.metadata import version
 from typing import Annotated
@@ -10,6 +11,7 @@ import typer
 
 from hapticmech_ros.cli import analyse, bag, bench, device, experiment, graph, replay, scene
 from hapticmech_ros.cli.console import console, errors
+from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError
 
 app = typer.Typer(
@@ -48,9 +50,21 @@ app.add_typer(device.app, name="device")
 
 
 def main() -> None:
-    """Run the command; errors of ours are one clear message and exit code 1."""
+    """Run the command; errors of ours, and files, are one clear message and exit code 1."""
+    choose_discovery(os.environ)
     try:
         app()
     except HapticMechError as error:
-        errors.print(f"error: {error}", style="red", highlight=False, markup=False)
+        _end(str(error))
+    except BrokenPipeError:
+        # Whoever read the output has gone, such as `head`; Python must not try to write the rest.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    except OSError as error:  # no permission, a full disk
+        where = "" if error.filename is None else f"{error.filename}: "
+        _end(f"{where}{error.strerror or error}")
+
+
+def _end(reason: str) -> None:
+    errors.print(f"error: {reason}", style="red", highlight=False, markup=False, soft_wrap=True)
+    sys.exit(1)

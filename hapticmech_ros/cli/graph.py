@@ -6,15 +6,22 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from hapticmech_ros.cli.console import ComposedOption, SceneArgument, console
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.cli.durations import seconds_of
+from hapticmech_ros.discovery import Discovery, choose_discovery
+from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.files import check_file
 
 CHECK_PERIOD_S = 0.2
+# Bytes.
+PARAMETER_FILE_LIMIT = 1_000_000
 
 NamespaceOption = Annotated[str, typer.Option(help="put nodes and topics under this name")]
 StorageOption = Annotated[str, typer.Option(help="mcap or sqlite3")]
@@ -37,6 +44,14 @@ def run(
     control_rate: Annotated[
         float, typer.Option(min=0.0, max=10000.0, help="Hz; 0: the scene's own")
     ] = 0.0,
+    network_delay: Annotated[
+        str,
+        typer.Option(help="one way to the device, such as 50ms: all is set for it"),
+    ] = "",
+    only: Annotated[
+        list[str] | None,
+        typer.Option(help="node to run here, any number; others run elsewhere"),
+    ] = None,
     record: Annotated[Path | None, typer.Option(help="bag to record everything into")] = None,
     storage: StorageOption = "mcap",
     view: Annotated[bool, typer.Option(help="also publish markers, frames, URDF")] = False,
@@ -52,20 +67,29 @@ def run(
     rate: Annotated[
         float, typer.Option(min=0.0, help="lockstep: times real time at most; 0: no limit")
     ] = 0.0,
+    discovery: Annotated[
+        Discovery | None, typer.Option(help="who finds the graph; else as ROS is set up")
+    ] = None,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
-    from hapticmech_ros.graph import Graph, check_running, start_process, stop_process
+    from hapticmech_ros.graph import Bystander, Graph, start_process
     from hapticmech_ros.lockstep import LockstepRun, run_lockstep
-    from hapticmech_ros.nodes.entry import NODES, VIEWER
+    from hapticmech_ros.nodes.entry import VIEWER
     from hapticmech_ros.scene import load_scene
 
-    loaded = load_scene(scene, control_rate)
+    choose_discovery(os.environ, discovery)
+    delay = seconds_of("--network-delay", network_delay) if network_delay else 0.0
+    loaded = load_scene(scene, control_rate, delay)
     held = tuple(loaded.operational_point(name).name for name in hold or ())
     if len(set(held)) < len(held):
         raise InvalidInputError("hold", held, "each point can be held once")
     parameters = settings_of(settings or [])
-    arguments = ("--params-file", str(params_file)) if params_file else ()
+    if delay:
+        parameters["network_delay"] = delay
+    arguments = arguments_of(params_file)
     stop = stop_by_signals()
+    if lockstep and only:
+        raise InvalidInputError("--only", only, "lockstep runs all nodes")
     if lockstep:
         plan = LockstepRun(
             scene,
@@ -88,12 +112,17 @@ def run(
         parameters["control_rate"] = control_rate
     if use_sim_time:
         parameters["use_sim_time"] = True
-    nodes = [*NODES, VIEWER] if view else NODES
+    nodes = [*nodes_of(only or ()), *([VIEWER] if view else [])]
     recorder = None
     if record is not None:
+        if record.exists():
+            raise BagError(f"{record} exists: choose another place for --record")
         command = [sys.executable, "-m", "hapticmech_ros", "bag", "record", "--all"]
         command += ["--out", str(record), "--storage", storage]
-        recorder = start_process(command, os.environ)
+        loss = f"the bag {record} is incomplete (hapticmech bag repair {record} may help)"
+        process = start_process(command, os.environ)
+        recorder = Bystander("the recorder", process, loss, partial(typer.echo, err=True))
+    whole = True
     try:
         with Graph(
             scene, composed, namespace, parameters, None, nodes, held, arguments
@@ -104,10 +133,12 @@ def run(
                 left -= CHECK_PERIOD_S
                 graph.check()
                 if recorder is not None:
-                    check_running("the recorder", recorder)
+                    recorder.look()
     finally:
         if recorder is not None:
-            stop_process(recorder)
+            whole = recorder.end()
+    if not whole:
+        raise typer.Exit(1)
 
 
 def topics() -> None:
@@ -133,14 +164,40 @@ def stop_by_signals() -> threading.Event:
     return stop
 
 
+def nodes_of(only: Sequence[str]) -> list[str]:
+    """Return the graph's nodes that are to run here.
+
+    Raises:
+        InvalidInputError: a node that there is none of.
+    """
+    from hapticmech_ros.nodes.entry import NODES
+
+    for name in only:
+        if name not in NODES:
+            raise InvalidInputError("--only", name, f"must be one of {', '.join(NODES)}")
+    return [name for name in NODES if not only or name in only]
+
+
+def arguments_of(params_file: Path | None) -> tuple[str, ...]:
+    """Return what nodes are given for a parameter file, which ROS would wait for if it is a pipe.
+
+    Raises:
+        FileError: no regular file, or too large.
+    """
+    if params_file is None:
+        return ()
+    check_file(params_file, PARAMETER_FILE_LIMIT)
+    return "--params-file", str(params_file)
+
+
 def settings_of(texts: list[str]) -> dict[str, object]:
     """Return parameters given as ``[node.]name=value``; values are YAML, as ROS reads them."""
-    from ruamel.yaml import YAML
+    from hapticmech_ros.yaml_text import read_yaml
 
     found: dict[str, object] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not (equals and name):
             raise InvalidInputError("--set", text, "must be [NODE.]PARAMETER=VALUE")
-        found[name] = YAML(typ="safe", pure=True).load(value)
+        found[name] = read_yaml(value, f"--set {text}")
     return found

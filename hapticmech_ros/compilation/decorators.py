@@ -18,9 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
 from hapticmech_ros.compilation.cache import folder
+from hapticmech_ros.compilation.custody import is_safe
+from hapticmech_ros.compilation.kept import keep
 from hapticmech_ros.compilation.library import library
 
 Function = TypeVar("Function", bound=Callable[..., object])
@@ -88,20 +91,26 @@ def kernel(signature: str) -> Callable[[Function], Function]:
 
 
 def _just_in_time(signature: str, function: Function) -> Function:
-    """Compile a function or load it; where no folder can be written, compile it each time."""
+    """Compile a function or load it; where no folder can be used, compile it each time."""
     import numba
 
+    dispatcher: Any = numba.njit(**OPTIONS)(function)
     try:
-        with _cache_folder(numba.config):
-            return cast(Function, numba.njit(signature, cache=True, **OPTIONS)(function))
+        place = folder()
+        if is_safe(place):
+            with _cache_folder(numba.config, place):
+                keep(dispatcher)
     except (OSError, RuntimeError):
-        return cast(Function, numba.njit(signature, **OPTIONS)(function))
+        pass
+    dispatcher.compile(signature)
+    dispatcher.disable_compile()
+    return cast(Function, dispatcher)
 
 
 @contextmanager
-def _cache_folder(config: Any) -> Iterator[None]:
+def _cache_folder(config: Any, place: Path) -> Iterator[None]:
     before = config.CACHE_DIR
-    config.CACHE_DIR = str(folder())
+    config.CACHE_DIR = str(place)
     try:
         yield
     finally:

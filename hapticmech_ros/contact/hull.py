@@ -1,20 +1,17 @@
-"""Convex polytopes: vertices and flat faces, of boxes and of the hulls of meshes."""
+"""Convex polytopes: vertices and flat faces, of boxes and of hulls of points."""
 
 from __future__ import annotations
 
 from itertools import product
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull
 
-from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.mechanism.model import Array
 
 # Triangles whose normals differ by less are one face.
 FLAT = 1e-6
-MOST_VERTICES = 2000
 
 
 class Polytope(NamedTuple):
@@ -57,38 +54,6 @@ def hull(points: Array) -> Polytope:
         for corners, normal in zip(triangles, found.equations[:, :3], strict=True)
     ]
     return Polytope(vertices, faces, normals, np.array(outwards))
-
-
-def read_mesh(file: str, scale: tuple[float, float, float], key: str) -> Polytope:
-    """Return the convex hull of a mesh in a file.
-
-    Args:
-        file: path.
-        scale: of its coordinates.
-        key: of the scene that names the file, for errors.
-
-    Raises:
-        SceneError: the file cannot be read, or holds no body, or too many corners.
-    """
-    import coal
-
-    try:
-        loaded = coal.MeshLoader().load(str(Path(file)), np.array(scale))
-        points = np.array([loaded.vertex(i) for i in range(loaded.num_vertices)])
-    except (RuntimeError, ValueError) as error:
-        raise _refused(key, file, f"cannot be read as a mesh: {error}") from None
-    try:
-        corners = ConvexHull(np.unique(points, axis=0)).vertices
-        if len(corners) > MOST_VERTICES:
-            rule = f"the hull must have at most {MOST_VERTICES} corners, not {len(corners)}"
-            raise _refused(key, file, rule)
-        return hull(np.unique(points, axis=0)[corners])
-    except (QhullError, ValueError, IndexError):
-        raise _refused(key, file, "the mesh must not be flat") from None
-
-
-def _refused(key: str, file: str, rule: str) -> SceneError:
-    return SceneError("shapes", [SceneProblem(key, file, rule)])
 
 
 def _merged(found: ConvexHull, place: dict[int, int]) -> list[tuple[Array, set[int]]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.contact.hull import Polytope, box, read_mesh
+from hapticmech_ros.contact.hull import Polytope, box
 from hapticmech_ros.contact.shape_kernels import (
     CAPSULE,
     CYLINDER,
@@ -58,7 +58,7 @@ def shape_tables(shapes: tuple[Shape, ...], tree: TreeModel) -> ShapeTables:
     """
     numbers = np.zeros((len(shapes), 6), dtype=np.int64)
     values = np.zeros((len(shapes), SHAPE_VALUES))
-    polytopes = tuple(_polytope(shape, index) for index, shape in enumerate(shapes))
+    polytopes = _polytopes(shapes)
     vertices, normals = [np.zeros((0, 3))], [np.zeros((0, 3))]
     faces: list[tuple[int, int]] = []
     corners: list[int] = []
@@ -110,10 +110,14 @@ def _kind(shape: Shape) -> tuple[int, float, float]:
     return HALF_SPACE, 0.0, 0.0
 
 
-def _polytope(shape: Shape, index: int) -> Polytope | None:
-    geometry = shape.geometry
-    if isinstance(geometry, Box):
-        return box(geometry.size)
-    if isinstance(geometry, Mesh):
-        return read_mesh(geometry.file, geometry.scale, f"shapes[{index}].geometry.file")
-    return None
+def _polytopes(shapes: tuple[Shape, ...]) -> tuple[Polytope | None, ...]:
+    found: dict[int, Polytope] = {}
+    if any(isinstance(shape.geometry, Mesh) for shape in shapes):
+        # Here, so that scenes without meshes do not load what reads them.
+        from hapticmech_ros.contact.mesh_hulls import mesh_hulls
+
+        found = mesh_hulls(shapes)
+    for index, shape in enumerate(shapes):
+        if isinstance(shape.geometry, Box):
+            found[index] = box(shape.geometry.size)
+    return tuple(found.get(index) for index in range(len(shapes)))

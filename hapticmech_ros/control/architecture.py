@@ -39,6 +39,7 @@ class ControlArchitecture:
 
     Attributes:
         compiled: whether a kernel computes; see :func:`~hapticmech_ros.control.build.control_for`.
+        delay: one-way delay (s) that the gains are for.
     """
 
     compiled: ClassVar[bool] = False
@@ -48,7 +49,8 @@ class ControlArchitecture:
         self.device_inertia = device_inertia(scene.device)
         self.substeps = scene.device.substeps
         self.acts = np.array(scene.device.acts)
-        self._lag = 2.0 * scene.connection.delay + 1.5 * scene.simulation.period
+        self.delay = scene.connection.designed
+        self._period = scene.simulation.period
         self._task = np.ones(6)
         if scene.task_space == "planar":
             self._task[2:5] = 0.0
@@ -56,27 +58,37 @@ class ControlArchitecture:
         self._passage: Passage | None = None
         self.adopt(scene.controller)
 
-    def adopt(self, gains: Controller) -> None:
-        """Take gains at once; a bump, if it renders."""
+    def adopt(self, gains: Controller, delay: float | None = None) -> None:
+        """Take gains at once, and the one-way delay (s) they are for; a bump, if it renders."""
+        self.delay = self.delay if delay is None else delay
         self.gains = gains
+        lag = 2.0 * self.delay + 1.5 * self._period
         self.channels = FourChannel(
-            gains.position_channel, gains.force_channel, np.diag(self.device_inertia), self._lag
+            gains.position_channel, gains.force_channel, np.diag(self.device_inertia), lag
         )
 
-    def tune(self, time: float, gains: Controller) -> None:
-        """Pass to other gains from ``time`` (s) on, in a straight line over their ``gain_ramp``."""
-        self._passage = Passage(time, self.gains, gains)
+    def tune(self, time: float, gains: Controller, delay: float | None = None) -> None:
+        """Pass to other gains from ``time`` (s) on, in a straight line over their ``gain_ramp``.
+
+        Args:
+            time: s.
+            gains: the other ones.
+            delay: one-way delay (s) that they are for; as before if left out.
+        """
+        delay = self.aim[1] if delay is None else delay
+        self._passage = Passage(time, self.gains, gains, self.delay, delay)
 
     @property
-    def aim(self) -> Controller:
-        """The gains that it has, or is passing to."""
-        return self.gains if self._passage is None else self._passage.new
+    def aim(self) -> tuple[Controller, float]:
+        """The gains that it has, or is passing to, and the one-way delay (s) they are for."""
+        passage = self._passage
+        return (self.gains, self.delay) if passage is None else (passage.new, passage.new_delay)
 
     def pass_on_to(self, time: float) -> None:
         """Take the gains of ``time`` (s), if they are passing to others."""
         if self._passage is not None:
             gains, arrived = self._passage.at(time)
-            self.adopt(gains)
+            self.adopt(gains, self._passage.delay_at(time))
             if arrived:
                 self._passage = None
 

@@ -42,9 +42,9 @@ class CompiledControl(ControlArchitecture):
         self._rendered = np.empty(RENDERED_SIZE)
         self._matrices = self._rendered[:108].reshape(3, 6, 6)
 
-    def adopt(self, gains: Controller) -> None:
+    def adopt(self, gains: Controller, delay: float | None = None) -> None:
         """Take gains at once; see :meth:`ControlArchitecture.adopt`."""
-        super().adopt(gains)
+        super().adopt(gains, delay)
         joint, force, position = gains.joint_constraint, gains.force_channel, gains.position_channel
         scalars = (
             *(joint.feedforward, joint.stiffness, joint.damping),

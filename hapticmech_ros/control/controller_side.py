@@ -73,6 +73,7 @@ class ControllerSide:
         period: s.
         connection: between device and controller.
         delay: whole periods until the mechanism is moved by what it is told.
+        before: what answered until now, whose account goes on.
 
     Attributes:
         ledger: the account.
@@ -80,14 +81,22 @@ class ControllerSide:
     """
 
     def __init__(
-        self, control: ControlArchitecture, period: float, connection: Connection, delay: int = 1
+        self,
+        control: ControlArchitecture,
+        period: float,
+        connection: Connection,
+        delay: int = 1,
+        before: ControllerSide | None = None,
     ) -> None:
         self.control = control
-        self.ledger = EnergyLedger()
+        self.ledger: EnergyLedger = EnergyLedger() if before is None else before.ledger
+        self.ledger.held_elsewhere()
         self.last: Answer | None = None
         self._period = period
         self._told: deque[Array] = deque([_NO_WRENCH] * delay)
-        self.port = MechanismPort(np.diag(control.device_inertia).copy())
+        inertia = np.diag(control.device_inertia).copy()
+        self.port: MechanismPort = MechanismPort(inertia) if before is None else before.port
+        self.port.pause()
         self._twist: Array = _NO_WRENCH
         self._lines: tuple[DelayLine[Reading], DelayLine[Answer]] | None = None
         if not connection.ideal:

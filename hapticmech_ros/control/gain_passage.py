@@ -19,19 +19,30 @@ class Passage(NamedTuple):
     Attributes:
         start: s.
         old, new: gains before and after.
+        old_delay, new_delay: one-way delays (s) that they are for.
     """
 
     start: float
     old: Controller
     new: Controller
+    old_delay: float = 0.0
+    new_delay: float = 0.0
 
     def at(self, time: float) -> tuple[Controller, bool]:
         """Return the gains of ``time`` (s), and whether they are the new ones."""
-        ramp = self.new.gain_ramp
-        share = (time - self.start) / ramp if ramp > 0.0 else 1.0
+        share = self._share(time)
         if share >= 1.0:
             return self.new, True
-        return blended(self.old, self.new, max(share, 0.0)), False
+        return blended(self.old, self.new, share), False
+
+    def delay_at(self, time: float) -> float:
+        """Return the one-way delay (s) that the gains of ``time`` (s) are for."""
+        share = min(self._share(time), 1.0)
+        return self.old_delay * (1.0 - share) + self.new_delay * share
+
+    def _share(self, time: float) -> float:
+        ramp = self.new.gain_ramp
+        return max((time - self.start) / ramp, 0.0) if ramp > 0.0 else 1.0
 
 
 def blended(old: P, new: P, share: float) -> P:

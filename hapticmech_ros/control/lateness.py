@@ -9,13 +9,23 @@ connection between device and controller makes both ways longer.
 from __future__ import annotations
 
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.document import Scene
+
+# Silence that jitter alone explains, s, is waited for beside a timeout; no more than so much, for
+# the hand's sake: whoever falls silent, it is without force 20 ms after the last command.
+MOST_ALLOWED_S = 0.005
+
+
+def jitter_allowance(connection: Connection) -> float:
+    """Return how much longer (s) than a timeout a network may be silent: its jitter, to 5 ms."""
+    return min(connection.expected_jitter * connection.expected, MOST_ALLOWED_S)
 
 
 def loop_lateness(scene: Scene, delay: int = 1) -> float:
     """Return τ in s: 2 t_c + (2 d + ½) T with the force channel closed in the device, else half.
 
-    Closed in the controller it is t_c + (d + ½) T, t_c the connection's delay.
+    Closed in the controller it is t_c + (d + ½) T, t_c the delay of the connection.
 
     Args:
         scene: its period, and what closes the force channel.
@@ -27,4 +37,4 @@ def loop_lateness(scene: Scene, delay: int = 1) -> float:
     if delay < 0:
         raise InvalidInputError("delay", delay, "must be 0 or more periods")
     times = 2 if scene.controller.force_channel.local else 1
-    return times * scene.connection.delay + (times * delay + 0.5) * scene.simulation.period
+    return times * scene.connection.designed + (times * delay + 0.5) * scene.simulation.period

@@ -14,7 +14,6 @@ damp, unless it is stiff itself.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,7 +22,6 @@ import numpy as np
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.measurements import RenderingModel
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.scene.document import Scene
 
 # More periods, or more gain, than anybody asks for.
 MOST_PERIODS = 64
@@ -80,12 +78,6 @@ class LoopTerms(NamedTuple):
         """Return all of it, so many times as strong."""
         (a, b), (c, d) = self
         return LoopTerms((gain * a, gain * b), (gain * c, gain * d))
-
-
-def needed_periods(scene: Scene) -> int:
-    """Return how many periods of delay a scene's loop should bear: two, and its connection's."""
-    late = 2.0 * scene.connection.delay * (1.0 + scene.connection.jitter)
-    return ENOUGH_PERIODS + math.ceil(late / scene.simulation.period)
 
 
 def loop_terms(control: ControlArchitecture, model: RenderingModel, rows: Array) -> LoopTerms:

@@ -39,6 +39,10 @@ class MechanismPort:
             self.from_hand += float(middle @ displacement(before, sample))
         self._sample = sample
 
+    def pause(self) -> None:
+        """Leave out what the hand does until the next sample."""
+        self._sample = None
+
     def hold(self, wrench: Array, twist: Array) -> Array:
         """Return a wrench (6,) that gives nothing to what moves with a twist (6,)."""
         given = float(wrench @ twist)

@@ -15,7 +15,14 @@ from hapticmech_ros.experiment.from_bag import record_from_bag
 from hapticmech_ros.experiment.from_session import run_session
 from hapticmech_ros.experiment.health import health_from_bag
 from hapticmech_ros.experiment.run import write_results
-from hapticmech_ros.graph import Graph, private_environment, start_process, stop_process, told_by
+from hapticmech_ros.graph import (
+    Graph,
+    ending,
+    private_environment,
+    start_process,
+    stop_process,
+    told_by,
+)
 from hapticmech_ros.scene import load_scene
 
 RECORDER = "hapticmech_ros.nodes.recorder"
@@ -112,7 +119,7 @@ def record_graph(
                     raise DemoError(f"recording failed: {event['reason']}")
                 elif event["event"] == "done":
                     return
-        raise DemoError("the recorder ended without a word")
+        raise DemoError(f"{ending('the recorder', recorder)}: {bag} is incomplete")
     finally:
         stop_process(recorder)
 

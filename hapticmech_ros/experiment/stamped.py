@@ -88,7 +88,7 @@ def _rendering(message: Any) -> tuple[int, Array]:
 
 def _device(message: Any) -> tuple[int, Array]:
     """Row: position (3), quaternion (4), hand wrench (6)."""
-    stamp_ns, measured, _ = unpack_device(message.data)
+    stamp_ns, measured, *_ = unpack_device(message.data)
     return stamp_ns, np.concatenate((_pose_row(measured.pose), measured.hand_wrench))
 
 

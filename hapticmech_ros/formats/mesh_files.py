@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
+from hapticmech_ros.errors import FileError
+from hapticmech_ros.files import is_file, open_file
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 # By scheme: variables with folders that hold packages, and where in these.
@@ -18,6 +20,7 @@ PLACES = {
 # Of a package.xml; its name stands near its beginning.
 MANIFEST_SIZE = 64_000
 FOLDERS_SHOWN = 12
+_NAME = re.compile(rb"<name>\s*([^<>\s]+)\s*</name>")
 
 
 def find_mesh(source: Source, node: Node, name: str, folder: Path) -> Path:
@@ -48,7 +51,7 @@ def find_mesh(source: Source, node: Node, name: str, folder: Path) -> Path:
     places = list(_places(scheme, source.path))
     for place in places:
         for found in _packages(place, package):
-            if _is_file(found / inside):
+            if is_file(found / inside):
                 return found / inside
     variables = " and ".join(variable for variable, _ in PLACES[scheme])
     rule = f"no such file in a folder or package {package!r} in {_shown(places)} ({variables})"
@@ -57,7 +60,7 @@ def find_mesh(source: Source, node: Node, name: str, folder: Path) -> Path:
 
 def _in_folder(source: Source, node: Node, name: str, folder: Path) -> Path:
     found = folder / name
-    if not name or not _is_file(found):
+    if not name or not is_file(found):
         raise source.error(node, name, f"no such file in {_shown([found.parent])}")
     return found
 
@@ -79,21 +82,12 @@ def _packages(place: Path, package: str) -> Iterator[Path]:
 
 def _said_name(place: Path) -> str:
     """Return the name in a folder's ``package.xml``; empty without."""
-    if not _is_file(place / "package.xml"):
-        return ""
     try:
-        with (place / "package.xml").open(encoding="utf-8", errors="replace") as file:
-            found = re.search(r"<name>\s*([^<>\s]+)\s*</name>", file.read(MANIFEST_SIZE))
-    except OSError:
+        with open_file(place / "package.xml") as file:
+            found = _NAME.search(file.read(MANIFEST_SIZE))
+    except (FileError, OSError):
         return ""
-    return found[1] if found is not None else ""
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # too long a name, or one with a zero byte
-        return False
+    return found[1].decode(errors="replace") if found is not None else ""
 
 
 def _shown(places: list[Path]) -> str:

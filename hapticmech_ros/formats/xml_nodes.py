@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.errors import FileError, SceneError, SceneProblem
+from hapticmech_ros.files import read_file
 from hapticmech_ros.scene.part import LARGEST
 
 FILE_SIZE_LIMIT = 8_000_000
@@ -146,15 +147,14 @@ class Source:
 
     def _read(self) -> bytes:
         try:
-            self._sizes.bytes += self.path.stat().st_size
-            if not self.path.is_file():
-                raise self.error(None, str(self.path), "must be a file")
-            if self._sizes.bytes > FILE_SIZE_LIMIT:
-                rule = f"at most {FILE_SIZE_LIMIT} bytes, included files counted"
-                raise self.error(None, self._sizes.bytes, rule)
-            return self.path.read_bytes()
-        except (OSError, ValueError) as error:  # such as a name with a zero byte
-            raise self.error(None, str(error), "cannot be read") from None
+            found = read_file(self.path, FILE_SIZE_LIMIT)
+        except FileError as error:
+            raise self.error(None, error.value, error.rule) from None
+        self._sizes.bytes += len(found)
+        if self._sizes.bytes > FILE_SIZE_LIMIT:
+            rule = f"at most {FILE_SIZE_LIMIT} bytes, included files counted"
+            raise self.error(None, self._sizes.bytes, rule)
+        return found
 
     def _parse(self, data: bytes) -> Node:
         above: list[Node] = [Node("", {}, 0)]

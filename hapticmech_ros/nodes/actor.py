@@ -14,6 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
+from hapticmech_ros.control.lateness import jitter_allowance
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.exchange import Outlet
@@ -59,7 +60,9 @@ class Actor(Generic[P]):
         self.failures = Failures(node, self.reseat)
         # Time that no stamp can hold is refused where it is first asked for.
         seconds_of(node.now_ns())
-        self.scene: Scene = load_scene(parameters.scene, parameters.control_rate)
+        self.scene: Scene = load_scene(
+            parameters.scene, parameters.control_rate, parameters.network_delay
+        )
         self.point = self.scene.operational_point(parameters.operational_point).name
         self.lockstep = parameters.lockstep
         self.control_input: QoSProfile = LOCKSTEP if self.lockstep else CONTROL_SUBSCRIBER
@@ -73,9 +76,15 @@ class Actor(Generic[P]):
         """Take new parameters, all of them at once."""
         self.parameters = parameters
         self.view_every = max(1, round(1.0 / (parameters.view_rate * self.period_s)))
-        limit_ns = nanoseconds(parameters.message_age_limit)
+        # Answers are older by the way there and back.
+        there_and_back = 2.0 * self.scene.connection.latest
+        limit_ns = nanoseconds(parameters.message_age_limit + there_and_back)
         # In lockstep a sample may come before its own time has been told here.
         self.age_limit_ns = FOR_EVER if self.lockstep else limit_ns
+
+    def silence_ns(self, timeout: float) -> int:
+        """Return a timeout (s) in ns, with what a declared network's jitter may add to silence."""
+        return nanoseconds(timeout + jitter_allowance(self.scene.connection))
 
     def vet(self, parameters: P) -> None:
         """Refuse new parameters that this scene cannot have, by HapticMechError."""

@@ -85,9 +85,8 @@ class ControllerOutputs:
         """Publish what the mechanism is told."""
         self._publish_point.publish(encode_wrench(wrench, stamp_ns, self._actor.wrenches))
 
-    def zero(self, stamp_ns: int) -> None:
-        """Say zero to both sides."""
+    def zero(self, device_ns: int, mechanism_ns: int) -> None:
+        """Say zero to both sides, each by its own clock (ns), later than what it was told last."""
         self._gain_ns = NEVER
-        message = encode_wrench(NO_WRENCH, stamp_ns)
-        self._publish_device.publish(message)
-        self._publish_point.publish(message)
+        self._publish_device.publish(encode_wrench(NO_WRENCH, device_ns))
+        self._publish_point.publish(encode_wrench(NO_WRENCH, mechanism_ns))

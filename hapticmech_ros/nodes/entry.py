@@ -11,7 +11,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from hapticmech_ros.share import shared
+from hapticmech_ros.discovery import choose_discovery
 
 NODES = {
     "haptic_device": "simulated impedance-type haptic device and the hand that holds it",
@@ -53,13 +53,7 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Looking for plugins of pydantic, of which none is wanted here, takes a node 40 ms.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    # UDP also on one machine: whoever is killed while it holds a lock in shared memory would stop
-    # its peers for seconds. Fast DDS reads this where the discovery range is not LOCALHOST.
-    os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-    # A node that comes back shall be found within a second, not within Fast DDS's three and more.
-    profiles = shared("config/dds/discovery.xml")
-    if profiles is not None:
-        os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(profiles))
+    choose_discovery(os.environ)
     runtime = importlib.import_module("hapticmech_ros.nodes.runtime")
     return int(runtime.run(names, arguments))
 

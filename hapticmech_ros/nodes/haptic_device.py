@@ -5,8 +5,6 @@ CRTK: publishes measured_cp, measured_cv, measured_cf; obeys servo_cf.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pinocchio as pin
 from std_msgs.msg import Float64MultiArray
@@ -14,11 +12,13 @@ from std_srvs.srv import SetBool, Trigger
 
 from hapticmech_ros.control.passivity import passivity_for
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
-from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits
+from hapticmech_ros.device.safety import SafetyEnvelope
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
+from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
+from hapticmech_ros.nodes.device_limits import limits_of
 from hapticmech_ros.nodes.device_view import DeviceView
 from hapticmech_ros.nodes.hand_port import HandPort
 from hapticmech_ros.nodes.host import Host
@@ -27,7 +27,6 @@ from hapticmech_ros.nodes.local_loop import LocalLoop
 from hapticmech_ros.nodes.parameters import DeviceParameters
 from hapticmech_ros.nodes.refuge import Refuge
 from hapticmech_ros.nodes.statistics import DurationHistogram
-from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.device_wire import DeviceWriter
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, gain_bounds
@@ -58,6 +57,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._hand_waits = parameters.hand_waits
         self._envelope = SafetyEnvelope(self.period_s)
         self._loop = LocalLoop(gain_bounds(self.limits))
+        self._answers = Answers(self._loop)
         self._passivity = passivity_for(self.scene)
         self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
         self._push: Array = NO_WRENCH
@@ -68,8 +68,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._refuge = Refuge(self._state, self.period_s)
         self._held: DeviceState | None = None
         self._ticks_held = 0
-        # Whether commands are obeyed; whether people have not been told yet that they are not.
-        self._powered = self._let_go_untold = False
+        # Whether people have not been told yet that commands are obeyed no more.
+        self._let_go_untold = False
         self.times_held = 0
         self.latency = DurationHistogram()
         self._ticks = 0
@@ -94,18 +94,14 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def adopt(self, parameters: DeviceParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
         super().adopt(parameters)
-        self.timeout_ns = nanoseconds(parameters.command_timeout)
-        device = self.scene.device
-        self._limits = SafetyLimits(
-            force=parameters.force_limit or device.force_limit,
-            torque=parameters.torque_limit or device.torque_limit,
-            force_slew=parameters.force_slew,
-            torque_slew=parameters.torque_slew,
-            ramp=parameters.start_ramp,
-            radius=parameters.workspace_radius or math.inf,
-        )
+        self.timeout_ns = self.silence_ns(parameters.command_timeout)
+        self._limits = limits_of(parameters, self.scene.device)
         if self._hand is not None:
             self._hand.adopt(parameters)
+
+    def vet(self, parameters: DeviceParameters) -> None:
+        """Refuse what is less safe than the scene allows."""
+        limits_of(parameters, self.scene.device)
 
     def activate(self) -> None:
         """Begin where the device is, held by nobody; in lockstep, held from the start."""
@@ -114,6 +110,9 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._push = NO_WRENCH
         self._command.clear()
         self._guard.forget()
+        # Stamps from before mean nothing where a clock was set.
+        self._loop = LocalLoop(gain_bounds(self.limits))
+        self._answers = Answers(self._loop)
         self._state = self._device.at_rest(self._state.pose, self.lockstep, self._state.home)
         self._envelope.place(self._state.published[:3])
         self._envelope.stop()
@@ -158,7 +157,9 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._ticks += 1
 
     def _publish(self, stamp_ns: int) -> None:
-        self._written.see(self._state, self._device.sensed(self._push), stamp_ns)
+        sensed = self._device.sensed(self._push)
+        told = self._answers.round_trip, self._answers.obeys or self.lockstep
+        self._written.see(self._state, sensed, stamp_ns, *told)
         self._publish_wire.publish(self._wire.encode(self._written.values))
 
     def _publish_view(self, stamp_ns: int) -> None:
@@ -188,6 +189,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
                 "fault": fault,
                 "changed_by_passivity": str(self._passivity.changed),
                 **{f"limited_by_{reason.value}": str(count) for reason, count in counts.items()},
+                **self._answers.figures(),
                 **self.latency.summary("loop_latency"),
                 **({} if self._hand is None else self._hand.figures(now)),
             },
@@ -204,17 +206,19 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             return self._safe(answer)
         stands, heard_ns = self._command.as_of(now_ns)
         if stands is None or fault or now_ns - heard_ns > self.timeout_ns:
-            if self._powered:
+            if self._answers.obeys:
                 self._warn(fault or "servo_cf is lost")
-                self._let_go()
-            self._loop.forget()
+                self._let_go(now_ns)
+            else:
+                self._answers.let_go(now_ns)
+            return None
+        if not self._answers.begin():
             return None
         command, answered_ns = stands
         if self._held is None and not self._hand_waits:
             self._held = self._state
             self._ticks_held = 0
             self.times_held += 1
-        self._powered = True
         return self._safe(self._loop.correct(command, answered_ns, now_ns))
 
     def _answer_of(self, answered_ns: int) -> Array:
@@ -238,11 +242,11 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         numbers[13:] += self._device.sensed(self._push)
         return numbers
 
-    def _let_go(self) -> None:
+    def _let_go(self, now_ns: int) -> None:
         """Let the hand go, and begin anew with the next command."""
         self._held = None
-        self._powered, self._let_go_untold = False, True
-        self._loop.forget()
+        self._let_go_untold = True
+        self._answers.let_go(now_ns)
         self._passivity.begin()
         self._envelope.stop()
 
@@ -255,7 +259,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         if self.lockstep:
             self._envelope.stop()
         else:
-            self._let_go()
+            self._let_go(self.now_ns())
         self._state = self._state.without_force()
         if self.clock is None or not self.node.active:
             return
@@ -273,12 +277,16 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self.latency.add(now_ns - stamp_ns)
         self.ages.add(now_ns - stamp_ns)
         fault = self._guard.fault(now_ns)
-        if fault and self._powered:
+        if fault and self._answers.obeys:
             self._warn(fault)
             self._put_at_zero()
-        self._command.put((wrench, stamp_ns), now_ns)
         if self.lockstep:
             self._commands.put(wrench, stamp_ns)
+        elif not self._answers.is_next(stamp_ns, now_ns):
+            self._command.renew(now_ns)  # a sign of life, but older than what is obeyed
+            return
+        self._command.put((wrench, stamp_ns), now_ns)
+        if self.lockstep:
             self.act(now_ns)
 
     def _on_gain(self, values: Array, now_ns: int) -> None:

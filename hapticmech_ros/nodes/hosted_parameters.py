@@ -14,10 +14,12 @@ from rclpy.parameter import Parameter
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.parameters import (
+    LOCK,
     NodeParameters,
     ParameterError,
     changes_of,
     choices_of,
+    locked_by,
     range_of,
     validated,
 )
@@ -84,6 +86,10 @@ class HostedParameters:
         return validated(self._model, {**self.values.model_dump(), **new})
 
     def _vet(self, changes: Sequence[Parameter]) -> SetParametersResult:
+        locked = [p.name for p in changes if locked_by(self.values, p.name)]
+        if locked:
+            reason = f"{', '.join(locked)}: stays as it is, since the node was started with {LOCK}"
+            return SetParametersResult(successful=False, reason=reason)
         fixed = [p.name for p in changes if self._configured() and self._is_fixed(p.name)]
         if fixed:
             reason = f"{', '.join(fixed)}: can change only while the node is unconfigured"

@@ -25,6 +25,11 @@ class Latest(Generic[T]):
         self.value = value
         self.stamp_ns = stamp_ns
 
+    def renew(self, stamp_ns: int) -> None:
+        """Let the value that is there, if one is, stand for another time."""
+        if self.value is not None:
+            self.stamp_ns = stamp_ns
+
     def fresh(self, now_ns: int, timeout_ns: int) -> bool:
         """Return whether there is a value no older than ``timeout_ns``."""
         return now_ns - self.stamp_ns <= timeout_ns

@@ -6,7 +6,8 @@ from collections import OrderedDict
 
 from hapticmech_ros.control.local_model import corrected
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.nodes.inputs import Latest, Stamped
+from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
+from hapticmech_ros.nodes.ordering import InOrder
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import Bounds
 from hapticmech_ros.wire.gain_wire import ServoGain, gain_bounds, unpack_gain
@@ -15,6 +16,8 @@ from hapticmech_ros.wire.gain_wire import ServoGain, gain_bounds, unpack_gain
 FRESH_NS = NANOSECONDS // 10
 # Samples that are remembered: a loop of so many periods can be corrected.
 REMEMBERED = 2048
+# Who answers one sample several times tells the answers apart by nanoseconds.
+_MICROSECOND = 1000
 
 
 class LocalLoop:
@@ -25,21 +28,28 @@ class LocalLoop:
 
     Attributes:
         gains: by stamp, in lockstep.
-        to_mechanism: E_m as it was told last, J; None before.
+        order: of gains; what was overtaken is dropped.
     """
 
     def __init__(self, bounds: Bounds | None = None) -> None:
         self._bounds = bounds or gain_bounds()
         self.gains: Stamped[ServoGain] = Stamped()
-        self.to_mechanism: float | None = None
+        self.order = InOrder()
+        self._told: float | None = None
+        self._before: float | None = None
+        self._from_ns = NEVER
         self._gain: Latest[ServoGain] = Latest()
         self._samples: OrderedDict[int, Array] = OrderedDict()
 
     def measured(self, sample: Array, stamp_ns: int) -> None:
         """Remember a sample (19,)."""
-        self._samples[stamp_ns] = sample.copy()
+        self._samples[stamp_ns // _MICROSECOND] = sample.copy()
         if len(self._samples) > REMEMBERED:
             self._samples.popitem(last=False)
+
+    def remembers(self, stamp_ns: int) -> bool:
+        """Return whether a stamp is of a sample of this device."""
+        return stamp_ns // _MICROSECOND in self._samples
 
     def take(self, values: Array, now_ns: int, lockstep: bool) -> None:
         """Take a ``servo_gain`` message's data.
@@ -50,14 +60,28 @@ class LocalLoop:
         gain = unpack_gain(values, self._bounds)
         if lockstep:
             self.gains.put(gain, gain.stamp_ns)
-        else:
-            self._gain.put(gain, now_ns)
-            self.to_mechanism = gain.to_mechanism
+        elif self.order.is_next(gain.stamp_ns, now_ns):
+            self._told = gain.to_mechanism
+            if gain.answered_ns > self._from_ns:
+                self._gain.put(gain, now_ns)
 
-    def forget(self) -> None:
-        """Correct nothing until there is a gain."""
-        self._gain = Latest()
-        self.to_mechanism = None
+    @property
+    def to_mechanism(self) -> float | None:
+        """E_m as it was told last, J, since the device began to obey; None before."""
+        if self._told is None:
+            return None
+        if self._before is None:
+            self._before = self._told
+        return self._told - self._before
+
+    def begin(self) -> None:
+        """Count from now on what the mechanism gets."""
+        self._before = self._told
+
+    def forget(self, now_ns: int) -> None:
+        """Correct nothing until there is a gain that answers a sample later than now."""
+        self._gain, self._from_ns = Latest(), now_ns
+        self._told = self._before = None
 
     def correct(self, command: Array, answered_ns: int, now_ns: int) -> Array:
         """Return a command (6,) corrected by the gain that stands, if its sample is remembered."""
@@ -69,11 +93,11 @@ class LocalLoop:
     def correct_in_lockstep(self, command: Array, stamp_ns: int) -> Array:
         """Return a command (6,) corrected by the gain that goes with it."""
         gain = self.gains.take(stamp_ns)
-        self.to_mechanism = gain.to_mechanism
+        self._told, self._before = gain.to_mechanism, 0.0
         return self._corrected(command, gain, gain.answered_ns)
 
     def _corrected(self, command: Array, gain: ServoGain, answered_ns: int) -> Array:
-        then = self._samples.get(answered_ns)
+        then = self._samples.get(answered_ns // _MICROSECOND)
         if then is None:
             return command
         return corrected(command, gain.model, then, next(reversed(self._samples.values())))

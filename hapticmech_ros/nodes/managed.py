@@ -14,7 +14,7 @@ from rclpy.clock import Clock, ClockType, JumpHandle, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError, as_ours
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange, Listener
 from hapticmech_ros.nodes.hosted_parameters import HostedParameters
@@ -172,9 +172,9 @@ class ManagedNode(LifecycleNode):
             if self.parameters.lockstep and not self._in_sim_time:
                 raise ParameterError("lockstep: needs use_sim_time:=true (got false)")
             self.actor = self._actor_type(self, self.parameters)
-        except HapticMechError as error:
-            self.failure = error
-            self.get_logger().error(f"cannot be configured: {error}")
+        except Exception as error:  # noqa: BLE001 - the middleware's too: a name may be too long
+            self.failure = as_ours(error)
+            self.get_logger().error(f"cannot be configured: {self.failure}")
             self._release()
             return FAILURE
         return SUCCESS

@@ -189,6 +189,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             "kinetic_energy_j": f"{energy.kinetic:.6g}",
             "potential_energy_j": f"{energy.potential:.6g}",
             "energy_balance_j": f"{energy.balance:.9g}",
+            "overtaken_commands": str(sum(port.order.overtaken for port in self._ports)),
         }
         now = self.now_ns()
         fault = next((fault for port in self._ports if (fault := port.fault(now))), "")

@@ -17,6 +17,12 @@ from hapticmech_ros.errors import HapticMechError, shown
 # Never: given at the start. Unconfigured: only while nothing is built from it. Any: at any time.
 Changes = Literal["never", "unconfigured", "any"]
 P = TypeVar("P", bound="NodeParameters")
+# What keeps a device safe, and what keeps that as it was when the node started.
+LOCK = "lock_safety"
+SAFETY = (
+    *("command_timeout", "force_limit", "torque_limit", "force_slew", "torque_slew"),
+    *("start_ramp", "workspace_radius", "message_age_limit"),
+)
 
 
 class ParameterError(HapticMechError):
@@ -67,6 +73,14 @@ class NodeParameters(BaseModel):
     control_rate: float = number(
         0.0, "samples per second; 0: the scene's own", "Hz", 0.0, 10000.0, "unconfigured"
     )
+    network_delay: float = number(
+        0.0,
+        "one way between device and controller, designed for; 0: the scene's connection.expected",
+        "s",
+        0.0,
+        1.0,
+        "unconfigured",
+    )
     autostart: bool = flag(True, "configure and activate at the start", "never")
     lockstep: bool = flag(
         False, "advance by messages stamped with /clock, not by time; needs use_sim_time", "never"
@@ -88,13 +102,28 @@ class DeviceParameters(NodeParameters):
     torque_limit: float = number(
         0.0, "largest torque that leaves; 0: the scene's device.torque_limit", "N m", 0.0, 100.0
     )
-    force_slew: float = number(2000.0, "fastest change of the force", "N/s", 1.0, 1e6)
-    torque_slew: float = number(100.0, "fastest change of the torque", "N m/s", 0.01, 1e5)
+    force_slew: float = number(
+        0.0, "fastest change of the force; 0: the scene's device.safety", "N/s", 0.0, 1e6
+    )
+    torque_slew: float = number(
+        0.0, "fastest change of the torque; 0: the scene's device.safety", "N m/s", 0.0, 1e5
+    )
     start_ramp: float = number(
-        0.1, "force and torque limit open over this when commands begin", "s", 0.0, 10.0
+        0.0,
+        "limits open over this when commands begin; 0: the scene's device.safety",
+        "s",
+        0.0,
+        10.0,
     )
     workspace_radius: float = number(
-        0.0, "nothing pushes outwards so far from the start; 0: anywhere", "m", 0.0, 100.0
+        0.0,
+        "nothing pushes outwards so far from the start; 0: the scene's device.safety",
+        "m",
+        0.0,
+        100.0,
+    )
+    lock_safety: bool = flag(
+        False, "the parameters above, message_age_limit, scene and rate stay as they are", "never"
     )
     hand: Literal["scene", "commanded"] = text(
         "scene", "scene: its hand holds the device; commanded: hand_cf alone moves it"
@@ -136,6 +165,9 @@ class ControllerParameters(NodeParameters):
     input_timeout: float = number(
         0.012, "an input older than this counts as lost: disengaged", "s", 0.001, 1.0
     )
+    soften: bool = flag(
+        True, "gains pass to softer ones while the loop is later than they bear", "any"
+    )
     constraint_stiffness: float = gain("k of the joint constraint", "N/m", 1000000.0)
     constraint_damping: float = gain("b of the joint constraint", "N s/m", 10000.0)
     constraint_feedforward: float = gain("beta of the joint constraint", "1", 1.0)
@@ -171,6 +203,14 @@ def changes_of(model: type[NodeParameters], name: str) -> Changes:
     """Return when a parameter may change."""
     extra = model.model_fields[name].json_schema_extra
     return extra["changes"] if isinstance(extra, dict) else "never"  # type: ignore[return-value]
+
+
+def locked_by(parameters: NodeParameters, name: str) -> str:
+    """Return the parameter that keeps another as it is while the node runs; empty if none does."""
+    if not getattr(parameters, LOCK, False):
+        return ""
+    fixed = name in SAFETY or name not in type(parameters).model_fields
+    return LOCK if fixed or changes_of(type(parameters), name) == "unconfigured" else ""
 
 
 def range_of(model: type[NodeParameters], name: str) -> tuple[float, float] | None:

@@ -13,6 +13,7 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import NEVER, ExpiringWrench, Stamped
 from hapticmech_ros.nodes.messages import write_pose, write_twist, write_wrench
+from hapticmech_ros.nodes.ordering import InOrder
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.wire.topics import (
     EXTERNAL_WRENCH,
@@ -34,6 +35,7 @@ class PointPort:
 
     Attributes:
         command: the controller's wrench, which runs out.
+        order: of commands; what was overtaken is dropped.
         commands, awaited: the same, and ``external_cf``, by stamp, in lockstep.
     """
 
@@ -43,6 +45,7 @@ class PointPort:
         self._actor = actor
         self._go_on = go_on
         self._since_ns = NEVER
+        self.order = InOrder()
         self.command = ExpiringWrench(0, 0)
         self.commands: Stamped[Array] = Stamped()
         self.awaited: Stamped[Array] = Stamped()
@@ -73,6 +76,7 @@ class PointPort:
     def forget(self) -> None:
         """Forget what was commanded, and by whom."""
         self.command.clear()
+        self.order.forget()
         self._controllers.forget()
 
     def let_go(self, now_ns: int) -> None:
@@ -97,11 +101,11 @@ class PointPort:
         self._publish_pose.publish(self._pose)
 
     def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
+        self._actor.ages.add(now_ns - stamp_ns)
         if self.fault(now_ns):
             self.command.clear()
-        else:
+        elif self._actor.lockstep or self.order.is_next(stamp_ns, now_ns):
             self.command.put(wrench if stamp_ns > self._since_ns else np.zeros(6), now_ns)
-        self._actor.ages.add(now_ns - stamp_ns)
         if self._actor.lockstep:
             self.commands.put(wrench, stamp_ns)
             self._go_on(now_ns)

@@ -30,7 +30,7 @@ from hapticmech_ros.nodes.qos import LOCKSTEP
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray, decode, header_stamp
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, unpack_device
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, unpack_device, whole_device
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,
@@ -106,7 +106,7 @@ def feed_from_bag(path: Path, scene: Scene, kinds: Sequence[str]) -> Feed:
     """
     check_feeds(kinds)
     with BagReader(path) as bag:
-        rows = [decode(data) for data in _messages(bag, DEVICE_STATE.name)]
+        rows = [whole_device(decode(data)) for data in _messages(bag, DEVICE_STATE.name)]
         commands = _messages(bag, DEVICE_COMMAND.name)
         states = _messages(bag, STATE.name) if "external" in kinds else []
     if not rows or not commands:

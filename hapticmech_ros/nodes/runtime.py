@@ -8,11 +8,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import rclpy
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.discovery import exposure
+from hapticmech_ros.errors import HapticMechError, as_ours
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import StopRequest, run_until, wake_up_in_time
 
@@ -20,6 +24,13 @@ if TYPE_CHECKING:
     from hapticmech_ros.nodes.actor import Actor
     from hapticmech_ros.nodes.managed import ManagedNode
 
+# What ROS says of arguments, names and parameter files, and the system of files.
+REFUSALS = (
+    NameValidationException,
+    OSError,
+    rclpy_implementation.RCLError,
+    rclpy_implementation.UnknownROSArgsError,
+)
 _ACTORS = {
     "haptic_device": (".haptic_device", "HapticDevice"),
     "mechanism_simulator": (".mechanism_simulator", "MechanismSimulator"),
@@ -33,8 +44,15 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
     """Create the named nodes and run them in this thread until a signal; return the exit code."""
     stop = StopRequest()
     wake_up_in_time()
-    rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+    except REFUSALS as error:
+        sys.stderr.write(f"{as_ours(error)}\n")
+        return 1
     herald = _herald()
+    exposed = exposure()
+    if exposed:
+        get_logger("discovery").warning(exposed)
     from hapticmech_ros.nodes.managed import ManagedNode
 
     nodes: list[ManagedNode] = []
@@ -50,8 +68,8 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
             print(node.final_report(), flush=True)
             node.end()
         return 0
-    except HapticMechError as error:
-        sys.stderr.write(f"{error}\n")
+    except (HapticMechError, *REFUSALS) as error:
+        sys.stderr.write(f"{as_ours(error)}\n")
         return 1
     except ExternalShutdownException:
         return 0

@@ -5,30 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
-
-from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, Engagement, control_for
+from hapticmech_ros.control import ControlArchitecture, Engagement, control_for
 from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
-from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.control.local_model import NO_MODEL
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
+from hapticmech_ros.nodes.crtk_device import CrtkDevice
+from hapticmech_ros.nodes.device_path import DevicePath
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
-from hapticmech_ros.nodes.messages import (
-    check_age,
-    checked_stamp,
-    read_pose,
-    read_twist,
-    read_wrench,
-)
+from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import ControllerParameters
-from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.plan.loop_check import loop_warning
-from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.scene.controller import Controller
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
 from hapticmech_ros.wire.readings import (
     RenderingReading,
@@ -36,14 +29,7 @@ from hapticmech_ros.wire.readings import (
     read_rendering,
     reading_bounds,
 )
-from hapticmech_ros.wire.topics import (
-    DEVICE_FORCE,
-    DEVICE_POSE,
-    DEVICE_STATE,
-    DEVICE_TWIST,
-    POINT_COMMAND,
-    RENDERING,
-)
+from hapticmech_ros.wire.topics import DEVICE_STATE, POINT_COMMAND, RENDERING
 
 # The point's pose is carried on by its twist to the time of the device's measurement, by no more
 # than this: beyond it the twist says nothing.
@@ -66,7 +52,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._engagement: Engagement | None = None
         self._epoch_ns = 0
         super().__init__(node, parameters)
-        self._bounds = reading_bounds(self.limits)
+        self.bounds = reading_bounds(self.limits)
         self._grasp = b""
         self._side = self._new_side()
         self._arrived: Answer | None = None
@@ -76,23 +62,23 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.engagements = self.grasps = 0
         self._last_ns = NEVER
         self._state_ns = NEVER
-        self._twist: Latest[Array] = Latest()
-        self._hand: Latest[Array] = Latest()
+        # Stamps of what device and mechanism were told last, by their clocks.
+        self._told_ns = 0, 0
         self._rendering: Latest[RenderingReading] = Latest()
         self._outputs = ControllerOutputs(self)
         self._devices: Stamped[Array] = Stamped()
         self._renderings: Stamped[RenderingReading] = Stamped()
-        gains = tuned(self.scene.controller, parameters.gains)
-        self.loop_warning = loop_warning(self.scene, self.point, gains)
+        self.loop_warning = loop_warning(self.scene, self.point, self._tuned)
         if self.loop_warning:
             node.get_logger().warning(self.loop_warning)
         self._single: list[Sources] = []
+        self._crtk = CrtkDevice(self, self._wants_crtk, self._on_crtk, self._disengage_for)
         self.input_array(
             DEVICE_STATE.name,
             self.control_input,
             self._on_device_state,
             DEVICE_FIELDS,
-            self._watch(DEVICE_STATE.name),
+            self.watch(DEVICE_STATE.name),
         )
         rendering = RENDERING.of(self.point)
         self.input_array(
@@ -100,34 +86,39 @@ class TeleoperationController(Actor[ControllerParameters]):
             self.control_input,
             self._on_rendering,
             RENDERING_FIELDS,
-            self._watch(rendering),
+            self.watch(rendering),
         )
-        for topic, kind, accept in (
-            (DEVICE_FORCE, WrenchStamped, self._on_force),
-            (DEVICE_TWIST, TwistStamped, self._on_twist),
-            (DEVICE_POSE, PoseStamped, self._on_device_pose),
-        ):
-            self.input(topic.name, kind, CONTROL_SUBSCRIBER, accept, self._watch(topic.name))
+        self._crtk.listen()
 
     @cached_property
     def _control(self) -> ControlArchitecture:
         return control_for(self.scene)
 
+    @cached_property
+    def _path(self) -> DevicePath:
+        return DevicePath(self.scene, self.node.get_logger().warning)
+
+    @property
+    def _tuned(self) -> Controller:
+        """The gains as parameters have them, whatever the way to the device."""
+        return tuned(self.scene.controller, self.parameters.gains)
+
     def adopt(self, parameters: ControllerParameters) -> None:
         """Take new parameters: the timeout counts from now on, gains pass to the new ones."""
         super().adopt(parameters)
-        self.timeout_ns = nanoseconds(parameters.input_timeout)
-        gains = tuned(self.scene.controller, parameters.gains)
-        if self._engagement is None:
-            self._control.adopt(gains)
-        elif gains != self._control.aim:
-            self._control.tune(self._time_s(self.now_ns()), gains)
+        self.timeout_ns = self.silence_ns(parameters.input_timeout)
+        self._tune()
+
+    def _tune(self) -> None:
+        """Let gains pass to those that parameters, and the way to the device, ask for."""
+        time_s = None if self._engagement is None else self._time_s(self.now_ns())
+        self._path.tune(self._control, self._tuned, self.parameters.soften, time_s)
 
     def vet(self, parameters: ControllerParameters) -> None:
         """Refuse gains that are none."""
         tuned(self.scene.controller, parameters.gains)
 
-    def _watch(self, topic: str) -> Sources:
+    def watch(self, topic: str) -> Sources:
         """Return what watches that only one device, or one analyser, speaks on a topic."""
         self._single.append(self.sources(topic))
         return self._single[-1]
@@ -139,16 +130,18 @@ class TeleoperationController(Actor[ControllerParameters]):
     def _time_s(self, now_ns: int) -> float:
         return (now_ns - self._epoch_ns) / NANOSECONDS
 
-    def _new_side(self) -> ControllerSide:
-        return ControllerSide(self._control, self.period_s, self.scene.connection)
+    def _new_side(self, before: ControllerSide | None = None) -> ControllerSide:
+        return ControllerSide(self._control, self.period_s, self.scene.connection, before=before)
 
     def activate(self) -> None:
         """Wait for device and rendering; times count from now, to lose no digits."""
         self._last_ns = self._state_ns = NEVER
-        self._twist, self._hand, self._rendering = Latest(), Latest(), Latest()
+        self._rendering = Latest()
+        self._crtk.forget()
         self._epoch_ns = self.now_ns()
         for sources in self._single:
             sources.forget()
+        self._path.restart()
 
     def deactivate(self) -> None:
         """Let go of device and mechanism."""
@@ -163,7 +156,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._side = self._new_side()
         self._devices, self._renderings = Stamped(), Stamped()
         self.activate()
-        self._outputs.zero(self.now_ns())
+        now = self.now_ns()
+        self._outputs.zero(now, now)
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return whether the controller is engaged, or which inputs it lacks."""
@@ -190,20 +184,24 @@ class TeleoperationController(Actor[ControllerParameters]):
             "engagements": str(self.engagements),
             "grasps": str(self.grasps),
             "fault": fault,
-            "loop_warning": self.loop_warning,
+            **self._path.figures(self._tuned, self.parameters.soften, self.loop_warning),
             "lost_on_connection": str(self._side.lost),
         }
         return engaged, sentence, figures
 
     def _on_device_state(self, values: Array, now_ns: int) -> None:
-        stamp, device = read_device(values, self._bounds.device)
-        check_age(stamp, now_ns, self.age_limit_ns)
-        self._state_ns = now_ns
-        self._local = True
+        reading = read_device(values, self.bounds.device)
+        stamp, device = reading.stamp_ns, reading.measured
+        heard = self.lockstep or self._path.heard(reading, now_ns, self.age_limit_ns)
+        self._state_ns, self._local = now_ns, True
         if self.lockstep:
             self._devices.put(device, stamp)
             self._answer_pair(stamp)
+        elif not heard:
+            self._last_ns = now_ns  # a sign of life, but older than what was answered
         else:
+            if self._path.changed(self._time_s(now_ns)):
+                self._tune()
             self._answer(device, stamp, now_ns)
 
     def _answer_pair(self, stamp: int) -> None:
@@ -214,28 +212,21 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._last_ns = stamp
         self._answer_to(device, rendering, stamp, stamp)
 
-    def _on_device_pose(self, message: PoseStamped, now_ns: int) -> None:
-        """Answer a device that speaks CRTK only: its pose comes last of a sample's three."""
-        stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-        pose = read_pose(message, self.limits)
+    def _wants_crtk(self, now_ns: int) -> bool:
+        """Return whether the device speaks CRTK only, as far as was heard."""
         if self.lockstep:
-            return
+            return False
         if fault := self._fault(now_ns):
             self._disengage(fault)
-            return
-        if now_ns - self._state_ns <= self.timeout_ns:
-            return
-        twist, hand = self._twist.value, self._hand.value
-        lost = [
-            topic.name
-            for topic, held in ((DEVICE_TWIST, self._twist), (DEVICE_FORCE, self._hand))
-            if not held.fresh(now_ns, self.timeout_ns)
-        ]
-        if lost or twist is None or hand is None:
-            self._disengage_for(lost)
-            return
+            return False
+        return now_ns - self._state_ns > NANOSECONDS
+
+    def _on_crtk(self, device: Array, stamp: int, now_ns: int) -> None:
+        """Answer a device that speaks CRTK only."""
         self._local = False
-        self._answer(flat_device(DeviceMeasurement(pose, twist, hand)), stamp, now_ns)
+        self._path.obeyed = True
+        if self._path.is_next(stamp, now_ns):
+            self._answer(device, stamp, now_ns)
 
     def _answer(self, device: Array, stamp: int, now_ns: int) -> None:
         self.ages.add(now_ns - stamp)
@@ -243,6 +234,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._last_ns = now_ns
         if fault := self._fault(now_ns):
             self._disengage(fault)
+            return
+        if self._path.paced:
+            self._path.put(device, stamp)
             return
         rendering = self._rendering.value
         if rendering is None or not self._rendering.fresh(now_ns, self.timeout_ns):
@@ -257,20 +251,47 @@ class TeleoperationController(Actor[ControllerParameters]):
             return
         self._answer_to(device, rendering, stamp, now_ns)
 
+    def _answer_paced(self, rendering: RenderingReading, now_ns: int) -> None:
+        """Answer the newest sample that a network has brought, now that the analysis is there."""
+        if fault := self._fault(now_ns):
+            self._disengage(fault)
+            return
+        found = self._path.take()
+        pause = self._path.turn(now_ns)
+        lost = [RENDERING.of(self.point)] if pause > self.timeout_ns else []
+        if now_ns - self._last_ns > self.timeout_ns:
+            lost.append(DEVICE_STATE.name)
+        if not rendering.commanded:
+            lost.append(POINT_COMMAND.of(self.point) + " at the mechanism")
+            self._outputs.mechanism(NO_WRENCH, rendering.stamp_ns)
+        if lost:
+            self._disengage_for(lost)
+        elif found is not None:
+            self._answer_to(found[0], rendering, found[1], now_ns)
+
     def _answer_to(
-        self, device: Array, rendering: RenderingReading, stamp: int, now_ns: int
+        self,
+        device: Array,
+        rendering: RenderingReading,
+        stamp: int,
+        now_ns: int,
     ) -> None:
-        ahead = (stamp - rendering.stamp_ns) / NANOSECONDS
+        paced = self._path.paced and not self.lockstep
+        # Over a network there is no common time; what is compared is what is known now.
+        ahead = 0.0 if paced else (stamp - rendering.stamp_ns) / NANOSECONDS
         ahead = min(max(ahead, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
         rendered = rendering.rendered
         time_s = self._time_s(now_ns)
         engagement = self._engagement
         if engagement is None:
             engagement = self._control.engage_flat(time_s, device, rendered, ahead)
-            self._side, self._arrived = self._new_side(), None
+            self._side, self._arrived = self._new_side(self._side), None
             self._rendered_ns = NEVER
             self.engagements += 1
             self.node.get_logger().info("engaged")
+        elif not (self._path.obeyed or self.lockstep):
+            # The device does nothing yet, or no more: the wrench comes in once it obeys.
+            engagement = self._control.engage_flat(time_s, device, rendered, ahead)
         elif rendering.grasp != self._grasp:
             # Held elsewhere from now on: what the hand feels is carried over.
             engagement = self._control.engage_flat(time_s, device, rendered, ahead, self._carried)
@@ -280,7 +301,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._engagement = self._control.slipped_flat(time_s, engagement, device, rendered)
         reading = Reading(time_s, stamp, device, rendered, ahead, self._elapsed(rendering.stamp_ns))
         with_model = self._local and self._outputs.wants_gain(stamp)
-        self._send(self._side.tick(reading, self._engagement, self._local, with_model), stamp)
+        answer = self._side.tick(reading, self._engagement, self._local, with_model)
+        self._told_ns = stamp, rendering.stamp_ns if paced else stamp
+        self._send(answer, *self._told_ns)
 
     @property
     def _carried(self) -> Array:
@@ -294,7 +317,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         periods = round((stamp_ns - before) / NANOSECONDS / self.period_s) if before > 0 else 0
         return max(periods, 0) * self.period_s
 
-    def _send(self, answer: Answer | None, stamp_ns: int) -> None:
+    def _send(self, answer: Answer | None, stamp_ns: int, mechanism_ns: int) -> None:
         """Send what reaches the device now, and what the mechanism is told.
 
         In lockstep the device waits for a command with each sample: the last one is said again.
@@ -308,7 +331,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             answered_ns = stamp_ns if self.lockstep else answer.answered_ns
             outputs.device(answer.wrenches, answered_ns, side.ledger.entry)
         told, _ = side.tell()
-        outputs.mechanism(told, stamp_ns)
+        outputs.mechanism(told, mechanism_ns)
 
     def _disengage_for(self, lost: Sequence[str]) -> None:
         """Disengage because inputs are lost."""
@@ -320,25 +343,19 @@ class TeleoperationController(Actor[ControllerParameters]):
             return
         self.node.get_logger().warning(f"disengaged: {reason}")
         self._engagement = None
-        self._outputs.zero(self.now_ns())
-
-    def _on_force(self, message: WrenchStamped, now_ns: int) -> None:
-        stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-        self._hand.put(read_wrench(message, self.wrenches), stamp)
-
-    def _on_twist(self, message: TwistStamped, now_ns: int) -> None:
-        stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
-        self._twist.put(read_twist(message, self._bounds.twist), stamp)
+        device_ns, mechanism_ns = self._told_ns
+        self._outputs.zero(device_ns + 1, mechanism_ns + 1)
 
     def _on_rendering(self, values: Array, now_ns: int) -> None:
-        found = read_rendering(values, self._bounds.rendering)
+        found = read_rendering(values, self.bounds.rendering)
         check_age(found.stamp_ns, now_ns, self.age_limit_ns)
         self._rendering.put(found, found.stamp_ns)
         self.ages.add(now_ns - found.stamp_ns)
-        if not self.lockstep:
-            if now_ns - self._last_ns > self.timeout_ns:
-                # The device says nothing that could be answered: the mechanism is told now.
-                self._disengage_for([DEVICE_STATE.name])
-        else:
+        if self.lockstep:
             self._renderings.put(found, found.stamp_ns)
             self._answer_pair(found.stamp_ns)
+        elif self._path.paced:
+            self._answer_paced(found, now_ns)
+        elif now_ns - self._last_ns > self.timeout_ns:
+            # The device says nothing that could be answered: the mechanism is told now.
+            self._disengage_for([DEVICE_STATE.name])

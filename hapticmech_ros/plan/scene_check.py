@@ -8,18 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.loop_stability import (
-    MOST_PERIODS,
-    LoopMargins,
-    loop_margins,
-    needed_periods,
-)
+from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, LoopMargins, loop_margins
 from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.plan.loop_check import connection_warning
 from hapticmech_ros.scene.document import Scene
 
 # Relative σ below which a start is next to a singular position: directions change within degrees.
@@ -119,23 +115,18 @@ def _points(simulator: Simulator, state: MechanismState) -> Iterator[PointCheck]
         masses = (1.0 / float(moved[-1]), 1.0 / float(moved[0])) if moved.size else None
         count = first_count(analysis.spectrum.s, scene.perception).count
         model = rendering_model(analysis)
-        margins = loop_margins(
-            control,
-            model,
-            analysis.rows,
-            scene.simulation.period,
-            most_periods=max(MOST_PERIODS, needed_periods(scene)),
-        )
+        margins = loop_margins(control, model, analysis.rows, scene.simulation.period)
         yield PointCheck(point.name, point.link, analysis.rank, count, masses, margins)
 
 
 def _loops(points: Sequence[PointCheck], scene: Scene) -> Iterator[str]:
     """Yield points at which the springs and dampers of the rendering bear little delay."""
-    period, needed = scene.simulation.period, needed_periods(scene)
     for point in points:
-        warning = point.loop.warning(point.name, period, needed)
+        warning = point.loop.warning(point.name, scene.simulation.period, ENOUGH_PERIODS)
         if warning is not None:
             yield warning
+    if over := connection_warning(scene, scene.controller):
+        yield over
 
 
 def _warnings(simulator: Simulator, state: MechanismState, rows: Redundancy) -> Iterator[str]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from hapticmech_ros.errors import SceneProblem
+from hapticmech_ros.errors import FileError, SceneProblem
+from hapticmech_ros.files import check_file, is_file
 from hapticmech_ros.scene.contacts import ContactPair, Shape
 from hapticmech_ros.scene.document import Scene
 
@@ -68,17 +69,15 @@ def _shapes(scene: Scene) -> Iterator[SceneProblem]:
 def _mesh_file(key: str, file: str) -> Iterator[SceneProblem]:
     """Yield what is wrong with a mesh's file before it is read."""
     path = Path(file)
-    try:
-        found, size = path.is_file(), path.stat().st_size
-    except (OSError, ValueError):  # not there, too long a name, or one with a zero byte
-        found, size = False, 0
-    if not found:
+    if not is_file(path):
         yield SceneProblem(key, file, "no such file")
     elif path.suffix.lower() not in MESH_SUFFIXES:
         yield SceneProblem(key, file, f"a mesh's file must end in one of {MESH_SUFFIXES}")
-    elif size > MESH_SIZE_LIMIT:
-        rule = f"a mesh's file has at most {MESH_SIZE_LIMIT} bytes, not {size}"
-        yield SceneProblem(key, file, rule)
+    else:
+        try:
+            check_file(path, MESH_SIZE_LIMIT)
+        except FileError as error:
+            yield SceneProblem(key, file, f"a mesh's file {error.rule} ({error.value})")
 
 
 def _pair(

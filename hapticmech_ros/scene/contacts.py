@@ -21,7 +21,9 @@ def not_zero(value: float) -> float:
     return value
 
 
-Size3 = tuple[Positive, Positive, Positive]
+# m; what is smaller or larger than anything that touches is a mistake of units.
+Length = Annotated[Positive, Field(ge=1e-6, le=1e6)]
+Size3 = tuple[Length, Length, Length]
 NotZero = Annotated[Real, AfterValidator(not_zero)]
 Scale3 = tuple[NotZero, NotZero, NotZero]
 FilePath = Annotated[str, StringConstraints(strict=True, min_length=1)]
@@ -31,7 +33,7 @@ class Sphere(Part):
     """Ball about the origin of its frame; radius in m."""
 
     kind: Literal["sphere"]
-    radius: Positive
+    radius: Length
 
 
 class Box(Part):
@@ -45,16 +47,16 @@ class Cylinder(Part):
     """Cylinder along z, its middle at the origin of its frame; radius and length in m."""
 
     kind: Literal["cylinder"]
-    radius: Positive
-    length: Positive
+    radius: Length
+    length: Length
 
 
 class Capsule(Part):
     """Cylinder along z with a half-ball on each end; length in m is that of the cylinder alone."""
 
     kind: Literal["capsule"]
-    radius: Positive
-    length: Positive
+    radius: Length
+    length: Length
 
 
 class HalfSpace(Part):

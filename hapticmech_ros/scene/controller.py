@@ -113,17 +113,39 @@ class Controller(Part):
 class Connection(Part):
     """What lies between device and controller, beside the graph itself: none by default.
 
+    ``delay``, ``jitter``, ``loss`` and ``seed`` are simulated. ``expected`` is what a real network
+    adds: nothing is held back for it, but all that is designed for a delay is designed for it too.
+
     Attributes:
         delay: s, each way.
         jitter: share of it by which each message is earlier or later, evenly spread.
         loss: share of the messages that do not arrive.
         seed: of both; the same seed is the same connection.
+        expected: s, each way, of the network that is there.
+        expected_jitter: share of it by which its messages may be earlier or later.
     """
 
     delay: Annotated[NonNegative, Field(le=1.0)] = 0.0
     jitter: Annotated[Real, Field(ge=0.0, le=1.0)] = 0.0
     loss: Annotated[Real, Field(ge=0.0, lt=1.0)] = 0.0
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    expected: Annotated[NonNegative, Field(le=1.0)] = 0.0
+    expected_jitter: Annotated[Real, Field(ge=0.0, le=1.0)] = 0.2
+
+    @property
+    def designed(self) -> float:
+        """One-way delay (s) that gains, prediction and timeouts are designed for."""
+        return self.delay + self.expected
+
+    @property
+    def latest(self) -> float:
+        """One-way delay (s) of the latest message."""
+        return self.delay * (1.0 + self.jitter) + self.expected * (1.0 + self.expected_jitter)
+
+    @property
+    def networked(self) -> bool:
+        """Whether a real network is declared."""
+        return self.expected > 0.0
 
     @property
     def ideal(self) -> bool:

@@ -52,6 +52,26 @@ class Compensation(Part):
     angular_dead_zone: Positive = 0.2
 
 
+class Safety(Part):
+    """How far a node's parameters may go; the device node's envelope keeps to it.
+
+    Attributes:
+        force_slew: N/s, fastest change of the force.
+        torque_slew: N m/s, fastest change of the torque.
+        start_ramp: s, shortest time over which force and torque limit open when commands begin.
+        workspace_radius: m, furthest from where the device starts that a force points outwards;
+            0 is anywhere.
+        command_timeout: s, longest that a command stands; twelve milliseconds, a node's default,
+            are always allowed.
+    """
+
+    force_slew: Positive = 2000.0
+    torque_slew: Positive = 100.0
+    start_ramp: NonNegative = 0.1
+    workspace_radius: NonNegative = 0.0
+    command_timeout: Annotated[Real, Field(ge=0.012, le=1.0)] = 0.1
+
+
 class Device(Part):
     """Impedance-type haptic device, as a rigid body driven by hand and actuators.
 
@@ -78,6 +98,7 @@ class Device(Part):
         observer_bandwidth: Hz, of the estimate.
         workspace: end stops.
         compensation: by the device's driver.
+        safety: bounds of what a node's parameters may choose.
         substeps: integration steps per sample period.
     """
 
@@ -100,6 +121,7 @@ class Device(Part):
     observer_bandwidth: Positive = 30.0
     workspace: Workspace = Workspace()
     compensation: Compensation = Compensation()
+    safety: Safety = Safety()
     substeps: Annotated[int, Field(strict=True, ge=1, le=100)] = 4
 
     @property

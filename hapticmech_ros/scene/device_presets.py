@@ -8,9 +8,8 @@ from functools import cache
 from types import MappingProxyType
 from typing import Any
 
-from ruamel.yaml import YAML
-
 from hapticmech_ros.share import shared
+from hapticmech_ros.yaml_text import read_yaml
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +37,7 @@ def device_presets() -> Mapping[str, DevicePreset]:
     folder = shared("config/devices")
     found = {}
     for path in sorted(folder.glob("*.yaml")) if folder is not None else ():
-        said = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+        said = read_yaml(path.read_text(encoding="utf-8"), str(path))
         found[path.stem] = DevicePreset(
             path.stem,
             said["description"],

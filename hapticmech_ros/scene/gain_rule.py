@@ -38,7 +38,7 @@ def lag_of(device: Device, connection: Connection, period: float, local: bool) -
     lag = period
     if device.position_resolution > 0.0 or device.angle_resolution > 0.0:
         lag += 1.0 / (2.0 * math.pi * device.velocity_filter)
-    return lag if local else lag + period + 2.0 * connection.delay
+    return lag if local else lag + period + 2.0 * connection.designed
 
 
 def damping_for(stiffness: float, device: Device) -> float:

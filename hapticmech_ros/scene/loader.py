@@ -10,24 +10,24 @@ from typing import Any
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
-from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
-from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.errors import FileError, SceneError, SceneProblem
+from hapticmech_ros.files import is_file, read_text
 from hapticmech_ros.scene.contact_rules import with_mesh_paths
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.part import LARGEST
 from hapticmech_ros.scene.rules import broken_rules
 from hapticmech_ros.scene.script import with_script_path
 from hapticmech_ros.share import shared
+from hapticmech_ros.yaml_text import read_yaml
 
 MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf")
 FILE_SIZE_LIMIT = 4_000_000
-# Values in a document with its aliases written out: a short file can alias its way to billions.
-VALUE_LIMIT = 200_000
 
 
-def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scene:
+def load_scene(
+    scene: str | os.PathLike[str], control_rate: float = 0.0, network_delay: float = 0.0
+) -> Scene:
     """Load a scene from a file, or a shipped scene by its bare name (``five_bar``).
 
     A file is YAML, with its links or with ``model``, the file that they come from; or that file
@@ -36,13 +36,14 @@ def load_scene(scene: str | os.PathLike[str], control_rate: float = 0.0) -> Scen
     Args:
         scene: path or name.
         control_rate: Hz, instead of the scene's own ``simulation.period``; 0 leaves it.
+        network_delay: s, one way, instead of its ``connection.expected``; 0 leaves it.
 
     Raises:
         SceneError: not found, not readable, not YAML, or breaking rules; the message names file,
             key path, value and rule for every problem found.
     """
     path = find_scene(scene)
-    document = _at_rate(written_document(path), control_rate)
+    document = _over_network(_at_rate(written_document(path), control_rate), network_delay)
     folder = path.resolve().parent
     document = with_script_path(with_mesh_paths(document, folder), folder)
     if isinstance(document, Mapping) and "model" in document:
@@ -55,33 +56,15 @@ def written_document(path: Path) -> object:
     """Return what a scene's file says; of a model, that it is the scene's.
 
     Raises:
-        SceneError: too large, not readable, or not YAML.
+        SceneError: too large, not readable, or not YAML within the limits of ``yaml_text``.
     """
     if path.suffix.lower() in MODEL_SUFFIXES:
         return {"format": "hapticmech-scene/1", "model": path.name}
-    if path.stat().st_size > FILE_SIZE_LIMIT:
-        problem = SceneProblem("file", path.stat().st_size, f"at most {FILE_SIZE_LIMIT} bytes")
-        raise SceneError(str(path), [problem])
     try:
-        document = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
-    except MarkedYAMLError as error:
-        mark = error.problem_mark
-        where = f"line {mark.line + 1}" if mark is not None else "file"
-        raise SceneError(
-            str(path), [SceneProblem(where, error.problem, "not valid YAML")]
-        ) from None
-    except (OSError, UnicodeDecodeError, YAMLError) as error:
-        raise SceneError(str(path), [SceneProblem("file", str(error), "cannot be read")]) from None
-    except ValueError as error:  # such as !!int or a date that is none
-        problem = SceneProblem("file", str(error), "not valid YAML")
+        return read_yaml(read_text(path, FILE_SIZE_LIMIT), str(path))
+    except FileError as error:
+        problem = SceneProblem(error.where, error.value, error.rule)
         raise SceneError(str(path), [problem]) from None
-    except RecursionError:
-        problem = SceneProblem("file", str(path), "nested too deeply")
-        raise SceneError(str(path), [problem]) from None
-    if not _values_within(document, VALUE_LIMIT):
-        rule = f"at most {VALUE_LIMIT} values with all aliases written out"
-        raise SceneError(str(path), [SceneProblem("file", str(path), rule)])
-    return document
 
 
 def _at_rate(document: object, control_rate: float) -> object:
@@ -93,6 +76,16 @@ def _at_rate(document: object, control_rate: float) -> object:
         return document
     period = 1.0 / control_rate
     return {**document, "simulation": {**simulation, "period": period}}
+
+
+def _over_network(document: object, network_delay: float) -> object:
+    """Return the document with another expected delay (s, one way), unless that is 0."""
+    if network_delay == 0.0 or not isinstance(document, Mapping):
+        return document
+    connection = document.get("connection", {})
+    if not isinstance(connection, Mapping):
+        return document
+    return {**document, "connection": {**connection, "expected": network_delay}}
 
 
 def scene_from_document(document: object, source: str = "<document>") -> Scene:
@@ -124,7 +117,7 @@ def find_scene(scene: str | os.PathLike[str]) -> Path:
         SceneError: neither exists; the message lists the shipped scenes.
     """
     given = Path(scene)
-    if given.is_file():
+    if is_file(given):
         return given
     shipped = shipped_scenes()
     if str(scene) in shipped:
@@ -162,21 +155,6 @@ def _value(item: ErrorDetails) -> object:
     if item["type"] == "missing" and isinstance(item["input"], Mapping):
         return None
     return item["input"]
-
-
-def _values_within(document: object, limit: int) -> bool:
-    """Return whether ``document`` holds at most ``limit`` values, aliases counted at each use."""
-    pending, count = [document], 0
-    while pending:
-        value = pending.pop()
-        count += 1
-        if isinstance(value, Mapping):
-            pending.extend(value.values())
-        elif isinstance(value, list | tuple | set):
-            pending.extend(value)
-        if count + len(pending) > limit:
-            return False
-    return True
 
 
 def rule_of(item: ErrorDetails) -> str:

@@ -11,7 +11,12 @@ LARGEST = 1e30
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[Real, Field(gt=0.0)]
 NonNegative = Annotated[Real, Field(ge=0.0)]
-Name = Annotated[str, StringConstraints(strict=True, pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+# Names become parts of topics and frames; a topic's name has 255 characters at most.
+LONGEST_NAME = 100
+Name = Annotated[
+    str,
+    StringConstraints(strict=True, pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=LONGEST_NAME),
+]
 Flag = Annotated[bool, Field(strict=True)]
 Vector3 = tuple[Real, Real, Real]
 # One number or a list; told apart by what is written, so that an error is about one of the two.

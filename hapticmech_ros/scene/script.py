@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import FileError, InvalidInputError
+from hapticmech_ros.files import read_text
 from hapticmech_ros.scene.part import LARGEST
 
 COLUMNS = ("time", "fx", "fy", "fz", "tx", "ty", "tz")
@@ -24,13 +26,12 @@ def read_script(file: str) -> npt.NDArray[np.float64]:
         InvalidInputError: not there, too large, or not such a table; the message names the line,
             what stands there, and the rule.
     """
-    path = Path(file)
     try:
-        if path.stat().st_size > FILE_SIZE_LIMIT:
-            raise InvalidInputError("script", file, f"must have at most {FILE_SIZE_LIMIT} bytes")
-        with path.open(encoding="utf-8", newline="") as stream:
-            lines = [(i, line) for i, line in enumerate(csv.reader(stream), start=1) if any(line)]
-    except (OSError, ValueError, csv.Error) as error:
+        stream = StringIO(read_text(file, FILE_SIZE_LIMIT), newline="")
+        lines = [(i, line) for i, line in enumerate(csv.reader(stream), start=1) if any(line)]
+    except FileError as error:
+        raise InvalidInputError("script", file, f"{error.rule} ({error.value})") from None
+    except csv.Error as error:
         raise InvalidInputError("script", file, f"cannot be read: {error}") from None
     if not lines or tuple(word.strip() for word in lines[0][1]) != COLUMNS:
         where = f"line {lines[0][0]}" if lines else "line 1"

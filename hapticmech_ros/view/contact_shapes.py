@@ -29,13 +29,11 @@ class Hulls:
 
     def __init__(self, scene: Scene) -> None:
         self._corners: list[tuple[int, Array]] = []
-        for index, shape in enumerate(scene.shapes):
-            mesh = shape.geometry
-            if isinstance(mesh, Mesh):
-                # Here, so that scenes without meshes do not load what reads them.
-                from hapticmech_ros.contact.hull import read_mesh
+        if any(isinstance(shape.geometry, Mesh) for shape in scene.shapes):
+            # Here, so that scenes without meshes do not load what reads them.
+            from hapticmech_ros.contact.mesh_hulls import mesh_hulls
 
-                hull = read_mesh(mesh.file, mesh.scale, f"shapes[{index}].geometry.file")
+            for index, hull in mesh_hulls(scene.shapes).items():
                 self._corners.append((index, hull.vertices[hull.triangles.ravel()]))
 
     def draw(self, placement: Placement) -> list[Shape]:

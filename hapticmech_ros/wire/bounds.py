@@ -53,12 +53,15 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     "force": ("ratio",),
     "stiffness": ("stiffness",),
     "damping": ("damping",),
+    "round_trip": ("duration",),
+    "obeys": ("flags",),
 }
 # Quantities that no scene says anything about.
 FIXED: dict[str, float] = {
     "seconds": float(LAST_SECOND),
     "nanoseconds": 999_999_999.0,
     "quaternion": sys.float_info.max,  # its length is looked at
+    "duration": 3600.0,
     "count": 6.0,
     "flags": 1.0,
     "link": 1e6,

@@ -16,7 +16,7 @@ class DeviceWriter:
     What :func:`~hapticmech_ros.wire.layouts.pack_device` returns, without the objects between.
 
     Attributes:
-        values: (27,) the data.
+        values: (29,) the data.
         hand_wrench: (6,) F_h of the state seen last, with what others added; a view.
     """
 
@@ -24,11 +24,28 @@ class DeviceWriter:
         self.values: Array = np.zeros(sum(DEVICE_FIELDS.values()))
         last = DEVICE_MEASURED.stop
         self.hand_wrench: Array = self.values[last - DEVICE_FIELDS["hand_wrench"] : last]
-        self._published = self.values[DEVICE_FIELDS["stamp"] :]
+        first, last = DEVICE_FIELDS["stamp"], last + DEVICE_FIELDS["applied"]
+        self._published = self.values[first:last]
 
-    def see(self, state: DeviceState, push: Array, stamp_ns: int) -> None:
-        """Write a state at a time (ns); ``push`` (6,) is by others, added to the hand's wrench."""
+    def see(
+        self,
+        state: DeviceState,
+        push: Array,
+        stamp_ns: int,
+        round_trip: float = 0.0,
+        obeys: bool = True,
+    ) -> None:
+        """Write a state.
+
+        Args:
+            state: of the device.
+            push: (6,) by others, added to the hand's wrench.
+            stamp_ns: ns.
+            round_trip: s, from a sample to its answer; 0: not known.
+            obeys: whether the device obeys servo_cf.
+        """
         self.values[0], self.values[1] = seconds_of(stamp_ns)
         self._published[:] = state.published
+        self.values[-2:] = round_trip, obeys
         if push is not NO_WRENCH:
             self.hand_wrench += push

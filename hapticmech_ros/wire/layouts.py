@@ -51,7 +51,11 @@ DEVICE_FIELDS: dict[str, int] = {
     "twist": 6,
     "hand_wrench": 6,
     "applied": 6,
+    "round_trip": 1,
+    "obeys": 1,
 }
+# Of what older versions wrote, which ends before ``round_trip``; and what is to be read there.
+_OLD_DEVICE_SIZE, _NOT_TOLD = 27, (0.0, 1.0)
 # What control/flat.py describes, inside these messages.
 DEVICE_MEASURED = slice(2, 21)
 RENDERED, COMMANDED, GRASP = slice(10, 143), 143, slice(144, 151)
@@ -115,17 +119,23 @@ class DeviceSample(NamedTuple):
         stamp_ns: time it stands for, ns.
         measured: pose, twist and hand wrench.
         applied: (6,) by the actuators, on the hand, until now; zero when servo_cf is lost.
+        round_trip: s, from a sample to its answer, as the device finds it; 0: not known.
+        obeys: whether it obeys servo_cf; what does not is not told, and counts as if it did.
     """
 
     stamp_ns: int
     measured: DeviceMeasurement
     applied: Array
+    round_trip: float = 0.0
+    obeys: bool = True
 
 
 def pack_device(sample: DeviceSample) -> Array:
-    """Return the data (27,) of a ``device/state`` message."""
+    """Return the data (29,) of a ``device/state`` message."""
     stamp = seconds_of(sample.stamp_ns)
-    return np.concatenate((stamp, flat_device(sample.measured), sample.applied))
+    measured = flat_device(sample.measured)
+    told = sample.round_trip, float(sample.obeys)
+    return np.concatenate((stamp, measured, sample.applied, told))
 
 
 def unpack_device(data: object) -> DeviceSample:
@@ -134,8 +144,14 @@ def unpack_device(data: object) -> DeviceSample:
     Raises:
         InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
-    stamp_ns, values = checked_values(data, _DEVICE)
-    return DeviceSample(stamp_ns, device_of(values[DEVICE_MEASURED]), values[21:27])
+    stamp_ns, values = checked_values(whole_device(np.array(data, dtype=float)), _DEVICE)
+    measured, obeys = device_of(values[DEVICE_MEASURED]), bool(values[28])
+    return DeviceSample(stamp_ns, measured, values[21:27], float(values[27]), obeys)
+
+
+def whole_device(values: Array) -> Array:
+    """Return a ``device/state`` message's data; of an older version, with what it did not tell."""
+    return np.append(values, _NOT_TOLD) if values.shape == (_OLD_DEVICE_SIZE,) else values
 
 
 def pack_rendering(rendering: Rendering) -> Array:

@@ -32,10 +32,19 @@ class ReadingBounds(NamedTuple):
 
 
 class DeviceReading(NamedTuple):
-    """A ``device/state`` message: its time, ns, and the measurement (19,), as control/flat.py."""
+    """A ``device/state`` message.
+
+    Attributes:
+        stamp_ns: its time, ns.
+        measured: (19,) as control/flat.py describes it.
+        round_trip: s, from a sample to its answer, as the device finds it; 0: not known.
+        obeys: whether the device obeys servo_cf.
+    """
 
     stamp_ns: int
     measured: Array
+    round_trip: float
+    obeys: bool
 
 
 class RenderingReading(NamedTuple):
@@ -67,7 +76,8 @@ def read_device(values: Array, bounds: Bounds = _DEVICE) -> DeviceReading:
     """
     # Numbers inside a message's bytes need not lie as kernels expect.
     values = values.copy()
-    return DeviceReading(bounds.stamp(values), values[DEVICE_MEASURED])
+    stamp = bounds.stamp(values)
+    return DeviceReading(stamp, values[DEVICE_MEASURED], values.item(-2), values.item(-1) != 0.0)
 
 
 def read_rendering(values: Array, bounds: Bounds = _RENDERING) -> RenderingReading:

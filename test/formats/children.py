@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.contact.hull import read_mesh
+from hapticmech_ros.contact.mesh_hulls import read_mesh
 from hapticmech_ros.errors import HapticMechError, SceneError
 from hapticmech_ros.mechanism import Mechanism
 

@@ -145,10 +145,10 @@ def test_only_files_are_read(tmp_path):
     (tmp_path / "folder").mkdir()
     os.mkfifo(tmp_path / "pipe")
     for name, rule in (
-        ("folder", "must be a file"),
-        ("pipe", "must be a file"),
+        ("folder", "must be a regular file"),
+        ("pipe", "must be a regular file"),
         ("gone.urdf", "cannot be read"),
-        ("/dev/zero", "must be a file"),
+        ("/dev/zero", "must be a regular file"),
         ('"a\\0b"', "cannot be read"),
     ):
         scene.write_text(f"format: hapticmech-scene/1\nmodel: {name}\n")

@@ -11,6 +11,8 @@ from hapticmech_ros.wire.gain_wire import ServoGain, pack_gain, unpack_gain
 GAIN = np.diag([2.0, 0.0, 0.0, 0.0, 0.0, 3.0])
 NONE = np.zeros((6, 6))
 COMMAND = np.full(6, 0.5)
+# Between samples.
+PERIOD_NS = 1_000_000
 
 
 def sample(push):
@@ -20,23 +22,25 @@ def sample(push):
 
 def message(stamp, times=1.0, answered=None, energy=0.25):
     answered = stamp if answered is None else answered
-    return pack_gain(ServoGain(stamp, answered, energy, LocalModel(times * GAIN, NONE, NONE)))
+    return pack_gain(
+        ServoGain(stamp, answered * PERIOD_NS, energy, LocalModel(times * GAIN, NONE, NONE))
+    )
 
 
 def filled(samples, lockstep=False):
-    """Return a loop that has measured F_h = k at each stamp k, and was given G at time 0."""
+    """Return a loop that has measured F_h = k at each period k, and was given G at time 0."""
     loop = LocalLoop()
-    for stamp in range(samples):
-        loop.measured(sample(stamp), stamp)
+    for number in range(samples):
+        loop.measured(sample(number), number * PERIOD_NS)
     loop.take(message(7), 0, lockstep)
     return loop
 
 
 def test_a_command_is_corrected_by_what_has_changed_since_its_sample():
-    found = filled(10).correct(COMMAND, 6, 100)
+    found = filled(10).correct(COMMAND, 6 * PERIOD_NS, 100)
     assert found.tolist() == [0.5 + 2.0 * 3.0, 0.5, 0.5, 0.5, 0.5, 0.5 + 3.0 * 3.0]
     # The newest sample's own answer needs nothing.
-    assert filled(10).correct(COMMAND, 9, 100).tolist() == COMMAND.tolist()
+    assert filled(10).correct(COMMAND, 9 * PERIOD_NS, 100).tolist() == COMMAND.tolist()
 
 
 def test_without_gain_or_with_an_old_one_nothing_is_corrected():
@@ -44,26 +48,64 @@ def test_without_gain_or_with_an_old_one_nothing_is_corrected():
     loop.measured(sample(1), 1)
     assert loop.correct(COMMAND, 1, 5) is COMMAND
     assert loop.to_mechanism is None
-    assert filled(10).correct(COMMAND, 6, FRESH_NS + 1) is COMMAND
+    assert filled(10).correct(COMMAND, 6 * PERIOD_NS, FRESH_NS + 1) is COMMAND
     forgetful = filled(10)
-    assert forgetful.to_mechanism == 0.25
-    forgetful.forget()
-    assert forgetful.correct(COMMAND, 6, 100) is COMMAND
+    assert forgetful.to_mechanism == 0.0
+    forgetful.forget(8 * PERIOD_NS)
+    assert forgetful.correct(COMMAND, 6 * PERIOD_NS, 100) is COMMAND
     assert forgetful.to_mechanism is None
+
+
+def test_a_gain_for_a_sample_from_before_the_device_let_go_is_none():
+    loop = filled(10)
+    loop.forget(8 * PERIOD_NS)
+    loop.take(message(11, answered=8), 100, lockstep=False)
+    assert loop.correct(COMMAND, 6 * PERIOD_NS, 200) is COMMAND
+    loop.take(message(12, answered=9), 100, lockstep=False)
+    assert loop.correct(COMMAND, 6 * PERIOD_NS, 200)[0] == 0.5 + 2.0 * 3.0
+
+
+def test_a_gain_that_a_newer_one_has_overtaken_is_dropped():
+    loop = filled(10)
+    loop.take(message(9, 2.0), 100, lockstep=False)
+    loop.take(message(8, 5.0, energy=3.0), 200, lockstep=False)
+    assert loop.correct(COMMAND, 8 * PERIOD_NS, 300)[0] == 0.5 + 4.0
+    assert loop.order.overtaken == 1
+    assert loop.to_mechanism == 0.0
+
+
+def test_the_account_counts_from_when_the_device_obeys():
+    loop = filled(10)
+    loop.take(message(8, energy=5.0), 100, lockstep=False)
+    loop.begin()
+    assert loop.to_mechanism == 0.0
+    loop.take(message(9, energy=5.5), 200, lockstep=False)
+    assert loop.to_mechanism == 0.5
+    # Another controller counts from 0: what was told before it is forgotten with letting go.
+    loop.forget(9 * PERIOD_NS)
+    loop.begin()
+    loop.take(message(10, energy=0.25), 300, lockstep=False)
+    assert loop.to_mechanism == 0.0
+    loop.take(message(11, energy=0.0), 400, lockstep=False)
+    assert loop.to_mechanism == -0.25
+
+
+def test_answers_to_one_sample_may_be_told_apart_by_nanoseconds():
+    assert filled(10).correct(COMMAND, 6 * PERIOD_NS + 999, 100)[0] == 0.5 + 2.0 * 3.0
 
 
 def test_samples_that_were_never_measured_or_long_ago_are_no_ground():
     assert filled(10).correct(COMMAND, 12345, 100) is COMMAND
     many = filled(REMEMBERED + 10)
-    assert many.correct(COMMAND, 9, 100) is COMMAND
-    assert many.correct(COMMAND, 10, 100) is not COMMAND
+    assert many.correct(COMMAND, 9 * PERIOD_NS, 100) is COMMAND
+    assert many.correct(COMMAND, 10 * PERIOD_NS, 100) is not COMMAND
 
 
 def test_what_is_measured_may_be_overwritten():
     loop, numbers = LocalLoop(), sample(0)
-    for stamp in range(3):
-        numbers[13:] = stamp
-        loop.measured(numbers, stamp)
+    for number in range(3):
+        numbers[13:] = number
+        loop.measured(numbers, number * PERIOD_NS)
     loop.take(message(0), 0, lockstep=False)
     assert loop.correct(COMMAND, 0, 1)[0] == 0.5 + 2.0 * 2.0
 

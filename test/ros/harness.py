@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -23,8 +24,10 @@ from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
+from ruamel.yaml import YAML
 
 from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_process
+from hapticmech_ros.scene import document_of, load_scene
 
 RELIABLE = QoSProfile(depth=1000)
 WAIT_S = 20.0
@@ -192,6 +195,16 @@ def six(wrench_or_twist: Any) -> list[float]:
     else:
         parts = (wrench_or_twist.twist.linear, wrench_or_twist.twist.angular)
     return [value for part in parts for value in (part.x, part.y, part.z)]
+
+
+def allowing(folder: Path, scene: str = "five_bar", **safety: float) -> str:
+    """Return a scene like a shipped one whose device may be set to less safe values."""
+    document = document_of(load_scene(scene))
+    document["device"]["safety"].update(safety)
+    path = folder / f"{scene}_allowing.yaml"
+    with path.open("w") as stream:
+        YAML(typ="safe", pure=True).dump(document, stream)
+    return str(path)
 
 
 @contextmanager

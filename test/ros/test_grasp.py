@@ -1,6 +1,7 @@
 """Held elsewhere while the graph runs: by topic and by parameter, told to all, without a bump."""
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.messages import stamp_ns
 from hapticmech_ros.wire.layouts import unpack_rendering
 from hapticmech_ros.wire.state import StateLayout
-from ros.harness import Peer, figures, refuses, running, six
+from ros.harness import Peer, allowing, figures, refuses, running, six
 
 pytestmark = pytest.mark.ros
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -97,7 +98,7 @@ def test_a_start_that_is_not_there_is_an_error(
     assert "grasp: must be one of ['link1', 'link2'" in capfd.readouterr().err
 
 
-def test_the_hand_feels_no_bump(domain: int, peer: Peer) -> None:
+def test_the_hand_feels_no_bump(domain: int, peer: Peer, tmp_path: Path) -> None:
     commands = peer.listen("device/servo_cf", WrenchStamped)
     renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)
     frames = peer.listen("view/frames", TransformStamped)
@@ -105,7 +106,8 @@ def test_the_hand_feels_no_bump(domain: int, peer: Peer) -> None:
     # Patient nodes: what is asked here is not how soon a starved machine lets go.
     patience = {"input_timeout": 0.5, "command_timeout": 0.5, "message_age_limit": 1.0}
     names = ",".join([*NODES, "scene_viewer"])
-    with running(names, domain, diagnostics_period=0.05, **patience):
+    scene = allowing(tmp_path, command_timeout=0.5)
+    with running(names, domain, scene, diagnostics_period=0.05, **patience):
         command = peer.publisher("mechanism/handle/grasp", PoseStamped)
         peer.until(lambda: len(commands) > 300, "a hand that pushes")
         before = len(commands)

@@ -40,15 +40,15 @@ HAND = {
 def test_a_run_in_lockstep_is_the_session(tmp_path: Path, sensor: str) -> None:
     document = document_of(load_scene("five_bar"))
     document["device"] = {**DEVICE, "force_sensor": sensor}
+    # The arm lets go within a period: a jump that the node's envelope, which sessions have not,
+    # would spread over several.
+    document["device"]["safety"] = {"force_slew": 1e6, "torque_slew": 1e5}
     document["hand"] = HAND
     path = tmp_path / "realistic.yaml"
     with path.open("w") as stream:
         YAML(typ="safe", pure=True).dump(document, stream)
-    # The arm lets go within a period: a jump that the node's envelope, which sessions have not,
-    # would spread over several.
-    free = {"haptic_device.force_slew": 1e6, "haptic_device.torque_slew": 1e5}
     out = tmp_path / "bag"
-    run = LockstepRun(str(path), duration=0.35, out=out, composed=True, parameters=free)
+    run = LockstepRun(str(path), duration=0.35, out=out, composed=True)
     run_lockstep(run, private_environment(next_domain()), lambda: False)
     with BagReader(out) as bag:
         heard = [unpack_device(decode(data)) for _, _, data in bag.serialized("/device/state")]

@@ -18,7 +18,7 @@ from hapticmech_ros.nodes.hosted_parameters import descriptor_of
 from hapticmech_ros.nodes.runtime import actor_type
 from hapticmech_ros.share import shared
 from hapticmech_ros.wire.layouts import unpack_device
-from ros.harness import Peer, running
+from ros.harness import Peer, allowing, running
 
 pytestmark = pytest.mark.ros
 GAIN_UNITS = ("1", "N/m", "N s/m", "N m/rad", "N m s/rad")
@@ -68,10 +68,11 @@ def test_parameter_file_names_all_parameters_and_their_defaults(node: str) -> No
             assert f"# {unit}, " in line
 
 
-def test_a_change_within_the_rules_is_obeyed(domain: int, peer: Peer) -> None:
+def test_a_change_within_the_rules_is_obeyed(domain: int, peer: Peer, tmp_path: Path) -> None:
     samples = peer.listen("device/state", Float64MultiArray)
     poses = peer.listen("device/measured_cp", PoseStamped)
-    with running(DEVICE, domain, hand="commanded"):
+    scene = allowing(tmp_path, command_timeout=0.5)
+    with running(DEVICE, domain, scene, hand="commanded"):
         command = peer.publisher("device/servo_cf", WrenchStamped)
 
         def obeyed_s() -> float:

@@ -1,6 +1,7 @@
 """The device's safety envelope over the graph: each cause brings zero force, and says so."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from geometry_msgs.msg import WrenchStamped
 from std_srvs.srv import SetBool
 
 from hapticmech_ros.nodes.messages import stamp_ns
-from ros.harness import Peer, figures, running, six
+from ros.harness import Peer, allowing, figures, running, six
 
 pytestmark = pytest.mark.ros
 MS = 1_000_000
@@ -147,7 +148,9 @@ def test_who_takes_over_from_a_silent_publisher_is_obeyed(domain: int, peer: Pee
         peer.until(refused, "the refusal of two")
 
 
-def test_limits_slew_ramp_and_workspace_hold_and_are_told(domain: int, peer: Peer) -> None:
+def test_limits_slew_ramp_and_workspace_hold_and_are_told(
+    domain: int, peer: Peer, tmp_path: Path
+) -> None:
     limits = {
         "force_limit": 2.0,
         "torque_limit": 0.01,
@@ -155,7 +158,8 @@ def test_limits_slew_ramp_and_workspace_hold_and_are_told(domain: int, peer: Pee
         "start_ramp": 0.05,
         "workspace_radius": 0.005,
     }
-    with running("haptic_device", domain, **STILL, **limits):
+    scene = allowing(tmp_path, start_ramp=0.05)
+    with running("haptic_device", domain, scene, **STILL, **limits):
         bench = Bench(peer)
         peer.until(lambda: bench.applied, "samples")
 

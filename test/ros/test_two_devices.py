@@ -29,6 +29,7 @@ def two_points(folder: Path) -> Path:
         {"name": "a", "link": "hand", "origin": {"xyz": [0, 0, 0.06]}},
         {"name": "b", "link": "upper_arm", "origin": {"xyz": [0, 0, 0.2]}},
     ]
+    document.setdefault("device", {})["safety"] = {"command_timeout": 0.2}
     document["hand"] = {"kind": "constant_wrench", "force": [0, 0, 0], "torque": [0, 0, 0]}
     path = folder / "two_points.yaml"
     path.write_text(yaml.safe_dump(document), encoding="utf-8")

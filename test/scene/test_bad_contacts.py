@@ -78,7 +78,7 @@ def test_a_mesh_that_is_flattened_or_of_no_known_kind(tmp_path):
         written.truncate(MESH_SIZE_LIMIT + 1)
     geometry["file"] = str(large)
     (found,) = problems(document)
-    assert found.rule == f"a mesh's file has at most {MESH_SIZE_LIMIT} bytes, not 32000001"
+    assert found.rule == f"a mesh's file must have at most {MESH_SIZE_LIMIT} bytes (32000001)"
 
 
 @pytest.mark.parametrize(

@@ -40,6 +40,9 @@ ONE_VALUE = [
     ("hand.forse", [0, 0, 0], "unknown key"),
     ("format", "hapticmech-scene/9", "hapticmech-scene/1"),
     ("name", "five bar", "pattern"),
+    ("name", "x" * 101, "at most 100 characters"),
+    ("operational_points[0].name", "x" * 256, "at most 100 characters"),
+    ("links[0].inertial.mass", "0b101", "valid number"),
     ("name", "five_bar\n", "pattern"),
     ("task_space", "flat", "'planar' or 'spatial'"),
     ("links[0].inertial.mass", -1.0, "greater than or equal to 0"),
@@ -273,11 +276,15 @@ BAD_FILES = [
     (b"a: 1\n---\nb: 2\n", "line 2", "not valid YAML"),
     (b"a: *nowhere\n", "line 1", "not valid YAML"),
     (b"a: !!python/object:os.system x\n", "line 1", "not valid YAML"),
-    (b"a: 2001-99-99\n", "file", "not valid YAML"),
+    (b"a: !!int x\n", "line 1", "not valid YAML"),
+    (b"a: " + b"9" * 401, "line 1", "at most 400 characters"),
+    (b"? [a]\n: 1\n", "line 1", "a key is text or a number"),
+    (b"a: 1\n<<: 3\n", "line 2", "only mappings can be merged"),
     (b"a: \xff\n", "file", "cannot be read"),
     (b"a: \x00\n", "file", "cannot be read"),
-    (b"a: " + b"[" * 600 + b"]" * 600, "file", "nested too deeply"),
-    (b"a: &a [*a]\n", "file", "aliases"),
+    (b"a: " + b"[" * 600 + b"]" * 600, "line 1", "nested too deeply"),
+    (b"a: 1\nb: &a [*a]\n", "line 2", "aliases"),
+    (b"a:\n" + b"- x\n" * 200_001, "line 200001", "at most 200000 values"),
     (b"#" * 4_000_001, "file", "at most 4000000 bytes"),
 ]
 
@@ -294,13 +301,28 @@ def test_a_bad_file_is_refused_by_name(tmp_path, text, where, rule):
     assert rule in str(problem)
 
 
-def test_a_short_file_cannot_alias_its_way_to_billions_of_values(tmp_path):
-    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
-    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
+ALIASES = "a{}: &a{} [{}]"
+MERGES = "a{}: &a{} {{<<: [{}]}}"
+
+
+@pytest.mark.parametrize(
+    ("first", "line"),
+    [("[x, x, x]", ALIASES), ("{x: 1, y: 2}", MERGES), ("{x: 1, y: 2}", ALIASES)],
+    ids=["lists", "merges", "mappings"],
+)
+def test_a_short_file_cannot_alias_its_way_to_billions_of_values(tmp_path, first, line):
+    lines = [f"a0: &a0 {first}"]
+    lines += [line.format(i, i, ", ".join([f"*a{i - 1}"] * 10)) for i in range(1, 12)]
     path = tmp_path / "bomb.yaml"
     path.write_text("\n".join(lines))
     with pytest.raises(SceneError, match="aliases written out"):
         load_scene(path)
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "x" * 5000, "a\0b", "/dev/zero"])
+def test_a_name_that_no_file_can_have_is_no_scene(name):
+    with pytest.raises(SceneError, match="no such file, nor a shipped scene"):
+        load_scene(name)
 
 
 def test_an_unknown_scene_lists_those_there_are(tmp_path):

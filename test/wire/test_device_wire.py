@@ -23,10 +23,11 @@ def test_what_is_written_is_what_is_packed_with_pushes_added():
             state = body.step(state, rng.normal(size=6), start, ticks)
             before, stamp = state.hand_wrench.copy(), STAMP + ticks
             push = rng.normal(size=6) if ticks % 2 else NO_WRENCH
-            writer.see(state, push, stamp)
+            told = 0.01 * ticks, bool(ticks % 2)
+            writer.see(state, push, stamp, *told)
             hand = push + state.hand_wrench
             measured = DeviceMeasurement(state.measured_pose, state.measured_twist, hand)
-            expected = pack_device(DeviceSample(stamp, measured, state.applied))
+            expected = pack_device(DeviceSample(stamp, measured, state.applied, *told))
             assert np.array_equal(writer.values, expected)
             assert np.array_equal(writer.hand_wrench, hand)
             # The state keeps the hand's own wrench.

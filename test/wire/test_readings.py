@@ -73,6 +73,21 @@ def test_the_part_for_the_control_is_read_to_the_bit(kind):
             assert found.grasp == unpack(wire).grasp.tobytes() == data[144:].tobytes()
 
 
+def test_a_device_tells_its_round_trip_and_whether_it_obeys():
+    measured = DeviceMeasurement(pose(np.random.default_rng(1)), np.zeros(6), np.zeros(6))
+    for told in ((0.0, True), (0.104, True), (0.02, False)):
+        data = pack_device(DeviceSample(STAMP, measured, np.zeros(6), *told))
+        assert unpack_device(data)[3:] == told
+        assert read_device(data)[2:] == told
+
+
+def test_samples_of_older_versions_are_read_as_those_of_a_device_that_obeys():
+    data, expected = sample("device")
+    old = data[:27]
+    assert unpack_device(old)[3:] == read_device(old)[2:] == (0.0, True)
+    assert read_device(old).measured.tobytes() == expected.tobytes()
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_message_may_be_overwritten_afterwards(kind):
     data, expected = sample(kind)

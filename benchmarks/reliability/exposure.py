@@ -1,0 +1,172 @@
+"""Who else on the network is heard: a meddler on another host, beside a graph started as usual.
+
+A node of the graph's own host looks on: it must see the graph, so that nothing seen from the other
+host means something; and with the network opened, the same meddler must succeed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.two_hosts import NoNamespacesError, TwoHosts
+from hapticmech_ros.compilation.library import compile_ahead
+from hapticmech_ros.discovery import PEERS, PROFILES, RANGE
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.graph import stop_process
+
+PART = "exposure"
+ROOT = Path(__file__).resolve().parents[2]
+DOMAIN = "7"
+STARTS_WITHIN_S = 30.0
+VISITOR = [sys.executable, "-m", "benchmarks.reliability.visitor"]
+
+
+class NoVisitError(HapticMechError):
+    """A visitor that ended without a report."""
+
+
+@dataclass(frozen=True, slots=True)
+class Visit:
+    """What came of a visit.
+
+    Attributes:
+        topics: of the graph, seen from the other host.
+        pushes: whether the graph obeyed a push from there.
+        parameters: set from there.
+        transitions: of nodes, from there.
+        seen_here: topics of the graph, seen from its own host.
+        told: what the graph's nodes printed.
+    """
+
+    topics: int
+    pushes: int
+    parameters: int
+    transitions: int
+    seen_here: int
+    told: str
+
+
+def plain_environment(**given: str) -> dict[str, str]:
+    """Return this environment without any choice of who finds whom, but for what is given."""
+    chosen = {RANGE, PEERS, PROFILES, "FASTDDS_BUILTIN_TRANSPORTS", "ROS_LOCALHOST_ONLY"}
+    rest = {name: value for name, value in os.environ.items() if name not in chosen}
+    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {**rest, "ROS_DOMAIN_ID": DOMAIN, "PYTHONPATH": os.pathsep.join(paths), **given}
+
+
+def visit(log: Path, seconds: float, *options: str) -> Visit:
+    """Let a meddler on another host visit a graph for a while.
+
+    Args:
+        log: file for what the graph prints.
+        seconds: s.
+        options: of ``hapticmech run``, beside its defaults.
+
+    Raises:
+        NoNamespacesError: there can be no two hosts.
+        NoVisitError: a visitor that ended without a report.
+    """
+    compile_ahead()
+    with TwoHosts() as hosts, log.open("w") as told:
+        run = [sys.executable, "-m", "hapticmech_ros", "run", "five_bar", "--composed", *options]
+        with _process(hosts.on(0, run), plain_environment(), told):
+            # Until it is there, as its own host sees it.
+            _wait_for_graph(hosts)
+            here = hosts.on(0, [*VISITOR, str(seconds + 2.0)])
+            # To whom it need not announce itself: he knows where to look.
+            there = plain_environment(**{PEERS: hosts.addresses[0]})
+            with _process(here, plain_environment()) as onlooker:
+                meddle = hosts.on(1, [*VISITOR, str(seconds), "--meddle"])
+                with _process(meddle, there) as meddler:
+                    seen_there = _report(meddler)
+                seen_here = _report(onlooker)
+    return Visit(
+        topics=len(seen_there["topics"]),
+        pushes=len(seen_here["pushed_by"]),
+        parameters=seen_there["parameters_set"],
+        transitions=seen_there["transitions"] + len(seen_here["inactive"]),
+        seen_here=len(seen_here["topics"]),
+        told=log.read_text(encoding="utf-8"),
+    )
+
+
+def run(quick: bool, out: Path) -> list[Figure]:
+    """Return figures of a graph started as usual, and of one that is opened."""
+    trials = 1 if quick else 5
+    try:
+        closed = [visit(out / f"closed_{i}.log", 8.0) for i in range(trials)]
+        opened = [visit(out / f"open_{i}.log", 8.0, "--discovery", "subnet") for i in range(trials)]
+    except NoNamespacesError as error:
+        return [Figure(PART, "from another host", math.nan, note=str(error))]
+    warned = sum("open to the network" in one.told for one in opened)
+    return [
+        Figure(
+            PART, "topics found from another host", _most(closed, "topics"), "", 0.0, None, trials
+        ),
+        Figure(PART, "its pushes obeyed", _most(closed, "pushes"), "", 0.0, None, trials),
+        Figure(PART, "its parameters set", _most(closed, "parameters"), "", 0.0, None, trials),
+        Figure(PART, "nodes stopped by it", _most(closed, "transitions"), "", 0.0, None, trials),
+        Figure(
+            PART,
+            "topics found on its own host",
+            _least(closed, "seen_here"),
+            "",
+            None,
+            10.0,
+            trials,
+        ),
+        Figure(PART, "opened: topics found", _least(opened, "topics"), "", None, 10.0, trials),
+        Figure(PART, "opened: pushes obeyed", _least(opened, "pushes"), "", None, 1.0, trials),
+        Figure(PART, "opened: parameters set", _least(opened, "parameters"), "", None, 1.0, trials),
+        Figure(PART, "opened: nodes stopped", _least(opened, "transitions"), "", None, 1.0, trials),
+        Figure(PART, "opened: said at the start", warned, "runs", None, trials, trials),
+    ]
+
+
+def _most(visits: list[Visit], name: str) -> float:
+    return float(max(getattr(one, name) for one in visits))
+
+
+def _least(visits: list[Visit], name: str) -> float:
+    return float(min(getattr(one, name) for one in visits))
+
+
+def _wait_for_graph(hosts: TwoHosts) -> None:
+    for _ in range(int(STARTS_WITHIN_S / 3.0)):
+        with _process(hosts.on(0, [*VISITOR, "3"]), plain_environment()) as onlooker:
+            if len(_report(onlooker)["topics"]) >= 10:
+                return
+    raise NoVisitError(f"no graph to be seen on its own host within {STARTS_WITHIN_S:g} s")
+
+
+@contextmanager
+def _process(
+    command: list[str], environment: dict[str, str], told: Any = subprocess.PIPE
+) -> Iterator[subprocess.Popen[str]]:
+    """Run a process as a user would start it: nothing of its environment is chosen for it."""
+    error = subprocess.STDOUT if told is not subprocess.PIPE else None
+    process = subprocess.Popen(command, env=environment, stdout=told, stderr=error, text=True)
+    try:
+        yield process
+    finally:
+        stop_process(process)
+        if process.stdout is not None:
+            process.stdout.close()
+
+
+def _report(visitor: subprocess.Popen[str]) -> dict[str, Any]:
+    lines = [line for line in visitor.stdout or () if line.startswith("{")]
+    if not lines:
+        raise NoVisitError("a visitor ended without a report")
+    found: dict[str, Any] = json.loads(lines[-1])
+    return found

@@ -1,0 +1,129 @@
+"""The process in the middle of an emulated network: holds, drops and reorders IP packets.
+
+    python -m benchmarks.reliability.forwarder DEVICE_END REST_END
+
+Both are network interfaces of the namespace that it runs in. It reads settings, one JSON object a
+line, from standard input, and answers each with what it has counted so far; it ends with its input.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import heapq
+import json
+import os
+import random
+import select
+import socket
+import sys
+import time
+from dataclasses import dataclass, field
+
+ETH_P_IP = 0x0800
+LARGEST_FRAME = 65_536
+BUFFER_BYTES = 8 << 20
+COUNTED = ("came", "lost", "held_back")
+_PR_SET_TIMERSLACK = 29
+
+
+@dataclass(slots=True)
+class Direction:
+    """One way through the forwarder.
+
+    Attributes:
+        source, target: packet sockets.
+        delay, jitter, loss, reordered, held, out: as :class:`.emulated_network.Path` has them.
+        counts: packets that came, were lost, and were held back so that others overtake them.
+    """
+
+    source: socket.socket
+    target: socket.socket
+    delay: float = 0.0
+    jitter: float = 0.0
+    loss: float = 0.0
+    reordered: float = 0.0
+    held: float = 0.005
+    out: bool = False
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTED, 0))
+
+    def late(self, draw: random.Random) -> float | None:
+        """Return how late (s) the next packet is; None if it is lost."""
+        self.counts["came"] += 1
+        if self.out or (self.loss and draw.random() < self.loss):
+            self.counts["lost"] += 1
+            return None
+        late = self.delay
+        if self.jitter:
+            late *= 1.0 + self.jitter * draw.uniform(-1.0, 1.0)
+        if self.reordered and draw.random() < self.reordered:
+            self.counts["held_back"] += 1
+            late += self.held
+        return late
+
+
+def opened(interface: str) -> socket.socket:
+    """Return a packet socket that hears what arrives at an interface, and sends from there."""
+    made = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETH_P_IP))
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+    made.bind((interface, ETH_P_IP))
+    made.setblocking(False)
+    return made
+
+
+def forward(ends: tuple[str, str], seed: int = 1) -> None:
+    """Forward until standard input ends."""
+    # Timers of 1 µs: by default Linux gathers wake-ups over 50 µs.
+    ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1)
+    gc.disable()
+    device, rest = (opened(end) for end in ends)
+    draw = random.Random(seed)
+    ways = {"to_rest": Direction(device, rest), "to_device": Direction(rest, device)}
+    by_source = {way.source: way for way in ways.values()}
+    waiting: list[tuple[float, int, socket.socket, bytes]] = []
+    heard = [sys.stdin.fileno(), device, rest]
+    number, text = 0, b""
+    while True:
+        now = time.monotonic()
+        while waiting and waiting[0][0] <= now:
+            _, _, target, frame = heapq.heappop(waiting)
+            _send(target, frame)
+        timeout = max(waiting[0][0] - now, 0.0) if waiting else None
+        for source in select.select(heard, (), (), timeout)[0]:
+            if not isinstance(source, socket.socket):
+                more = os.read(source, 1 << 16)
+                if not more:
+                    return
+                *lines, text = (text + more).split(b"\n")
+                for line in lines:
+                    for name, values in json.loads(line).items():
+                        for key, value in values.items():
+                            setattr(ways[name], key, value)
+                    told = {name: way.counts for name, way in ways.items()}
+                    print(json.dumps(told), flush=True)
+                continue
+            way = by_source[source]
+            while (frame := _received(source)) is not None:
+                late = way.late(draw)
+                if late is not None:
+                    number += 1
+                    heapq.heappush(waiting, (time.monotonic() + late, number, way.target, frame))
+
+
+def _received(source: socket.socket) -> bytes | None:
+    try:
+        return source.recv(LARGEST_FRAME)
+    except BlockingIOError:
+        return None
+
+
+def _send(target: socket.socket, frame: bytes) -> None:
+    try:
+        target.send(frame)
+    except OSError:
+        # As on any network: what does not fit is lost.
+        return
+
+
+if __name__ == "__main__":
+    forward((sys.argv[1], sys.argv[2]))

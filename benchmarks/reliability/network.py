@@ -1,0 +1,143 @@
+"""The graph over a real path: delay, jitter, loss, reordering, outages, clocks that differ.
+
+Real time: on a machine that is busy otherwise, run it with ``chrt -r 5``, as root.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from benchmarks.reliability.emulated_network import EmulatedNetwork, Path, not_permitted
+from benchmarks.reliability.figure import Figure, save, table
+from benchmarks.reliability.split_graph import SplitGraph, Watched, run_for
+from hapticmech_ros.scene import load_scene
+from hapticmech_ros.scene.controller import Connection
+from hapticmech_ros.session import Session
+
+PART = "network"
+SCENE = "five_bar"
+DELAYS = (0.0, 0.01, 0.05)
+KINDS = {
+    "plain": {},
+    "20 % jitter": {"jitter": 0.2},
+    "5 % loss": {"loss": 0.05},
+    "5 % reordered": {"reordered": 0.05},
+    "all of it": {"jitter": 0.2, "loss": 0.05, "reordered": 0.05},
+}
+OUTAGE_S = 2.0
+CLOCK_AHEAD_S = -3.0
+# Declared where the path adds nothing by itself: a network is there.
+NO_DELAY = 0.0005
+ENGAGED, FORCE_RATIO, ENERGY_J, MARGIN_S, BACK_S = 0.99, 1.5, -1e-3, 0.02, 1.0
+
+
+def run(quick: bool, out: FilePath) -> list[Figure]:
+    """Return the figures of this part.
+
+    Args:
+        quick: a few short trials instead of all.
+        out: folder for logs and what was watched.
+    """
+    reason = not_permitted()
+    if reason:
+        return [Figure(PART, "all of it", float("nan"), note=reason, least=0.0)]
+    seconds = 6.0 if quick else 60.0
+    trials = (
+        [(0.01, "all of it"), (0.05, "all of it")]
+        if quick
+        else [(delay, kind) for delay in DELAYS for kind in KINDS]
+    )
+    figures: list[Figure] = []
+    for delay, kind in trials:
+        figures += _path(delay, kind, seconds, out)
+    for delay, kind in [(0.05, "plain")] if quick else [(d, "plain") for d in DELAYS]:
+        figures += _outage(delay, kind, 1 if quick else 5, out)
+    figures += _clocks(0.01, seconds, out)
+    return figures
+
+
+def simulated_force(delay: float, kind: str, seconds: float) -> float:
+    """Return the largest force (N) over a simulated connection of the same delay."""
+    path = Path(delay, **KINDS[kind])
+    scene = load_scene(SCENE)
+    late = Connection(delay=delay, jitter=path.jitter, loss=path.loss, seed=1)
+    session, most = Session(scene.model_copy(update={"connection": late})), 0.0
+    for _ in range(round(seconds / session.period)):
+        most = max(most, float(np.linalg.norm(session.tick().device.applied[:3])))
+    return most
+
+
+def _watched(
+    name: str,
+    path: Path,
+    seconds: float,
+    out: FilePath,
+    outages: tuple[float, ...] = (),
+    device: tuple[str, ...] = (sys.executable, "-m", "hapticmech_ros.nodes.entry"),
+) -> tuple[Watched, list[float]]:
+    """Run a graph over a path that is declared as it is; return also when it was cut and mended."""
+    given = {"network_delay": path.delay or NO_DELAY}
+    with EmulatedNetwork(path, path) as network:
+        events = []
+        for at in outages:
+            events.append((at, lambda: network.set(Path(out=True))))
+            events.append((at + OUTAGE_S, lambda: network.set(path)))
+        with SplitGraph(network, out / name, SCENE, given, device) as graph:
+            made = run_for(graph, seconds, events)
+            return graph.watched(), made
+
+
+def _path(delay: float, kind: str, seconds: float, out: FilePath) -> Iterator[Figure]:
+    path = Path(delay, **KINDS[kind])
+    name = f"{1e3 * delay:g} ms, {kind}"
+    seen, _ = _watched(name.replace(" ", "_"), path, seconds, out)
+    most = FORCE_RATIO * simulated_force(delay, kind, min(seconds, 20.0))
+    again = seen.figure("haptic_device", "times_held")
+    took = f"passivity control took {seen.dissipated.max():.2g} J"
+    yield Figure(PART, f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1, f"held {again}×")
+    yield Figure(PART, f"{name}: largest force", float(seen.force.max()), "N", most, None, 1, took)
+    yield Figure(PART, f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
+
+
+def _outage(delay: float, kind: str, count: int, out: FilePath) -> Iterator[Figure]:
+    path, every = Path(delay, **KINDS[kind]), OUTAGE_S + 3.0
+    name = f"{1e3 * delay:g} ms, {kind}, {OUTAGE_S:g} s of total loss"
+    starts = tuple(3.0 + every * index for index in range(count))
+    folder = f"outage_{1e3 * delay:g}_ms"
+    seen, made = _watched(folder, path, starts[-1] + every, out, starts)
+    cut, mended = made[::2], made[1::2]
+    zero = max(seen.zero_after(a, b) for a, b in zip(cut, mended, strict=True))
+    back = max(seen.back_after(b) for b in mended)
+    most = 1e3 * (delay + MARGIN_S)
+    yield Figure(PART, f"{name}: zero force within", 1e3 * zero, "ms", most, None, count)
+    yield Figure(PART, f"{name}: back within", back, "s", BACK_S, None, count)
+    yield Figure(PART, f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
+
+
+def _clocks(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]:
+    """Run with a device whose host's clock is behind."""
+    device = (sys.executable, "-m", "benchmarks.reliability.shifted_clock", str(CLOCK_AHEAD_S))
+    seen, _ = _watched("clocks", Path(delay), seconds, out, device=device)
+    most = FORCE_RATIO * simulated_force(delay, "plain", min(seconds, 20.0))
+    name = f"{1e3 * delay:g} ms, the device's clock {-CLOCK_AHEAD_S:g} s behind"
+    yield Figure(PART, f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1)
+    yield Figure(PART, f"{name}: largest force", float(seen.force.max()), "N", most, None, 1)
+
+
+def main() -> None:
+    """Run this part alone: ``python -m benchmarks.reliability.network [--quick] [FOLDER]``."""
+    arguments = [text for text in sys.argv[1:] if text != "--quick"]
+    out = FilePath(arguments[0] if arguments else tempfile.mkdtemp(prefix="network_"))
+    out.mkdir(parents=True, exist_ok=True)
+    figures = run("--quick" in sys.argv, out)
+    save(figures, out / "network.json")
+    print(table(figures), end="")
+
+
+if __name__ == "__main__":
+    main()

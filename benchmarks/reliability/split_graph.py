@@ -1,0 +1,227 @@
+"""A graph on both sides of an emulated network, and what its device went through."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.reliability.emulated_network import DEVICE, REST, ROOT, EmulatedNetwork
+from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_process
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+
+Array = NDArray[np.float64]
+START_TIMEOUT_S = 60.0
+# Starts a command with its standard error where its output goes.
+_JOINED = ("sh", "-c", 'exec "$0" "$@" 2>&1')
+_NOT_DEVICE = "mechanism_simulator,nullspace_analyser,teleoperation_controller"
+_ENDS = np.cumsum(list(DEVICE_FIELDS.values()))
+_AT = {
+    name: slice(end - DEVICE_FIELDS[name], end)
+    for name, end in zip(DEVICE_FIELDS, _ENDS, strict=True)
+}
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What a device went through.
+
+    Attributes:
+        time: (n,) of its samples, s of the machine's clock.
+        force: (n,) size of what its actuators applied, N.
+        obeys: (n,) whether the device obeyed servo_cf.
+        round_trip: (n,) s, as the device told it.
+        from_hand: (m,) E_h at view rate, J, with energies' times ``energy_time`` (m,).
+        dissipated: (m,) J, by passivity control.
+        to_mechanism: (m,) E_m, J.
+        reports: what each process printed at the end.
+        said: last diagnostics.
+    """
+
+    time: Array
+    force: Array
+    obeys: NDArray[np.bool_]
+    round_trip: Array
+    energy_time: Array
+    from_hand: Array
+    to_mechanism: Array
+    dissipated: Array
+    reports: Mapping[str, str]
+    said: tuple[str, ...]
+
+    def figure(self, node: str, name: str) -> str:
+        """Return a figure of a node's last report."""
+        for text in self.reports.values():
+            for line in text.splitlines():
+                if line.startswith(f"{node}: "):
+                    for part in line.split("; ", 1)[1].split(", "):
+                        key, _, value = part.partition(" ")
+                        if key == name:
+                            return value
+        return ""
+
+    def engaged(self) -> float:
+        """Return for which share of the samples the device obeyed, from the first on."""
+        first = int(np.argmax(self.obeys)) if self.obeys.any() else 0
+        return float(np.mean(self.obeys[first:]))
+
+    def zero_after(self, start: float, stop: float) -> float:
+        """Return how long (s) after a time the last force left, before another time (s)."""
+        pushed = (self.time < stop) & (self.force > 0.0)
+        return float(self.time[pushed].max() - start) if pushed.any() else 0.0
+
+    def back_after(self, start: float) -> float:
+        """Return how long (s) after a time (s) the device renders; infinite if it does not."""
+        renders = (self.time > start) & self.obeys & (self.force > 0.0)
+        return float(self.time[renders].min() - start) if renders.any() else np.inf
+
+
+class SplitGraph:
+    """The device in one namespace, the rest of the graph, composed, in the other.
+
+    Args:
+        network: between them.
+        folder: for logs and what was watched.
+        scene: name or path.
+        parameters: ``node.parameter`` or ``parameter``, of all nodes.
+        device: how the device's process is started, before its arguments.
+        domain: ROS_DOMAIN_ID.
+    """
+
+    def __init__(
+        self,
+        network: EmulatedNetwork,
+        folder: FilePath,
+        scene: str = "five_bar",
+        parameters: Mapping[str, object] | None = None,
+        device: Sequence[str] = (sys.executable, "-m", "hapticmech_ros.nodes.entry"),
+        domain: int = 7,
+    ) -> None:
+        self._folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+        self._file = folder / "watched.npz"
+        self._processes: dict[str, subprocess.Popen[str]] = {}
+        self._logs: dict[str, FilePath] = {}
+        self._rendered = threading.Event()
+        environment = private_environment(domain)
+        # Namespaces are hosts: nothing of loopback only, and no network but the emulated one.
+        environment.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
+        environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
+        environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+        given = ros_arguments({"scene": scene, **(parameters or {})})
+        node = [sys.executable, "-m", "hapticmech_ros.nodes.entry"]
+        watch = [sys.executable, "-m", "benchmarks.reliability.device_watch", str(self._file)]
+        try:
+            for name, side, command in (
+                ("watch", DEVICE, watch),
+                ("rest", REST, [*node, _NOT_DEVICE, *given]),
+                ("device", DEVICE, [*device, "haptic_device", *given]),
+            ):
+                self._start(name, network.command(side, command), environment)
+        except BaseException:
+            self.stop()
+            raise
+
+    def _start(self, name: str, command: list[str], environment: Mapping[str, str]) -> None:
+        self._logs[name] = self._folder / f"{name}.log"
+        if name == "watch":
+            # rclpy and transports as the nodes have them.
+            environment = {**environment, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+        process = start_process([*_JOINED, *command], environment, pipe_output=True)
+        self._processes[name] = process
+        threading.Thread(target=self._keep, args=(name, process), daemon=True).start()
+
+    def _keep(self, name: str, process: subprocess.Popen[str]) -> None:
+        with self._logs[name].open("w", encoding="utf-8") as log:
+            for line in process.stdout or ():
+                log.write(line)
+                log.flush()
+                if name == "watch" and line.startswith("rendering"):
+                    self._rendered.set()
+
+    def wait(self) -> float:
+        """Wait until the device renders; return the time.
+
+        Raises:
+            TimeoutError: it does not.
+        """
+        if not self._rendered.wait(START_TIMEOUT_S):
+            raise TimeoutError(f"nothing is rendered within {START_TIMEOUT_S:g} s")
+        return time.time()
+
+    def pid(self, name: str) -> int:
+        """Return a process's id."""
+        return self._processes[name].pid
+
+    def stop(self) -> dict[str, int]:
+        """End every process; return exit codes."""
+        for process in self._processes.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        return {name: stop_process(process) for name, process in self._processes.items()}
+
+    def watched(self) -> Watched:
+        """End all, and return what the device went through.
+
+        Raises:
+            RuntimeError: a process had ended by itself.
+        """
+        ended = [name for name, process in self._processes.items() if process.poll() is not None]
+        self.stop()
+        if ended:
+            raise RuntimeError(f"{', '.join(ended)} ended by themselves: see {self._folder}")
+        with np.load(self._file) as found:
+            states, energies, said = found["states"], found["energies"], found["said"]
+        reports = {name: path.read_text(encoding="utf-8") for name, path in self._logs.items()}
+        return Watched(
+            states[:, 0] + 1e-9 * states[:, 1],
+            np.linalg.norm(states[:, _AT["applied"]][:, :3], axis=1),
+            states[:, _AT["obeys"]][:, 0] != 0.0,
+            states[:, _AT["round_trip"]][:, 0],
+            energies[:, 0] + 1e-9 * energies[:, 1],
+            energies[:, 2],
+            energies[:, 4],
+            energies[:, 6],
+            reports,
+            tuple(str(text) for text in said),
+        )
+
+    def __enter__(self) -> SplitGraph:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+
+def run_for(
+    graph: SplitGraph, seconds: float, events: Sequence[tuple[float, Callable[[], object]]] = ()
+) -> list[float]:
+    """Let a graph run once it renders; return the times (s) at which each event was made.
+
+    Args:
+        graph: started.
+        seconds: s, from rendering on.
+        events: what to do, and when, s from rendering on.
+    """
+    start, made = graph.wait(), []
+    for at, event in sorted(events, key=lambda pair: pair[0]):
+        time.sleep(max(start + at - time.time(), 0.0))
+        made.append(time.time())
+        event()
+    time.sleep(max(start + seconds - time.time(), 0.0))
+    return made

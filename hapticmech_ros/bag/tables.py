@@ -1,0 +1,122 @@
+"""What a bag's SQLite file says, read on the understanding that its tables are plain ones.
+
+Views, triggers, virtual tables and computed columns run code of the file's author, which need not
+end. A damaged tree of pages may lead in circles, so that steps and messages are counted as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from rosbags.interfaces import MessageDefinition
+from rosbags.rosbag2 import ReaderError
+
+from hapticmech_ros.bag.offered_qos import read_offers
+from hapticmech_ros.bag.scan import FORMATS, NO_DEFINITION, FoundTopic
+
+Execute = Callable[[str], Iterable[tuple[Any, ...]]]
+
+# Steps of SQLite's machine that a query may take: for any file, and for each byte of it. A row has
+# 20 bytes at least, and takes some 40 steps where it is counted and sorted.
+STEPS, STEPS_PER_BYTE = 20_000_000, 20
+# How many steps SQLite takes before it asks whether to go on.
+STEPS_AT_ONCE = 100_000
+# Bytes that a row has besides its message, at least.
+ROW = 4
+
+
+class Steps:
+    """Counts SQLite's steps; it asks :meth:`too_many` every ``STEPS_AT_ONCE`` of them.
+
+    Args:
+        size: of the file, bytes.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._most = STEPS + STEPS_PER_BYTE * size
+        self._taken = 0
+
+    def renew(self) -> None:
+        """Begin to count anew, for the next query."""
+        self._taken = 0
+
+    def too_many(self) -> bool:
+        """Return whether the query has to end."""
+        self._taken += STEPS_AT_ONCE
+        return self._taken > self._most
+
+
+def refuse_strange_tables(execute: Execute) -> None:
+    """Refuse a file of which reading could run something.
+
+    Raises:
+        ReaderError: it has something else than plain tables and indices, or lacks what a bag has.
+    """
+    tables = set()
+    for kind, name, text in execute("SELECT type, name, sql FROM sqlite_master"):
+        words = str(text or "").upper().split()
+        if kind == "table" and words[:2] != ["CREATE", "VIRTUAL"]:
+            tables.add(name)
+        elif kind != "index" or "(" in str(text or "").partition("(")[2]:
+            raise ReaderError(f"it has something else than plain tables: {kind} {str(name)[:80]!r}")
+    if not {"messages", "topics"} <= tables:
+        raise ReaderError("it has no tables 'messages' and 'topics'")
+    for name in ("messages", "topics", "message_definitions", "schema"):
+        if any(row[6] for row in execute(f"PRAGMA table_xinfo({name})")):
+            raise ReaderError(f"table {name!r} has computed columns")
+
+
+def stored_topics(execute: Execute) -> dict[int, tuple[FoundTopic, str]]:
+    """Return topics and their serialization formats by number; of every version of the tables.
+
+    Raises:
+        ReaderError: a value is not what it should be.
+    """
+    have = {row[1] for row in execute("PRAGMA table_info(topics)")}
+    optional = [
+        name if name in have else f"'' AS {name}"
+        for name in ("offered_qos_profiles", "type_description_hash")
+    ]
+    query = f"SELECT id, name, type, serialization_format, {', '.join(optional)} FROM topics"
+    definitions = _definitions(execute)
+    found = {}
+    for number, *said in execute(f"{query} ORDER BY id"):
+        name, msgtype, serialization, offered, type_hash = _texts("topics", said)
+        definition = definitions.get(msgtype, NO_DEFINITION)
+        topic = FoundTopic(name, msgtype, definition, type_hash, read_offers(offered))
+        found[number] = topic, serialization
+    return found
+
+
+def checked_message(row: tuple[Any, ...]) -> tuple[int, int, bytes]:
+    """Return a row of messages: number of the topic, time (ns), bytes.
+
+    Raises:
+        ReaderError: a value is not what it should be.
+    """
+    number, time_ns, data = row
+    if type(number) is int and type(time_ns) is int and time_ns >= 0 and isinstance(data, bytes):
+        return number, time_ns, data
+    raise ReaderError("table 'messages' has a row that is no message")
+
+
+def _definitions(execute: Execute) -> dict[str, MessageDefinition]:
+    if not list(execute("PRAGMA table_info(message_definitions)")):
+        return {}
+    query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+    found: dict[str, MessageDefinition] = {}
+    for row in execute(query):
+        msgtype, encoding, text = _texts("message_definitions", list(row))
+        if encoding in FORMATS:
+            found.setdefault(msgtype, MessageDefinition(FORMATS[encoding], text))
+    return found
+
+
+def _texts(table: str, values: list[Any]) -> list[str]:
+    """Return values that have to be texts; none is empty text."""
+    found = ["" if value is None else value for value in values]
+    for value in found:
+        if not isinstance(value, str):
+            raise ReaderError(f"table {table!r} has {str(value)[:80]!r} where it must have text")
+    return found

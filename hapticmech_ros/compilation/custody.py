@@ -1,0 +1,119 @@
+"""Who else may write where kernels are kept: what is loaded runs with all that its user may do.
+
+The rules are those of ssh's StrictModes. A folder, or a file in it, belongs to this user or to
+root, and nobody else may write to it. The folders above, up to the user's home, may be root's or
+this user's, and writable by others only where their sticky bit keeps names safe, as in ``/tmp``;
+there a group that has no other member counts as its user.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import shutil
+import stat
+import sys
+from pathlib import Path
+
+# Read and run by everybody, written by its user alone.
+FOLDER_MODE = 0o755
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+
+def warn(sentence: str) -> None:
+    """Tell a person, also where no logging is set up yet: kernels are loaded on import."""
+    sys.stderr.write(f"hapticmech_ros: {sentence}\n")
+    sys.stderr.flush()
+
+
+def fault_of_owner(found: os.stat_result) -> str:
+    """Return what is wrong with owner or mode of a file or folder; nothing if all is well."""
+    if found.st_uid not in (os.geteuid(), 0):
+        return f"belongs to user {found.st_uid}, not to {os.geteuid()} or root"
+    if found.st_mode & _OTHERS_WRITE:
+        return f"can be written by others (mode {stat.S_IMODE(found.st_mode):04o})"
+    return ""
+
+
+@functools.cache
+def is_safe(folder: Path) -> bool:
+    """Make a folder that only its user can write, and return whether it is one; looks once.
+
+    Where others could have written into this user's own folder, what is in it is given up: the
+    folder begins anew, empty. What cannot be mended is told.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    fault = _fault_above(folder)
+    if not fault:
+        # While this one looked, another process may have put a new one in its place: look again.
+        for _ in range(2):
+            _make(folder)
+            found = folder.lstat()
+            fault = fault_of_owner(found)
+            if not stat.S_ISDIR(found.st_mode):
+                fault = "is no folder of its own, but a link or a file"
+            elif fault and found.st_uid == os.geteuid():
+                warn(f"{folder} {fault}: what is in it is not trusted, and made anew")
+                _give_up(folder)
+                continue
+            break
+        fault = f"{folder} {fault}" if fault else ""
+    if fault:
+        warn(
+            f"{fault}: no kernels are loaded from {folder}, nor kept there; mend that, or name "
+            "another folder by NUMBA_CACHE_DIR"
+        )
+    return not fault
+
+
+def _fault_above(folder: Path) -> str:
+    """Return which of the folders above is open to others, and why."""
+    home, parent = Path("~").expanduser().resolve(), folder.parent.resolve()
+    for above in (parent, *parent.parents):
+        try:
+            found = above.stat()
+        except FileNotFoundError:
+            continue
+        shared = found.st_mode & stat.S_IWOTH or (
+            found.st_mode & stat.S_IWGRP and not _is_private(found.st_gid)
+        )
+        if shared and not found.st_mode & stat.S_ISVTX:
+            return f"{above} can be written by others (mode {stat.S_IMODE(found.st_mode):04o})"
+        if found.st_uid not in (os.geteuid(), 0):
+            return f"{above} belongs to user {found.st_uid}, not to {os.geteuid()} or root"
+        if above == home:
+            # As ssh does: what is above a home is the machine's.
+            break
+    return ""
+
+
+def _is_private(group: int) -> bool:
+    """Return whether a group has this user's name, and nobody else in it."""
+    import grp
+    import pwd
+
+    try:
+        name = pwd.getpwuid(os.geteuid()).pw_name
+        found = grp.getgrgid(group)
+    except KeyError:
+        return False
+    return found.gr_name == name and set(found.gr_mem) <= {name}
+
+
+def _make(folder: Path) -> None:
+    """Make a folder and those above it, whatever the umask, unless they are there."""
+    for one in reversed([folder, *folder.parents]):
+        with contextlib.suppress(FileExistsError):
+            if not one.exists():
+                one.mkdir(FOLDER_MODE)
+
+
+def _give_up(folder: Path) -> None:
+    """Take a folder out of the way at once, then remove it."""
+    aside = folder.with_name(f"{folder.name}.refused-{os.getpid()}")
+    with contextlib.suppress(FileNotFoundError):
+        folder.rename(aside)
+    shutil.rmtree(aside, ignore_errors=True)

@@ -1,0 +1,126 @@
+"""Convex hulls of meshes in files, which a child process with limits reads.
+
+The files are people's, the library that reads them trusts them, and there may be millions of
+vertices: only the corners of a hull come back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import QhullError
+
+from hapticmech_ros.cage import CageError, Limits, caged
+from hapticmech_ros.contact.hull import Polytope, hull
+from hapticmech_ros.contact.mesh_corners import corners_of
+from hapticmech_ros.errors import FileError, SceneError, SceneProblem
+from hapticmech_ros.files import check_file
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.contact_rules import MESH_SIZE_LIMIT
+from hapticmech_ros.scene.contacts import Mesh, Shape
+
+# Bytes of memory for any file and for each byte of it; bytes that are read in a second.
+MEMORY, MEMORY_PER_BYTE = 256_000_000, 32
+SECONDS, BYTES_PER_SECOND = 2, 4_000_000
+# Of a hull's corners as text.
+OUTPUT = 400_000
+# How many hulls are remembered: a scene is built more than once in a process.
+_REMEMBERED = 64
+
+
+class _Key(NamedTuple):
+    """What a hull is of: a file as it is now, and a scale."""
+
+    file: str
+    changed_ns: int
+    bytes: int
+    scale: tuple[float, float, float]
+
+
+_hulls: dict[_Key, Polytope] = {}
+
+
+def mesh_hulls(shapes: Sequence[Shape]) -> dict[int, Polytope]:
+    """Return the hulls of those shapes that are meshes, by their places in ``shapes``.
+
+    All files that this process has not read yet are read by one child.
+
+    Raises:
+        SceneError: a file cannot be read within the limits, or holds no body, or too many corners.
+    """
+    keys = {
+        index: _key(shape.geometry, _place(index))
+        for index, shape in enumerate(shapes)
+        if isinstance(shape.geometry, Mesh)
+    }
+    new = {key: index for index, key in keys.items() if key not in _hulls}
+    if new:
+        _read(list(new), [_place(index) for index in new.values()])
+    found = {index: _hulls[key] for index, key in keys.items()}
+    while len(_hulls) > max(_REMEMBERED, len(found)):
+        del _hulls[next(iter(_hulls))]
+    return found
+
+
+def read_mesh(file: str, scale: tuple[float, float, float], key: str) -> Polytope:
+    """Return the convex hull of a mesh in a file.
+
+    Args:
+        file: path.
+        scale: of its coordinates.
+        key: of the scene that names the file, for errors.
+
+    Raises:
+        SceneError: see :func:`mesh_hulls`.
+    """
+    one = _key(Mesh(kind="mesh", file=file, scale=scale), key)
+    if one not in _hulls:
+        _read([one], [key])
+    return _hulls[one]
+
+
+def _place(index: int) -> str:
+    return f"shapes[{index}].geometry.file"
+
+
+def _key(mesh: Mesh, place: str) -> _Key:
+    try:
+        size = check_file(mesh.file, MESH_SIZE_LIMIT)
+        return _Key(mesh.file, Path(mesh.file).stat().st_mtime_ns, size, mesh.scale)
+    except FileError as error:
+        raise _refused(place, mesh.file, error.rule) from None
+    except OSError as error:
+        raise _refused(place, mesh.file, str(error)) from None
+
+
+def _read(keys: Sequence[_Key], places: Sequence[str]) -> None:
+    """Read the hulls of files, and remember them."""
+    size = sum(key.bytes for key in keys)
+    largest = max(key.bytes for key in keys)
+    limits = Limits(
+        MEMORY + MEMORY_PER_BYTE * largest,
+        SECONDS + len(keys) // 10 + size // BYTES_PER_SECOND,
+        OUTPUT * len(keys),
+    )
+    items = [{"file": key.file, "scale": key.scale} for key in keys]
+    try:
+        answers = caged(corners_of, items, limits)
+    except CageError as error:
+        number = len(error.done)
+        rule = f"cannot be read as a mesh: it {error.rule}"
+        raise _refused(places[number], keys[number].file, rule) from None
+    for key, place, answer in zip(keys, places, answers, strict=True):
+        if "rule" in answer:
+            raise _refused(place, key.file, str(answer["rule"]))
+        points: Array = np.array(answer["corners"], dtype=float)
+        try:
+            _hulls[key] = hull(points)
+        except (QhullError, ValueError, IndexError):
+            raise _refused(place, key.file, "the mesh must not be flat") from None
+
+
+def _refused(key: str, file: str, rule: str) -> SceneError:
+    return SceneError("shapes", [SceneProblem(key, file, rule)])

@@ -1,0 +1,108 @@
+"""Opens what a path names only if it is a regular file of bounded size, and never waits for one.
+
+A device has no end, a pipe has no beginning, and either can stand where a file is expected: every
+file that somebody else wrote is opened here.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+from hapticmech_ros.errors import FileError
+
+
+def open_file(path: str | os.PathLike[str], limit: int | None = None) -> BinaryIO:
+    """Return a regular file, open for reading.
+
+    Args:
+        path: of the file.
+        limit: most bytes that it may have; None for any number.
+
+    Raises:
+        FileError: not there, not readable, no regular file, or too large.
+    """
+    name = os.fspath(path)
+    try:
+        # Looked at first: opening a device alone can do something. Without waiting: a pipe may have
+        # taken its place since.
+        _check(name, os.stat(name), limit)  # noqa: PTH116 - Path.stat() is a name more to refuse
+        descriptor = os.open(name, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        raise FileError(name, _reason(error), "cannot be read") from None
+    try:
+        _check(name, os.fstat(descriptor), limit)
+        return os.fdopen(descriptor, "rb")
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def read_file(path: str | os.PathLike[str], limit: int) -> bytes:
+    """Return what is in a regular file of at most ``limit`` bytes.
+
+    Raises:
+        FileError: see :func:`open_file`.
+    """
+    with open_file(path, limit) as file:
+        try:
+            # It may have grown since, and files of the kernel say that they are empty.
+            data = file.read(limit + 1)
+        except OSError as error:
+            raise FileError(os.fspath(path), _reason(error), "cannot be read") from None
+    if len(data) > limit:
+        raise FileError(os.fspath(path), len(data), f"must have at most {limit} bytes")
+    return data
+
+
+def read_text(path: str | os.PathLike[str], limit: int) -> str:
+    """Return the text, UTF-8, of a regular file of at most ``limit`` bytes.
+
+    Raises:
+        FileError: see :func:`open_file`; or not UTF-8.
+    """
+    try:
+        return read_file(path, limit).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise FileError(os.fspath(path), str(error), "cannot be read") from None
+
+
+def check_file(path: str | os.PathLike[str], limit: int | None = None) -> int:
+    """Return the size in bytes of a file that :func:`open_file` would open.
+
+    For libraries that open files themselves.
+
+    Raises:
+        FileError: see :func:`open_file`.
+    """
+    with open_file(path, limit) as file:
+        return os.fstat(file.fileno()).st_size
+
+
+def exists(path: str | os.PathLike[str]) -> bool:
+    """Return whether anything is there; a name that cannot be one (too long) names nothing."""
+    try:
+        return Path(path).exists()
+    except (OSError, ValueError):
+        return False
+
+
+def is_file(path: str | os.PathLike[str]) -> bool:
+    """Return whether a regular file is there; a name that cannot be one (too long) names none."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _check(name: str, found: os.stat_result, limit: int | None) -> None:
+    if not stat.S_ISREG(found.st_mode):
+        raise FileError(name, name, "must be a regular file")
+    if limit is not None and found.st_size > limit:
+        raise FileError(name, found.st_size, f"must have at most {limit} bytes")
+
+
+def _reason(error: Exception) -> str:
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)

@@ -1,0 +1,51 @@
+"""What a device's parameters may ask for: nothing less safe than its scene allows. No ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from hapticmech_ros.device.safety import SafetyLimits
+from hapticmech_ros.nodes.parameters import DeviceParameters, ParameterError
+from hapticmech_ros.scene.device import Device
+
+
+def limits_of(parameters: DeviceParameters, device: Device) -> SafetyLimits:
+    """Return the limits that parameters choose within those of the scene's device.
+
+    Raises:
+        ParameterError: names every parameter that goes beyond, with value and the scene's key.
+    """
+    problems = list(_problems(parameters, device))
+    if problems:
+        raise ParameterError("; ".join(problems))
+    safety = device.safety
+    return SafetyLimits(
+        force=parameters.force_limit or device.force_limit,
+        torque=parameters.torque_limit or device.torque_limit,
+        force_slew=parameters.force_slew or safety.force_slew,
+        torque_slew=parameters.torque_slew or safety.torque_slew,
+        ramp=parameters.start_ramp or safety.start_ramp,
+        radius=parameters.workspace_radius or safety.workspace_radius or math.inf,
+    )
+
+
+def _problems(parameters: DeviceParameters, device: Device) -> Iterator[str]:
+    safety = device.safety
+    for name, bound, key in (
+        ("force_limit", device.force_limit, "device.force_limit"),
+        ("torque_limit", device.torque_limit, "device.torque_limit"),
+        ("force_slew", safety.force_slew, "device.safety.force_slew"),
+        ("torque_slew", safety.torque_slew, "device.safety.torque_slew"),
+        ("workspace_radius", safety.workspace_radius or math.inf, "device.safety.workspace_radius"),
+        ("command_timeout", safety.command_timeout, "device.safety.command_timeout"),
+    ):
+        value = getattr(parameters, name)
+        if value > bound:
+            yield f"{name}: must be at most the scene's {key}, {bound:g} (got {value:g})"
+    # 0 is the scene's; a shorter ramp opens sooner.
+    if 0.0 < parameters.start_ramp < safety.start_ramp:
+        yield (
+            "start_ramp: must be at least the scene's device.safety.start_ramp, "
+            f"{safety.start_ramp:g} (got {parameters.start_ramp:g})"
+        )

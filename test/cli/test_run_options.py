@@ -1,0 +1,29 @@
+"""Options of `hapticmech run` that are more than a word."""
+
+import pytest
+
+from hapticmech_ros.cli.durations import seconds_of
+from hapticmech_ros.cli.graph import nodes_of
+from hapticmech_ros.errors import InvalidInputError
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("50ms", 0.05), ("0.05s", 0.05), ("0.05", 0.05), (" 200 us", 2e-4), (".5 s", 0.5), ("0", 0.0)],
+)
+def test_durations_are_read_as_people_write_them(text, seconds):
+    assert seconds_of("--x", text) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize("text", ["", "ms", "-5ms", "50 m", "nan", "1,5s", "50ms each"])
+def test_what_is_no_duration_is_refused(text):
+    with pytest.raises(InvalidInputError, match="--x: must be a duration"):
+        seconds_of("--x", text)
+
+
+def test_some_nodes_run_here_in_the_order_of_the_graph():
+    assert len(nodes_of([])) == 4
+    chosen = nodes_of(["teleoperation_controller", "mechanism_simulator"])
+    assert chosen == ["mechanism_simulator", "teleoperation_controller"]
+    with pytest.raises(InvalidInputError, match="--only"):
+        nodes_of(["scene_viewer"])

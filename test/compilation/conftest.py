@@ -1,0 +1,69 @@
+"""A folder of kernels of one's own, with the library in it that is built already."""
+
+import os
+import shutil
+import subprocess
+
+import pytest
+
+from hapticmech_ros.compilation import custody, library
+from hapticmech_ros.compilation.sealed import seal_of
+
+
+@pytest.fixture
+def alone(tmp_path, monkeypatch):
+    """Let every question for the library be asked anew, in a folder of its own."""
+    library.library()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    for cached in (library.library, custody.is_safe):
+        cached.cache_clear()
+    yield tmp_path
+    for cached in (library.library, custody.is_safe):
+        cached.cache_clear()
+
+
+@pytest.fixture(scope="session")
+def good():
+    """Return the library as it was built, in the user's own folder."""
+    library.compile_ahead()
+    if library.library() is None:
+        pytest.skip("no compiler or headers here: the library cannot be built")
+    return library.library_path()
+
+
+@pytest.fixture
+def place(good, alone):
+    """Return where the library is in a folder of its own, a copy of the good one."""
+    path = library.library_path()
+    path.parent.mkdir(parents=True)
+    shutil.copy2(good, path)
+    shutil.copy2(seal_of(good), seal_of(path))
+    return path
+
+
+@pytest.fixture
+def builds(good, monkeypatch):
+    """Let a build take no time: it copies the good library. Return what was built so far."""
+    built = []
+
+    def run(command, **options):
+        built.append(command[-2])
+        shutil.copyfile(good, command[-2])
+        return subprocess.CompletedProcess(command, 0, "", "")
+
+    monkeypatch.setattr(library.subprocess, "run", run)
+    return built
+
+
+@pytest.fixture
+def foreign(monkeypatch):
+    """Return what makes a file or folder that of another user."""
+
+    def give(path):
+        if os.geteuid() == 0:
+            os.chown(path, 12345, 12345, follow_symlinks=False)
+        else:
+            # Whose files cannot be given away is himself another.
+            monkeypatch.setattr(custody.os, "geteuid", lambda: 12345)
+
+    return give

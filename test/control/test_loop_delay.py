@@ -1,0 +1,158 @@
+"""Delays that are measured and declared: what gains are made for, and when they change."""
+
+import json
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.control import control_for
+from hapticmech_ros.control.architecture import ControlArchitecture
+from hapticmech_ros.control.controller_side import ControllerSide, Reading
+from hapticmech_ros.control.lateness import jitter_allowance, loop_lateness
+from hapticmech_ros.control.loop_delay import (
+    EVERY,
+    SHORTER_AFTER_S,
+    WINDOW,
+    DelayFollower,
+    RoundTripEstimate,
+    borne_round_trip,
+    made_for,
+)
+from hapticmech_ros.plan.loop_check import loop_warning
+from hapticmech_ros.scene import load_scene
+from hapticmech_ros.scene.controller import Connection
+
+
+def over(connection, local=True, name="five_bar"):
+    scene = load_scene(name)
+    joint = scene.controller.joint_constraint.model_copy(update={"local": local})
+    controller = scene.controller.model_copy(update={"joint_constraint": joint})
+    return scene.model_copy(update={"connection": connection, "controller": controller})
+
+
+def test_what_is_declared_counts_in_design_as_what_is_simulated():
+    simulated, declared = over(Connection(delay=0.05)), over(Connection(expected=0.05))
+    assert loop_lateness(declared) == loop_lateness(simulated) > 0.1
+    one, two = ControlArchitecture(simulated).channels, ControlArchitecture(declared).channels
+    assert np.array_equal(one.held_stiffness, two.held_stiffness)
+    assert one.held_stiffness[0] < 0.1 * one.stiffness[0]
+    both = over(Connection(delay=0.02, expected=0.03))
+    assert loop_lateness(both) == pytest.approx(loop_lateness(declared), abs=1e-15)
+
+
+def test_the_rule_softens_springs_that_cross_a_declared_network(tmp_path):
+    file = tmp_path / "scene.yaml"
+    written = load_scene("two_link").model_dump(mode="json")
+    written["controller"]["joint_constraint"] = {"local": False}
+    file.write_text(json.dumps(written), "utf-8")
+    near, far = (load_scene(file, 0.0, delay).controller.joint_constraint for delay in (0.0, 0.05))
+    assert far.stiffness < 0.01 * near.stiffness
+    assert load_scene(file, 0.0, 0.05).connection.expected == 0.05
+
+
+def answers_at_once(connection):
+    scene = over(connection)
+    side = ControllerSide(control_for(scene), scene.simulation.period, connection)
+    reading = Reading(0.0, 0, np.eye(19)[6], np.zeros(133), 0.0, 0.001)
+    reading.rendered[120] = 1.0
+    engagement = side.control.engage_flat(0.0, reading.device, reading.rendered, 0.0)
+    return side.tick(reading, engagement, corrects=True) is not None
+
+
+def test_what_is_declared_is_not_simulated():
+    assert answers_at_once(Connection())
+    assert answers_at_once(Connection(expected=0.05))
+    assert not answers_at_once(Connection(delay=0.05))
+
+
+def test_an_estimate_is_high_in_the_jitter_and_forgets_hiccups():
+    estimate = RoundTripEstimate()
+    rng = np.random.default_rng(1)
+    for _ in range(EVERY - 1):
+        estimate.add(0.1)
+    assert estimate.value == 0.0
+    for _ in range(WINDOW):
+        estimate.add(0.1 + rng.uniform(-0.02, 0.02))
+    assert 0.115 < estimate.value < 0.12
+    for number in range(WINDOW + EVERY):
+        estimate.add(3.0 if number % 50 == 0 else 0.02)
+    assert estimate.value == 0.02
+
+
+def test_a_longer_way_is_followed_at_once_and_a_shorter_one_after_a_while():
+    follower = DelayFollower(Connection(expected=0.01))
+    assert not follower.follow(0.024, 0.0)  # declared, with its jitter, and a graph's own
+    assert follower.delay == 0.01
+    assert follower.follow(0.1, 1.0)
+    assert follower.delay == 0.05
+    assert not follower.follow(0.105, 1.1)  # no other one
+    assert not follower.follow(0.03, 2.0)
+    assert not follower.follow(0.03, 2.0 + 0.9 * SHORTER_AFTER_S)
+    assert not follower.follow(0.1, 4.0)  # it was a dip: the count begins anew
+    assert not follower.follow(0.02, 4.1)
+    assert follower.follow(0.02, 4.2 + SHORTER_AFTER_S)
+    assert follower.delay == 0.01  # never below what is declared
+
+
+def test_gains_bear_by_the_rule_what_crosses_the_way():
+    scene = over(Connection())
+    inertia = np.diag(ControlArchitecture(scene).device_inertia)
+    period = scene.simulation.period
+    local = borne_round_trip(scene.controller, inertia, period)
+    position = scene.controller.position_channel
+    assert local == pytest.approx(0.3 * 0.3 / position.damping - 1.5 * period)
+    late = borne_round_trip(over(Connection(), local=False).controller, inertia, period)
+    assert late < local
+    channels = position.model_copy(update={"to_device": 0.0})
+    none = scene.controller.model_copy(update={"position_channel": channels})
+    assert borne_round_trip(none, inertia, period) == np.inf
+
+
+def test_gains_made_for_a_delay_are_softer_only_where_they_cross_it():
+    scene = over(Connection())
+    period = scene.simulation.period
+    assert made_for(scene.controller, scene.device, period, 0.05) is scene.controller
+    late = over(Connection(), local=False).controller
+    softer = made_for(late, scene.device, period, 0.05).joint_constraint
+    assert softer.stiffness == pytest.approx(0.3 * (0.3 / 0.102) ** 2)
+    assert softer.damping < late.joint_constraint.damping
+    assert made_for(late, scene.device, period, 0.0).joint_constraint == late.joint_constraint
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_gains_pass_to_another_delay_without_a_bump(compiled):
+    scene = over(Connection())
+    control = control_for(scene, compiled)
+    near = control.channels.held_stiffness[0]
+    control.tune(1.0, scene.controller, 0.05)
+    assert control.aim == (scene.controller, 0.05)
+    ramp, seen = scene.controller.gain_ramp, []
+    for share in np.linspace(0.0, 1.0, 301):
+        control.pass_on_to(1.0 + share * ramp)
+        seen.append(control.channels.held_stiffness[0])
+    assert seen[0] == near
+    assert np.all(np.diff(seen) <= 0.0)
+    # A millimetre makes less than 0.03 N of it, from one sample to the next.
+    assert np.abs(np.diff(seen)).max() < 30.0
+    assert control.delay == 0.05
+    far = ControlArchitecture(over(Connection(expected=0.05))).channels.held_stiffness
+    assert np.array_equal(control.channels.held_stiffness, far)
+    # Gains that are tuned later stay made for it.
+    control.tune(2.0, scene.controller)
+    assert control.aim == (scene.controller, 0.05)
+
+
+def test_jitter_is_waited_for_but_not_for_long():
+    assert jitter_allowance(Connection()) == 0.0
+    assert jitter_allowance(Connection(delay=0.05, jitter=0.2)) == 0.0  # simulated: not silence
+    assert jitter_allowance(Connection(expected=0.01)) == pytest.approx(0.002)
+    assert jitter_allowance(Connection(expected=0.05)) == 0.005
+
+
+@pytest.mark.parametrize("delay", [0.01, 0.05])
+def test_only_what_crosses_a_connection_is_warned_of(delay):
+    for name in ("five_bar", "door"):
+        scene = over(Connection(expected=delay), name=name)
+        assert loop_warning(scene, scene.operational_points[0].name, scene.controller) == ""
+    late = over(Connection(expected=delay), local=False)
+    assert "over a connection" in loop_warning(late, "handle", late.controller)

@@ -1,0 +1,115 @@
+"""A device's parameters choose within what its scene allows, and can be kept as they are."""
+
+import math
+
+import pytest
+
+from hapticmech_ros.errors import SceneError
+from hapticmech_ros.nodes.device_limits import limits_of
+from hapticmech_ros.nodes.parameters import (
+    SAFETY,
+    ControllerParameters,
+    DeviceParameters,
+    ParameterError,
+    locked_by,
+)
+from hapticmech_ros.scene import document_of, load_scene, scene_from_document
+from hapticmech_ros.scene.device import Device, Safety
+
+DEVICE = Device(
+    force_limit=8.0,
+    torque_limit=0.4,
+    safety=Safety(
+        force_slew=900.0,
+        torque_slew=30.0,
+        start_ramp=0.2,
+        workspace_radius=0.3,
+        command_timeout=0.05,
+    ),
+)
+# Parameter, what the scene allows just so, what is less safe, the scene's key.
+BOUNDS = [
+    ("force_limit", 8.0, 8.001, "device.force_limit, 8"),
+    ("torque_limit", 0.4, 0.5, "device.torque_limit, 0.4"),
+    ("force_slew", 900.0, 1e6, "device.safety.force_slew, 900"),
+    ("torque_slew", 30.0, 31.0, "device.safety.torque_slew, 30"),
+    ("start_ramp", 0.2, 0.19, "device.safety.start_ramp, 0.2"),
+    ("workspace_radius", 0.3, 0.4, "device.safety.workspace_radius, 0.3"),
+    ("command_timeout", 0.05, 0.051, "device.safety.command_timeout, 0.05"),
+]
+
+
+def test_by_themselves_they_are_the_scenes():
+    limits = limits_of(DeviceParameters(), DEVICE)
+    assert (limits.force, limits.torque) == (8.0, 0.4)
+    assert (limits.force_slew, limits.torque_slew) == (900.0, 30.0)
+    assert (limits.ramp, limits.radius) == (0.2, 0.3)
+    # A scene that says nothing bounds nothing but what every device has.
+    plain = limits_of(DeviceParameters(), Device())
+    assert (plain.force_slew, plain.torque_slew, plain.ramp) == (2000.0, 100.0, 0.1)
+    assert plain.radius == math.inf
+
+
+@pytest.mark.parametrize(("name", "allowed", "beyond", "rule"), BOUNDS)
+def test_none_can_be_less_safe_than_the_scene_allows(name, allowed, beyond, rule):
+    limits_of(DeviceParameters(**{name: allowed}), DEVICE)
+    with pytest.raises(ParameterError, match=rule) as refused:
+        limits_of(DeviceParameters(**{name: beyond}), DEVICE)
+    assert str(refused.value).startswith(f"{name}: must be")
+    assert f"got {beyond:g}" in str(refused.value)
+
+
+def test_safer_values_are_taken():
+    safer = DeviceParameters(
+        force_limit=1.0,
+        torque_limit=0.1,
+        force_slew=10.0,
+        torque_slew=1.0,
+        start_ramp=2.0,
+        workspace_radius=0.1,
+        command_timeout=0.005,
+    )
+    limits = limits_of(safer, DEVICE)
+    assert (limits.force, limits.torque) == (1.0, 0.1)
+    assert (limits.force_slew, limits.torque_slew) == (10.0, 1.0)
+    assert (limits.ramp, limits.radius) == (2.0, 0.1)
+
+
+def test_all_that_is_wrong_is_named():
+    beyond = DeviceParameters(**{name: value for name, _, value, _ in BOUNDS})
+    with pytest.raises(ParameterError) as refused:
+        limits_of(beyond, DEVICE)
+    assert all(f"{name}: must be" in str(refused.value) for name, _, _, _ in BOUNDS)
+
+
+def test_every_bounded_parameter_can_be_locked():
+    assert {name for name, _, _, _ in BOUNDS} < set(SAFETY)
+    assert set(SAFETY) <= set(DeviceParameters.model_fields)
+
+
+@pytest.mark.parametrize("name", [*SAFETY, "scene", "control_rate", "hand", "use_sim_time"])
+def test_a_lock_keeps_what_safety_hangs_on(name):
+    assert locked_by(DeviceParameters(lock_safety=True), name) == "lock_safety"
+    assert locked_by(DeviceParameters(), name) == ""
+    assert locked_by(ControllerParameters(), "scene") == ""
+
+
+@pytest.mark.parametrize("name", ["view_rate", "diagnostics_period", "hand_timeout"])
+def test_a_lock_leaves_the_rest(name):
+    assert locked_by(DeviceParameters(lock_safety=True), name) == ""
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("force_slew", 0.0),
+        ("start_ramp", -1.0),
+        ("command_timeout", 2.0),
+        ("command_timeout", 0.01),
+    ],
+)
+def test_a_scene_cannot_say_nonsense(key, value):
+    document = document_of(load_scene("five_bar"))
+    document["device"]["safety"][key] = value
+    with pytest.raises(SceneError, match=f"device.safety.{key}"):
+        scene_from_document(document)

@@ -1,0 +1,151 @@
+"""The command that runs the campaign, and what it does with parts that cannot be measured."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from benchmarks.reliability import __main__ as campaign
+from benchmarks.reliability.document import BEGIN, DOCUMENT, END, RESULTS, with_table
+from benchmarks.reliability.figure import Figure, load, save, table
+from benchmarks.reliability.usage import grown, usage
+from hapticmech_ros.bench.children import BenchError
+from hapticmech_ros.errors import HapticMechError
+
+GOOD = Figure("kills", "zero", 12.0, "ms", most=20.0, trials=4)
+BAD = Figure("kills", "zero", 21.0, "ms", most=20.0, trials=4)
+PLAIN = Figure("kills", "clean", 0.5, "N")
+
+Part = Callable[[bool, Path], list[Figure]]
+
+
+@pytest.fixture
+def part(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Part], None]:
+    """Return what puts another part in a part's place."""
+
+    def put(name: str, run: Part) -> None:
+        module = ModuleType(f"benchmarks.reliability.{name}")
+        module.run = run  # type: ignore[attr-defined]
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+
+    return put
+
+
+def test_the_exit_code_says_whether_all_limits_are_kept(
+    part: Callable[[str, Part], None], tmp_path: Path
+) -> None:
+    out = ["--out", str(tmp_path / "new")]
+    part("kills", lambda quick, out: [GOOD, PLAIN])
+    assert campaign.main(["kills", *out]) == 0
+    assert load(tmp_path / "new" / campaign.JSON_NAME) == [GOOD, PLAIN]
+    part("kills", lambda quick, out: [GOOD, BAD])
+    assert campaign.main(["kills", *out]) == 1
+
+
+def test_quick_is_told_and_a_part_run_again_replaces_its_own_figures(
+    part: Callable[[str, Part], None], tmp_path: Path
+) -> None:
+    told: list[bool] = []
+
+    def run(quick: bool, out: Path) -> list[Figure]:
+        told.append(quick)
+        return [GOOD]
+
+    other = Figure("clocks", "zero", 1.0)
+    save([BAD, other], tmp_path / campaign.JSON_NAME)
+    part("kills", run)
+    assert campaign.main(["kills", "--quick", "--out", str(tmp_path)]) == 0
+    assert told == [True]
+    assert load(tmp_path / campaign.JSON_NAME) == [GOOD, other]
+
+
+def test_a_part_that_breaks_off_keeps_no_limit_and_says_why(
+    part: Callable[[str, Part], None], tmp_path: Path
+) -> None:
+    def run(quick: bool, out: Path) -> list[Figure]:
+        raise BenchError("waited 20 s in vain for the device to render")
+
+    part("kills", run)
+    assert campaign.main(["kills", "--out", str(tmp_path)]) == 1
+    (found,) = load(tmp_path / campaign.JSON_NAME)
+    assert "in vain for the device" in found.note
+    assert math.isnan(found.value)
+
+
+def test_a_part_that_is_not_there_is_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(campaign.PARTS, "storms", "lightning")
+    (found,) = campaign.run_part("storms", True, Path())
+    assert math.isnan(found.value)
+    assert "not measured" in table([found])
+    assert not campaign.broken(found)
+
+
+def test_a_part_that_lacks_a_module_of_its_own_is_an_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def missing(name: str) -> None:
+        raise ModuleNotFoundError("no such module", name="something_else")
+
+    monkeypatch.setattr(campaign.importlib, "import_module", missing)
+    with pytest.raises(ModuleNotFoundError):
+        campaign.run_part("kills", True, Path())
+
+
+def test_an_unknown_part_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        campaign.main(["storms"])
+    assert "kills" in capsys.readouterr().err
+
+
+def test_the_document_has_one_place_for_the_table_which_holds_what_was_measured() -> None:
+    text = DOCUMENT.read_text("utf-8")
+    changed = with_table(text, [GOOD])
+    assert table([GOOD]) in changed
+    assert with_table(changed, [GOOD]) == changed
+    assert changed.partition(BEGIN)[0] == text.partition(BEGIN)[0]
+    assert changed.partition(END)[2] == text.partition(END)[2]
+    if RESULTS.exists():
+        assert with_table(text, load(RESULTS)) == text
+    with pytest.raises(HapticMechError, match="once each"):
+        with_table("no place", [GOOD])
+
+
+def test_the_document_names_every_part() -> None:
+    text = DOCUMENT.read_text("utf-8")
+    assert all(f"| `{name}` |" in text for name in campaign.PARTS)
+
+
+def test_growth_is_seen_through_single_samples_that_are_far_off() -> None:
+    times = [float(second) for second in range(100)]
+    leak = [1000.0 + 8.0 * second for second in times]
+    # The last three quarters, of which a fifth is wild.
+    wild = [value + 1e6 * (index % 5 == 0) for index, value in enumerate(leak)]
+    assert grown(times, leak) == pytest.approx(8.0 * 74)
+    assert grown(times, wild) == pytest.approx(8.0 * 74, rel=0.05)
+    assert grown(times, [5.0] * 100) == 0.0
+    # What the start takes does not count.
+    assert grown(times, [min(value, 20.0) for value in times]) == 0.0
+    with pytest.raises(BenchError, match="8 or more"):
+        grown(times[:9], leak[:9])
+
+
+def test_usage_counts_descriptors_and_refuses_the_dead(tmp_path: Path) -> None:
+    before = usage(os.getpid())
+    with (tmp_path / "one").open("w"), (tmp_path / "two").open("w"):
+        assert usage(os.getpid()).descriptors == before.descriptors + 2
+    assert before.resident >= before.proportional > 1 << 20
+    assert before.threads >= 1
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    os.waitid(os.P_PID, ended.pid, os.WEXITED | os.WNOWAIT)
+    try:
+        with pytest.raises(BenchError, match="ended by itself"):
+            usage(ended.pid)
+    finally:
+        ended.wait()

@@ -1,0 +1,125 @@
+"""``hapticmech run --record``: the recorder may die, the graph goes on, and both are said."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from std_msgs.msg import Float64MultiArray
+
+from hapticmech_ros.experiment.demo import DemoError, record_graph
+from hapticmech_ros.graph import private_environment, start_process, stop_process
+from ros.harness import WAIT_S, Peer
+
+pytestmark = pytest.mark.ros
+
+COMMAND = [sys.executable, "-c", "from hapticmech_ros.cli import main; main()"]
+
+
+@contextmanager
+def run(domain: int, bag: Path) -> Iterator[subprocess.Popen[str]]:
+    """Run a graph in one process and record it; what it tells people is in ``bag.told``."""
+    command = [*COMMAND, "run", "two_link", "--composed", "--record", str(bag)]
+    with bag.with_suffix(".told").open("w") as told:
+        process = subprocess.Popen(
+            command, env=private_environment(domain), stderr=told, stdout=told, text=True
+        )
+    try:
+        yield process
+    finally:
+        stop_process(process)
+
+
+def until(condition: Callable[[], object], what: str) -> None:
+    end = time.monotonic() + WAIT_S
+    while not condition():
+        assert time.monotonic() < end, f"waited in vain for {what}"
+        time.sleep(0.02)
+
+
+def recorders(parent: int) -> list[int]:
+    """Return the processes that record, among the children of a process."""
+    try:
+        children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+        named = {int(pid): Path(f"/proc/{pid}/cmdline").read_bytes() for pid in children}
+    except FileNotFoundError:
+        return []
+    return [pid for pid, command in named.items() if b"record\0--all" in command]
+
+
+def told(bag: Path) -> list[str]:
+    return [line for line in bag.with_suffix(".told").read_text().splitlines() if "bag" in line]
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_the_graph_outlives_its_recorder(
+    domain: int, peer: Peer, tmp_path: Path, number: signal.Signals
+) -> None:
+    bag = tmp_path / "bag"
+    states = peer.listen("device/state", Float64MultiArray)
+    with run(domain, bag) as process:
+        peer.until(lambda: states and (bag / "metadata.yaml").exists(), "a graph that is recorded")
+        (recorder,) = recorders(process.pid)
+        os.kill(recorder, number)
+        until(lambda: any("the graph goes on" in line for line in told(bag)), "a sentence")
+        states.clear()
+        peer.until(lambda: len(states) > 200, "a graph that goes on")
+        assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        # The bag is not what was asked for: no success.
+        assert process.wait(WAIT_S) == 1
+    about = [line for line in told(bag) if "ended by itself" in line]
+    assert len(about) == 1
+    how = "signal 9" if number == signal.SIGKILL else "exit code 0"
+    assert f"the recorder ended by itself: {how}: the graph goes on" in about[0]
+    assert f"the bag {bag} is incomplete" in about[0]
+
+
+def test_a_bag_that_is_recorded_to_the_end_is_a_success(
+    domain: int, peer: Peer, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    states = peer.listen("device/state", Float64MultiArray)
+    with run(domain, bag) as process:
+        peer.until(lambda: states and (bag / "metadata.yaml").exists(), "a graph that is recorded")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(WAIT_S) == 0
+    assert not any("incomplete" in line for line in told(bag))
+
+
+def test_nothing_is_started_where_there_is_a_bag(domain: int, tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    with run(domain, bag) as process:
+        assert process.wait(WAIT_S) == 1
+    # Broken into lines as wide as a terminal.
+    said = " ".join(bag.with_suffix(".told").read_text().split())
+    assert said == f"error: {bag} exists: choose another place for --record"
+
+
+def test_a_demo_says_how_its_recorder_ended(
+    domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A demo is what was recorded: it ends with its recorder, at once."""
+    for name, value in private_environment(domain).items():
+        monkeypatch.setitem(os.environ, name, value)
+    begun: list[subprocess.Popen[str]] = []
+
+    def start(*arguments: object, **options: object) -> subprocess.Popen[str]:
+        begun.append(start_process(*arguments, **options))  # type: ignore[arg-type]
+        return begun[-1]
+
+    monkeypatch.setattr("hapticmech_ros.experiment.demo.start_process", start)
+
+    def show(stage: str, done: float | None) -> None:
+        if stage == "starting the graph":
+            begun[0].kill()
+
+    bag = tmp_path / "bag"
+    with pytest.raises(DemoError, match=f"ended by itself: signal 9: {bag} is incomplete"):
+        record_graph("two_link", bag, composed=True, seconds=1.0, show=show)
