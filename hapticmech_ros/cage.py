@@ -23,8 +23,8 @@ from hapticmech_ros.errors import HapticMechError
 
 # Real time that a child may take for each second of the processor's, and s to start it: a machine
 # may have other work.
-PATIENCE = 10
-START = 60
+PATIENCE = 30
+START = 120
 _STATM = Path("/proc/self/statm")
 _CODE = "import hapticmech_ros.cage as cage; cage.work_in_child()"
 

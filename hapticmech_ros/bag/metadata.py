@@ -162,8 +162,12 @@ def bag_information(
 def write_metadata(folder: Path, information: Mapping[str, Any]) -> None:
     """Write ``metadata.yaml`` so that a reader finds either the old one or the new one."""
     temporary = folder / f"{FILE_NAME}.tmp"
-    temporary.write_text(as_yaml({ROOT: dict(information)}) + "\n", encoding="utf-8")
-    temporary.replace(folder / FILE_NAME)
+    try:
+        temporary.write_text(as_yaml({ROOT: dict(information)}) + "\n", encoding="utf-8")
+        temporary.replace(folder / FILE_NAME)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
 
 
 def load_metadata(folder: Path) -> dict[str, Any]:

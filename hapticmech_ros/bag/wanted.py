@@ -28,6 +28,8 @@ from hapticmech_ros.bag.wanted_sqlite import CountedSqlite, WantedSqlite
 from hapticmech_ros.files import exists
 
 _NEVER = 2**63 - 1
+# Of the definitions of all topics, which the library understands at some 30 us a line.
+DEFINITIONS_SIZE, DEFINITIONS_LINES = 4_000_000, 200_000
 
 
 class _Folder(DirectoryReader):
@@ -102,6 +104,16 @@ class _Folder(DirectoryReader):
 class _Bag(Reader):
     # Of a file alone the messages are counted.
     STORAGE_PLUGINS = MappingProxyType({"dir": _Folder, ".mcap": WantedMcap, ".db3": CountedSqlite})
+
+    def open(self) -> None:
+        """Open the bag, unless the definitions of its types would take long to understand."""
+        super().open()
+        texts = [connection.msgdef.data for connection in self.connections]
+        size, lines = sum(map(len, texts)), sum(text.count("\n") for text in texts)
+        if size > DEFINITIONS_SIZE or lines > DEFINITIONS_LINES:
+            self.close()
+            rule = f"at most {DEFINITIONS_SIZE} characters in {DEFINITIONS_LINES} lines"
+            raise ReaderError(f"its types' definitions have {size} in {lines}: {rule}")
 
 
 def any_reader(path: Path) -> AnyReader:

@@ -10,7 +10,6 @@ import io
 import struct
 from collections.abc import Collection, Generator
 
-import apsw
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.metadata import ReaderMetadata
@@ -33,6 +32,8 @@ _PAGE_SIZE, _PAGES = struct.Struct(">H"), struct.Struct(">I")
 _PAGE_SIZE_AT, _PAGES_AT = 16, 28
 _LARGEST_PAGE = 65536
 _HEAD = 100
+# SQLITE_LIMIT_LENGTH: of a text, a blob or a row, bytes.
+LENGTH = 0
 
 
 class WantedSqlite(Sqlite3Reader):
@@ -51,7 +52,7 @@ class WantedSqlite(Sqlite3Reader):
         if database is None:
             raise ReaderError(f"{self.path} is not open")
         self._steps = Steps(self._size)
-        database.limit(apsw.SQLITE_LIMIT_LENGTH, UNPACKED_LIMIT)
+        database.limit(LENGTH, UNPACKED_LIMIT)
         database.set_progress_handler(self._steps.too_many, STEPS_AT_ONCE)
         execute: Execute = database.execute
         refuse_strange_tables(execute)

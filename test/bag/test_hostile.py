@@ -53,12 +53,10 @@ def mcap(path: Path, records: bytes) -> Path:
     return path
 
 
-def channel(offered: str, number: int = 1) -> bytes:
+def channel(offered: str, definition: str = "uint8 data") -> bytes:
     notes = text("offered_qos_profiles") + text(offered)
-    schema = (
-        struct.pack("<H", 1) + text("std_msgs/msg/UInt8") + text("ros2msg") + text("uint8 data")
-    )
-    head = struct.pack("<HH", number, 1) + text("/a") + text("cdr")
+    schema = struct.pack("<H", 1) + text("std_msgs/msg/UInt8") + text("ros2msg") + text(definition)
+    head = struct.pack("<HH", 1, 1) + text("/a") + text("cdr")
     return record(3, schema) + record(4, head + struct.pack("<I", len(notes)) + notes)
 
 
@@ -133,6 +131,13 @@ def test_chunks_in_chunks_and_records_that_never_end(tmp_path: Path) -> None:
 def test_profiles_that_are_none(tmp_path: Path, offered: str) -> None:
     path = mcap(tmp_path / "bag.mcap", channel(offered))
     assert "offered_qos_profiles cannot be read" in outcome(path)
+
+
+def test_definitions_that_take_long_to_understand(tmp_path: Path) -> None:
+    """A file of 300 kB that would take seconds; larger ones would take minutes."""
+    path = mcap(tmp_path / "bag.mcap", channel("", definition="uint8 data" + "\n" * 300_000))
+    with pytest.raises(BagError, match="at most 4000000 characters in 200000 lines"):
+        BagReader(path)
 
 
 def test_times_beyond_64_bits_with_a_sign(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from oracles.touching import on_floor
 BROKEN = [
     ("shapes[1].link", "nothing", "unknown frame"),
     ("shapes[1].name", "floor", "names must be unique"),
-    ("shapes[1].geometry.radius", -1.0, "greater than 0"),
+    ("shapes[1].geometry.radius", -1.0, "greater than or equal to 0.000001"),
     ("shapes[1].geometry.radiu", 1.0, "unknown key"),
     ("shapes[1].geometry.kind", "cone", "'sphere'"),
     ("contacts[0].a", "nothing", "unknown shape"),
