@@ -81,9 +81,8 @@ def try_wrong_host(
     time.sleep(WRONG_S)
     righted_ns = clock.step(-seconds)
     kind = f"{words} {seconds:+g} s for {WRONG_S:g} s"
-    trial = observe(
-        rig, Fault(kind, since, stepped_ns, righted_ns, offset_ns=offset_ns), about_clock
-    )
+    fault = Fault(kind, since, stepped_ns, righted_ns, offset_ns=offset_ns)
+    trial = observe(rig, fault, about_clock)
     if not trial.came_back:
         rig.renew()
     return trial

@@ -71,7 +71,8 @@ class Double:
         self.teller: Teller | None = None
         if kind.name in FOREIGN:
             arguments = (str(GENTLE_N if alone else PUSH_N),) * (kind.original == CONTROLLER)
-            self.teller = rig.start(f"{kind.name}.py", *arguments)
+            environment = rig.environment_of(kind.original)
+            self.teller = rig.start(f"{kind.name}.py", *arguments, environment=environment)
             self._process = self.teller.process
         else:
             self._graph = rig.another(kind.original)

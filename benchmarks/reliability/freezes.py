@@ -12,12 +12,14 @@ from pathlib import Path
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.trial import Fault, Trial, observe, summarised, tell_lateness
+from hapticmech_ros.bench.children import BenchError
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topic import DEVICE
 
 PART = "freezes"
 TRIALS, QUICK_TRIALS = 100, 2
 SHORTEST_S, LONGEST_S = 0.05, 2.0
+STOPS_WITHIN_S = 2.0
 SEED = 0
 
 
@@ -49,6 +51,7 @@ def try_freeze(rig: Rig, node: str, seconds: float) -> Trial:
     frozen_ns = time.monotonic_ns()
     os.kill(pid, signal.SIGSTOP)
     try:
+        stopped_ns = _stopped(pid)
         time.sleep(seconds)
         before = rig.ring.count
     finally:
@@ -56,10 +59,25 @@ def try_freeze(rig: Rig, node: str, seconds: float) -> Trial:
         os.kill(pid, signal.SIGCONT)
     kind = f"{node} frozen for {seconds:.2f} s"
     if node == DEVICE:
-        fault = Fault(kind, before, frozen_ns, released_ns, first_output=True)
+        fault = Fault(kind, before, stopped_ns, released_ns, first_output=True)
     else:
         fault = Fault(kind, since, frozen_ns, released_ns)
     trial = observe(rig, fault, bool)
     if not trial.came_back:
         rig.renew()
     return trial
+
+
+def _stopped(pid: int) -> int:
+    """Wait until a process stands still, and return when (monotonic, ns): no signal acts at once.
+
+    Raises:
+        BenchError: it does not.
+    """
+    path = Path("/proc") / str(pid) / "stat"
+    end = time.monotonic() + STOPS_WITHIN_S
+    # The state comes after the name, which stands in brackets and may hold anything.
+    while path.read_text("utf-8").rpartition(")")[2].split()[0] != "T":
+        if time.monotonic() > end:
+            raise BenchError(f"process {pid} does not stop on SIGSTOP")
+    return time.monotonic_ns()

@@ -117,13 +117,18 @@ class Rig:
 
     def another(self, node: str) -> Graph:
         """Start a second node of a kind, called ``second_...``; whoever asked ends it."""
-        return self._graph([node], self._clock_of(node), ["-r", f"__node:=second_{node}"])
+        return self._graph([node], ["-r", f"__node:=second_{node}"])
 
     @property
     def offset_ns(self) -> int:
         """How far the device's clock is ahead of the machine's now, ns."""
         clock = self._clock or self._clock_of(DEVICE_NODE)
         return 0 if clock is None else clock.offset_ns
+
+    def environment_of(self, node: str) -> dict[str, str]:
+        """Return the environment of a process on a node's host."""
+        clock = self._clock_of(node)
+        return self.environment if clock is None else clock.environment(self.environment)
 
     def renew(self) -> None:
         """End the graph and start it again, all nodes."""
@@ -193,10 +198,8 @@ class Rig:
         gap = np.diff(found["arrived_ns"], prepend=begun, append=now).max()
         return bool(pushing(found).all() and len(found) > 300 * SETTLED_S and gap < 100 * MS)
 
-    def _graph(
-        self, nodes: Collection[str], clock: SteppedClock | None, arguments: Sequence[str] = ()
-    ) -> Graph:
-        environment = self.environment if clock is None else clock.environment(self.environment)
+    def _graph(self, nodes: Collection[str], arguments: Sequence[str] = ()) -> Graph:
+        environment = self.environment_of(next(iter(nodes)))
         with output_to(self._log):
             return Graph(
                 SCENE,
@@ -211,8 +214,8 @@ class Rig:
         return next((clock for nodes, clock in self._hosts if node in nodes), None)
 
     def _start_graph(self) -> None:
-        for nodes, clock in self._hosts:
-            self._graphs.append(self._graph(nodes, clock))
+        for nodes, _ in self._hosts:
+            self._graphs.append(self._graph(nodes))
 
     def _stop_graph(self) -> None:
         while self._graphs:
