@@ -64,7 +64,7 @@ def test_the_graph_outlives_its_recorder(
     bag = tmp_path / "bag"
     states = peer.listen("device/state", Float64MultiArray)
     with run(domain, bag) as process:
-        peer.until(lambda: states and (bag / "metadata.yaml").exists(), "a graph that is recorded")
+        peer.until(lambda: states and (bag / "metadata.yaml").exists(), "a recording", 3 * WAIT_S)
         (recorder,) = recorders(process.pid)
         os.kill(recorder, number)
         until(lambda: any("the graph goes on" in line for line in told(bag)), "a sentence")
@@ -106,7 +106,7 @@ def test_a_bag_that_is_recorded_to_the_end_is_a_success(
     bag = tmp_path / "bag"
     states = peer.listen("device/state", Float64MultiArray)
     with run(domain, bag) as process:
-        peer.until(lambda: states and (bag / "metadata.yaml").exists(), "a graph that is recorded")
+        peer.until(lambda: states and (bag / "metadata.yaml").exists(), "a recording", 3 * WAIT_S)
         process.send_signal(signal.SIGINT)
         assert process.wait(WAIT_S) == 0
     assert not any("incomplete" in line for line in told(bag))
