@@ -8,8 +8,9 @@ from __future__ import annotations
 import sys
 import time
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rosgraph_msgs.msg import Clock
+from rosgraph_msgs.msg import Clock as ClockMessage
 
 from hapticmech_ros.nodes.child import watch
 from hapticmech_ros.nodes.loop import wake_up_in_time
@@ -19,13 +20,14 @@ PERIOD_S = 0.001
 
 
 class ClockSource(Node):
-    """Tells the time, by a timer of the monotonic clock."""
+    """Tells the time, at a pace of the monotonic clock."""
 
     def __init__(self) -> None:
         super().__init__("clock_source")
-        self._publisher = self.create_publisher(Clock, "/clock", 10)
-        self._message = Clock()
-        self.create_timer(PERIOD_S, self._tell)
+        self._publisher = self.create_publisher(ClockMessage, "/clock", 10)
+        self._message = ClockMessage()
+        # A timer of its own clock would wait as long as that was set back.
+        self.create_timer(PERIOD_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _tell(self) -> None:
         stamp = self._message.clock

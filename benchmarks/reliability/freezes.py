@@ -56,11 +56,10 @@ def try_freeze(rig: Rig, node: str, seconds: float) -> Trial:
         os.kill(pid, signal.SIGCONT)
     kind = f"{node} frozen for {seconds:.2f} s"
     if node == DEVICE:
-        # What is left of the last sample on its way has arrived before.
-        fault = Fault(kind, before, released_ns, released_ns, first_output=True)
+        fault = Fault(kind, before, frozen_ns, released_ns, first_output=True)
     else:
         fault = Fault(kind, since, frozen_ns, released_ns)
-    trial = observe(rig, fault, bool, frozen_ns)
+    trial = observe(rig, fault, bool)
     if not trial.came_back:
         rig.renew()
     return trial

@@ -47,10 +47,10 @@ def try_kill(rig: Rig, node: str) -> Trial:
     restarted_ns = time.monotonic_ns()
     rig.restart(node)
     if node == DEVICE:
-        fault = Fault(f"{node} killed", begun, restarted_ns, restarted_ns, first_output=True)
+        fault = Fault(f"{node} killed", begun, killed_ns, restarted_ns, first_output=True)
     else:
         fault = Fault(f"{node} killed", since, killed_ns, restarted_ns)
-    trial = observe(rig, fault, bool, killed_ns, alive)
+    trial = observe(rig, fault, bool, alive)
     if not trial.came_back:
         rig.renew()
     return trial

@@ -15,8 +15,10 @@ import numpy as np
 from benchmarks.reliability.sample import DEVICE, Ring, Samples
 from benchmarks.reliability.stepped_clock import SteppedClock
 from hapticmech_ros.bench.children import BenchError, Teller, output_to, wait_until
+from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.wire.topic import DEVICE as DEVICE_NODE
 
 FOLDER = Path(__file__).parent
 SCENE, POINT = "five_bar", "handle"
@@ -26,8 +28,8 @@ SETTLED_S = 0.7
 CLEAN_S = 2.0
 TRIES = 8
 MS = 1_000_000
-# Nodes of one host, and what their processes' environment has beyond the graph's.
-Host = tuple[Collection[str], Mapping[str, str]]
+# Nodes of one host, and its clock if that is one which is stepped.
+Host = tuple[Collection[str], SteppedClock | None]
 
 
 class Rig:
@@ -38,12 +40,13 @@ class Rig:
     Args:
         out: folder for what the nodes print (``NAME.log``).
         name: of the log.
-        hosts: groups of nodes with environments of their own; all nodes in the graph's if left out.
+        hosts: groups of nodes with clocks of their own; all by the machine's if left out.
         parameters: for the graph's nodes.
         all_topics: watch the mechanism's and the analyser's messages too.
         clock: what /clock says, for nodes with ``use_sim_time``; nobody publishes it if left out.
         domain: ROS_DOMAIN_ID; one that is probably free if left out.
         clean: measure a clean run first.
+        composed: all nodes of a host in one process, which takes a machine least.
 
     Attributes:
         environment: of a process that is to meet the graph, with the machine's own clock.
@@ -55,12 +58,13 @@ class Rig:
         self,
         out: Path,
         name: str,
-        hosts: Sequence[Host] = ((tuple(NODES), {}),),
+        hosts: Sequence[Host] = ((tuple(NODES), None),),
         parameters: Mapping[str, object] | None = None,
         all_topics: bool = False,
         clock: SteppedClock | None = None,
         domain: int | None = None,
         clean: bool = True,
+        composed: bool = False,
     ) -> None:
         out.mkdir(parents=True, exist_ok=True)
         self._log = out / f"{name}.log"
@@ -69,6 +73,7 @@ class Rig:
         self._all_topics = all_topics
         self._clock = clock
         self._clean = clean
+        self._composed = composed
         self._stack = ExitStack()
         self._graphs: list[Graph] = []
         self.environment = {**private_environment(domain), "OPENBLAS_NUM_THREADS": "1"}
@@ -81,6 +86,8 @@ class Rig:
         Raises:
             BenchError: the device does not render.
         """
+        # Whoever comes first compiles the kernels, for a minute or two: not one of those watched.
+        compile_ahead()
         try:
             folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
             self.ring = Ring(folder / "ring", fresh=True)
@@ -110,7 +117,13 @@ class Rig:
 
     def another(self, node: str) -> Graph:
         """Start a second node of a kind, called ``second_...``; whoever asked ends it."""
-        return self._graph([node], {}, ["-r", f"__node:=second_{node}"])
+        return self._graph([node], self._clock_of(node), ["-r", f"__node:=second_{node}"])
+
+    @property
+    def offset_ns(self) -> int:
+        """How far the device's clock is ahead of the machine's now, ns."""
+        clock = self._clock or self._clock_of(DEVICE_NODE)
+        return 0 if clock is None else clock.offset_ns
 
     def renew(self) -> None:
         """End the graph and start it again, all nodes."""
@@ -181,21 +194,25 @@ class Rig:
         return bool(pushing(found).all() and len(found) > 300 * SETTLED_S and gap < 100 * MS)
 
     def _graph(
-        self, nodes: Collection[str], added: Mapping[str, str], arguments: Sequence[str] = ()
+        self, nodes: Collection[str], clock: SteppedClock | None, arguments: Sequence[str] = ()
     ) -> Graph:
-        environment = {**self.environment, **added}
+        environment = self.environment if clock is None else clock.environment(self.environment)
         with output_to(self._log):
             return Graph(
                 SCENE,
+                composed=self._composed and len(nodes) > 1,
                 parameters=self._parameters,
                 environment=environment,
                 nodes=nodes,
                 arguments=arguments,
             )
 
+    def _clock_of(self, node: str) -> SteppedClock | None:
+        return next((clock for nodes, clock in self._hosts if node in nodes), None)
+
     def _start_graph(self) -> None:
-        for nodes, added in self._hosts:
-            self._graphs.append(self._graph(nodes, added))
+        for nodes, clock in self._hosts:
+            self._graphs.append(self._graph(nodes, clock))
 
     def _stop_graph(self) -> None:
         while self._graphs:

@@ -31,8 +31,8 @@ class Fault:
         since: number in the watcher's ring, before it.
         cause_ns: when, by the monotonic clock.
         released_ns: when it was over, so that the device may push again.
-        offset_ns: of the device's clock from then on, to the machine's.
-        first_output: the device itself was away: its first output since counts, by arrival.
+        first_output: the device itself was away: its first output after the end counts, by arrival.
+        offset_ns: of the device's clock from then on, to the machine's; the rig's if left out.
         topics: whose force is looked at.
     """
 
@@ -40,8 +40,8 @@ class Fault:
     since: int
     cause_ns: int
     released_ns: int
-    offset_ns: int = 0
     first_output: bool = False
+    offset_ns: int | None = None
     topics: tuple[int, ...] = (DEVICE,)
 
 
@@ -84,100 +84,89 @@ class Trial:
         )
 
 
-def observe(
-    rig: Rig,
-    fault: Fault,
-    about: Callable[[str], bool],
-    said_since_ns: int = 0,
-    alive: bool = True,
-) -> Trial:
+def observe(rig: Rig, fault: Fault, about: Callable[[str], bool], alive: bool = True) -> Trial:
     """Wait until the device has let go and come back, or has not in 8 s, and return what it did.
 
     Args:
         rig: where it happened.
         fault: what happened.
         about: whether a sentence that a node said when it was not well is about this fault.
-        said_since_ns: sentences count from here; from the fault on if left out.
         alive: as known so far.
     """
     patience = PATIENCE_S + (fault.released_ns - fault.cause_ns) / 1e9
+
+    def look() -> Seen:
+        found = rig.samples(fault.since, *fault.topics)
+        return seen(found, fault, rig.offset_ns if fault.offset_ns is None else fault.offset_ns)
+
     # What did not happen in time stays infinite.
     with suppress(BenchError):
-        wait_until(lambda: _seen(rig, fault).over, patience, "the device", rig.watch.check)
+        wait_until(lambda: look().over, patience, "the device", rig.watch.check)
         rig.settle(fault.released_ns)
-    result = _seen(rig, fault)
-    forces = rig.samples(fault.since, *fault.topics)["force"]
-    return Trial(
-        fault.kind,
-        result.zero_s,
-        result.heard_s,
-        result.back_s,
-        float(np.nan_to_num(forces, nan=np.inf).max(initial=0.0)),
-        _said(rig, said_since_ns or fault.cause_ns, about),
-        alive and not rig.ended(),
-        result.stale,
-    )
+    result, said = look(), _said(rig, fault.cause_ns, about)
+    times = (result.zero_s, result.heard_s, result.back_s)
+    going_on = alive and not rig.ended()
+    return Trial(fault.kind, *times, result.peak, said, going_on, result.stale)
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """When the device let go and came back, s; infinite while it has not."""
+    """What a device did, s; infinite while it has not.
+
+    Attributes:
+        zero_s, heard_s, back_s, peak, stale: as in :class:`Trial`.
+    """
 
     zero_s: float = math.inf
     heard_s: float = math.inf
     back_s: float = math.inf
+    peak: float = 0.0
     stale: int = 0
 
     @property
     def over(self) -> bool:
-        """Whether it did both."""
+        """Whether it let go and came back."""
         return math.isfinite(self.back_s)
 
 
-def _seen(rig: Rig, fault: Fault) -> Seen:
-    return seen(rig.samples(fault.since, *fault.topics), fault)
-
-
-def seen(found: Samples, fault: Fault) -> Seen:
+def seen(found: Samples, fault: Fault, offset_ns: int = 0) -> Seen:
     """Return when the device let go for good, and when it came back after the fault's end.
 
     Args:
         found: samples of the fault's topics since before it.
         fault: what was done.
+        offset_ns: of the device's clock to the machine's.
     """
     arrived, on = found["arrived_ns"], pushing(found)
-    made = _made_ns(arrived, found["stamp_ns"], fault.offset_ns)
+    lasted_ns = fault.released_ns - fault.cause_ns
+    made = _made_ns(arrived, found["stamp_ns"] - offset_ns, lasted_ns)
     cause_ns, counts = fault.cause_ns, made >= fault.cause_ns
     if fault.first_output:
-        counts = arrived >= cause_ns
-        if not counts.any():
-            return Seen()
-        # How long it was away is no matter: time begins with the first output.
+        # One that was on its way, or half sent, was made before.
+        counts &= arrived >= fault.released_ns
         made = arrived
-        cause_ns = int(made[int(np.argmax(counts))])
+        cause_ns = int(made[int(np.argmax(counts))]) if counts.any() else fault.released_ns
+    peak = float(np.nan_to_num(found["force"][counts], nan=np.inf).max(initial=0.0))
     during = np.flatnonzero(counts & on & (made < fault.released_ns))
     off = counts & ~on
     if during.size:
         off[: during[-1]] = False
     if not off.any():
-        return Seen()
+        return Seen(peak=peak)
     first = int(np.argmax(off))
     zero, heard = (made[first] - cause_ns) / 1e9, (arrived[first] - cause_ns) / 1e9
     stale = int((counts & on)[:first].sum()) if fault.first_output else 0
-    again = on & (made >= fault.released_ns)
+    again = counts & on & (made >= fault.released_ns)
     again[: first + 1] = False
-    if not again.any():
-        return Seen(float(zero), float(heard), stale=stale)
-    back = (made[int(np.argmax(again))] - fault.released_ns) / 1e9
-    return Seen(float(zero), float(heard), float(back), stale)
+    back = (made[int(np.argmax(again))] - fault.released_ns) / 1e9 if again.any() else math.inf
+    return Seen(float(zero), float(heard), float(back), peak, stale)
 
 
-def _made_ns(arrived: np.ndarray, stamps: np.ndarray, offset_ns: int) -> np.ndarray:
+def _made_ns(arrived: np.ndarray, stamps: np.ndarray, lasted_ns: int) -> np.ndarray:
     """Return when samples were made, by the monotonic clock: by their stamps where these can be."""
-    apart = time.time_ns() - time.monotonic_ns()
-    made = stamps - offset_ns - apart
+    made = stamps - (time.time_ns() - time.monotonic_ns())
     late = arrived - made
-    return np.where((late > -MS) & (late < STAMP_TRUSTED_NS), made, arrived)
+    return np.where((late > -MS) & (late < STAMP_TRUSTED_NS + lasted_ns), made, arrived)
 
 
 def _said(rig: Rig, since_ns: int, about: Callable[[str], bool]) -> str:

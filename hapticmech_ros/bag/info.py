@@ -14,6 +14,7 @@ from hapticmech_ros.bag.metadata import is_unfinished, read_metadata
 from hapticmech_ros.bag.reader import BagReader, BagTopic
 from hapticmech_ros.bag.storage import SUFFIXES
 from hapticmech_ros.errors import BagError
+from hapticmech_ros.files import exists
 from hapticmech_ros.times import NANOSECONDS
 
 
@@ -89,6 +90,8 @@ def inspect_bag(path: str | os.PathLike[str]) -> BagInfo:
         BagError: no such bag, damaged, or without metadata.
     """
     folder = Path(path)
+    if not exists(folder):
+        raise BagError(f"no bag at {folder}")
     information = read_metadata(folder) if folder.is_dir() else {}
     if is_unfinished(information):
         try:

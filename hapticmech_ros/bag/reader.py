@@ -231,6 +231,6 @@ def _in_order(stream: Iterator[Raw]) -> Iterator[Raw]:
 
 def _damaged(path: Path, error: Exception, topic: str = "") -> BagError:
     where = f" (topic {topic})" if topic else ""
-    reason = str(error) or type(error).__name__
+    reason = " ".join(str(error).split()) or type(error).__name__
     hint = "" if topic else f"; `hapticmech bag repair {path}` recovers what can be read"
     return BagError(f"bag {path}{where} is damaged, or its recording was cut short: {reason}{hint}")

@@ -116,13 +116,13 @@ def repair(
 def repair_in_child(item: Mapping[str, str]) -> dict[str, Any]:
     """Do what :func:`repair` says; return the parts of its report, or the error."""
     given, target, scratch = Path(item["source"]), Path(item["target"]), Path(item["scratch"])
-    files = _storage_files(given)
-    (storage,) = {_storage(file) for file in files}
     information = read_metadata(given) if given.is_dir() else {}
     stated = None if is_unfinished(information) else information.get("message_count")
     packed = str(information.get("compression_mode") or "").lower() == "message"
     refused: dict[str, str] = {}
     try:
+        files = _storage_files(given)
+        (storage,) = {_storage(file) for file in files}
         with BagWriter(target, storage) as writer:
             done = [_copy(file, storage, writer, refused, packed, scratch) for file in files]
     except BagError as error:
@@ -141,7 +141,7 @@ def repair_in_child(item: Mapping[str, str]) -> dict[str, Any]:
 def _storage_files(given: Path) -> list[Path]:
     if not exists(given):
         raise BagError(f"no bag at {given}")
-    candidates = [given] if given.is_file() else list(given.iterdir())
+    candidates = list(given.iterdir()) if given.is_dir() else [given]
     files = sorted((file for file in candidates if _storage(file)), key=_natural)
     if not files:
         raise BagError(f"nothing to repair in {given}: no {' or '.join(SUFFIXES)} file")

@@ -17,8 +17,11 @@ from hapticmech_ros.cli.console import ComposedOption, SceneArgument, console
 from hapticmech_ros.cli.durations import seconds_of
 from hapticmech_ros.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.files import check_file
 
 CHECK_PERIOD_S = 0.2
+# Bytes.
+PARAMETER_FILE_LIMIT = 1_000_000
 
 NamespaceOption = Annotated[str, typer.Option(help="put nodes and topics under this name")]
 StorageOption = Annotated[str, typer.Option(help="mcap or sqlite3")]
@@ -83,7 +86,7 @@ def run(
     parameters = settings_of(settings or [])
     if delay:
         parameters["network_delay"] = delay
-    arguments = ("--params-file", str(params_file)) if params_file else ()
+    arguments = arguments_of(params_file)
     stop = stop_by_signals()
     if lockstep and only:
         raise InvalidInputError("--only", only, "lockstep runs all nodes")
@@ -173,6 +176,18 @@ def nodes_of(only: Sequence[str]) -> list[str]:
         if name not in NODES:
             raise InvalidInputError("--only", name, f"must be one of {', '.join(NODES)}")
     return [name for name in NODES if not only or name in only]
+
+
+def arguments_of(params_file: Path | None) -> tuple[str, ...]:
+    """Return what nodes are given for a parameter file, which ROS would wait for if it is a pipe.
+
+    Raises:
+        FileError: no regular file, or too large.
+    """
+    if params_file is None:
+        return ()
+    check_file(params_file, PARAMETER_FILE_LIMIT)
+    return "--params-file", str(params_file)
 
 
 def settings_of(texts: list[str]) -> dict[str, object]:

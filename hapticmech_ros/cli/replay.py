@@ -10,7 +10,13 @@ import typer
 
 from hapticmech_ros.cli.bag import Align, BagArgument, Storage
 from hapticmech_ros.cli.console import ComposedOption, console
-from hapticmech_ros.cli.graph import ParametersOption, SettingOption, settings_of, stop_by_signals
+from hapticmech_ros.cli.graph import (
+    ParametersOption,
+    SettingOption,
+    arguments_of,
+    settings_of,
+    stop_by_signals,
+)
 
 
 def replay(
@@ -58,7 +64,7 @@ def replay(
         composed=composed,
         namespace=namespace,
         parameters=settings_of(settings or []),
-        arguments=("--params-file", str(params_file)) if params_file else (),
+        arguments=arguments_of(params_file),
     )
     ticks = run_replay(run, os.environ, stop.is_set)
     console.print(f"replayed {ticks} ticks into {out}", highlight=False)

@@ -10,6 +10,7 @@ from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.loop_delay import DelayFollower, borne_round_trip, made_for
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.inputs import NEVER
+from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.ordering import InOrder
 from hapticmech_ros.nodes.sample_age import SampleAge
 from hapticmech_ros.scene.controller import Controller
@@ -43,7 +44,7 @@ class DevicePath(InOrder):
         self._scene, self._say = scene, say
         self._follower = DelayFollower(scene.connection)
         self._said_for = scene.connection.designed
-        self._age = SampleAge(relative=self.paced)
+        self._age = SampleAge()
         self._sample: tuple[Array, int] | None = None
         self._turn_ns = NEVER
 
@@ -53,9 +54,12 @@ class DevicePath(InOrder):
         Raises:
             InvalidInputError: it is older than ``limit_ns``.
         """
+        if not self.paced:
+            check_age(reading.stamp_ns, now_ns, limit_ns)
         if not self.is_next(reading.stamp_ns, now_ns):
             return False
-        self._age.check(reading.stamp_ns, now_ns, limit_ns)
+        if self.paced:
+            self._age.check(reading.stamp_ns, limit_ns)
         self.round_trip, self.obeyed = reading.round_trip, reading.obeys
         return True
 

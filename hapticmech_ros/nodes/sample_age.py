@@ -11,7 +11,6 @@ import time
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.inputs import NEVER
-from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.times import NANOSECONDS
 
 # Over so long, and the span before it: clocks drift by microseconds meanwhile.
@@ -19,14 +18,9 @@ SPAN_NS = 10 * NANOSECONDS
 
 
 class SampleAge:
-    """Judges samples of a device by how much longer than the quickest they took.
+    """Judges samples of a device, in order, by how much longer than the quickest they took."""
 
-    Args:
-        relative: whether to; else by this host's clock, as all messages are.
-    """
-
-    def __init__(self, relative: bool) -> None:
-        self._relative = relative
+    def __init__(self) -> None:
         self.forget()
 
     def forget(self) -> None:
@@ -35,20 +29,16 @@ class SampleAge:
         self._next_ns: int | None = None
         self._since_ns = self._stamp_ns = NEVER
 
-    def check(self, stamp_ns: int, now_ns: int, limit_ns: int) -> None:
+    def check(self, stamp_ns: int, limit_ns: int) -> None:
         """Refuse a sample that is too old.
 
         Args:
             stamp_ns: of the sample; one before the last says that the sender's clock was set.
-            now_ns: this node's time.
             limit_ns: how old it may be.
 
         Raises:
             InvalidInputError: it is older.
         """
-        if not self._relative:
-            check_age(stamp_ns, now_ns, limit_ns)
-            return
         if stamp_ns < self._stamp_ns:
             self.forget()
         self._stamp_ns = stamp_ns

@@ -193,19 +193,21 @@ TYPES = [
     *(f"UPDATE messages SET {column} = 'x'" for column in ("topic_id", "timestamp", "data")),
     "UPDATE messages SET timestamp = -5",
     "UPDATE messages SET timestamp = 1.5",
-    "UPDATE schema SET schema_version = 'x'",
     "DELETE FROM schema",
     "UPDATE messages SET data = zeroblob(0)",
 ]  # fmt: skip
 
 
+HARMLESS = ("DELETE FROM schema", "UPDATE message_definitions SET encoding = 'other'")
+
+
 @pytest.mark.parametrize("script", TYPES)
 @pytest.mark.parametrize("alone", [True, False], ids=["file", "folder"])
 def test_values_of_another_type(stored: Path, script: str, alone: bool) -> None:
-    """None of them is more than damage."""
+    """None of them is more than damage; messages of no topic are left out, as SQLite says."""
     file = changed(stored, script)
     found = outcome(file if alone else stored)
-    harmless = script.startswith(("UPDATE schema", "DELETE FROM schema"))
+    harmless = script in HARMLESS or (alone and "SET topic_id" in script)
     assert bool(found.strip(" |")) is not harmless
 
 
@@ -228,7 +230,7 @@ METADATA = {
     "huge": ("message_count: 50", f"message_count: {10**30}", "message_count"),
     "negative": ("message_count: 50", "message_count: -1", "message_count"),
     "words": ("nanoseconds: 49", "nanoseconds: many", "nanoseconds"),
-    "list": ("starting_time:", "starting_time: []\n  other:", "starting_time"),
+    "list": ("ros_distro: jazzy", "ros_distro: [a]", "ros_distro"),
     "version": ("version: 9", "version: 1e99", "version"),
     "storage": ("storage_identifier: sqlite3", "storage_identifier: [a]", "storage_identifier"),
 }

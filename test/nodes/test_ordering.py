@@ -59,30 +59,33 @@ def clock(monkeypatch):
 
 @pytest.mark.parametrize("ahead", [-3600 * S, 0, 3600 * S])
 def test_samples_are_judged_by_the_quickest_whatever_the_clocks_say(clock, ahead):
-    ages = SampleAge(relative=True)
+    ages = SampleAge()
     for _ in range(30_000):
         clock[0] += MS
-        ages.check(clock[0] + ahead - 50 * MS, 0, 250 * MS)
-    ages.check(clock[0] + ahead - 50 * MS - 249 * MS + 250 * MS, 0, 250 * MS)
+        ages.check(clock[0] + ahead - 50 * MS, 250 * MS)
+    ages.check(clock[0] + ahead - 50 * MS - 249 * MS + 250 * MS, 250 * MS)
     clock[0] += 500 * MS
     with pytest.raises(InvalidInputError, match="age of sample"):
-        ages.check(clock[0] + ahead - 400 * MS, 0, 250 * MS)
+        ages.check(clock[0] + ahead - 400 * MS, 250 * MS)
 
 
 def test_a_device_whose_clock_was_set_back_is_judged_anew(clock):
-    ages = SampleAge(relative=True)
-    ages.check(clock[0], 0, 250 * MS)
+    ages = SampleAge()
+    ages.check(clock[0], 250 * MS)
     clock[0] += MS
-    ages.check(clock[0] - 10 * S, 0, 250 * MS)
+    ages.check(clock[0] - 10 * S, 250 * MS)
     clock[0] += MS
-    ages.check(clock[0] - 10 * S, 0, 250 * MS)
+    ages.check(clock[0] - 10 * S, 250 * MS)
 
 
 def test_without_a_network_the_clock_of_the_host_counts():
-    ages = SampleAge(relative=False)
-    ages.check(10 * S, 10 * S + 200 * MS, 250 * MS)
-    with pytest.raises(InvalidInputError, match="age of stamp"):
-        ages.check(10 * S, 10 * S + 300 * MS, 250 * MS)
+    way, _ = path()
+    assert way.heard(reading(10 * S), 10 * S + 200 * MS, 250 * MS)
+    for stamp in (10 * S + 10 * MS, 3600 * S):
+        with pytest.raises(InvalidInputError, match="age of stamp"):
+            way.heard(reading(stamp), 10 * S + 300 * MS, 250 * MS)
+    # What was refused is no newest one.
+    assert way.heard(reading(10 * S + 200 * MS), 10 * S + 300 * MS, 250 * MS)
 
 
 def device(count):

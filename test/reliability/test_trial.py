@@ -7,11 +7,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from benchmarks.reliability import trial
 from benchmarks.reliability.sample import CAPACITY, COMMAND, DEVICE, SAMPLE, Ring
-from benchmarks.reliability.trial import Fault, Trial, seen, summarised
+from benchmarks.reliability.trial import Fault, Seen, Trial, seen, summarised
 
 MS = 1_000_000
 # Two clocks are read one after the other to know how far apart they are.
@@ -37,11 +37,9 @@ class Samples:
             stamp = self.at(ms) + self.apart_ns
             self.rows.append((topic, self.at(ms + late_ms), stamp, ms, force, 0.0))
 
-    def seen(self, fault: Fault) -> trial.Seen:
-        import numpy as np
-
+    def seen(self, fault: Fault) -> Seen:
         rows = [row for row in self.rows if row[0] in fault.topics]
-        return seen(np.array(rows, SAMPLE), fault)
+        return seen(np.array(rows, SAMPLE), fault, fault.offset_ns or 0)
 
 
 def test_a_device_that_lets_go_and_comes_back() -> None:
@@ -119,10 +117,12 @@ def test_a_sample_stamped_in_another_time_counts_when_it_arrives() -> None:
 def test_a_device_that_was_away_begins_with_zero_or_not() -> None:
     samples = Samples()
     samples.push(0, 100, 0.5)
+    # Half sent when it was frozen.
+    samples.push(100, 101, 0.7, late_ms=850.0)
     samples.push(1000, 1003, 0.5)
     samples.push(1003, 1100, 0.0)
     samples.push(1100, 1200, 0.5)
-    fault = Fault("freeze", 0, samples.at(500), samples.at(500), first_output=True)
+    fault = Fault("freeze", 0, samples.at(500), samples.at(900), first_output=True)
     assert samples.seen(fault).stale == 3
     assert samples.seen(fault).zero_s == pytest.approx(0.003, abs=CLOSE)
     samples.rows = [
@@ -130,7 +130,8 @@ def test_a_device_that_was_away_begins_with_zero_or_not() -> None:
     ]
     assert samples.seen(fault).stale == 0
     assert samples.seen(fault).zero_s == 0.0
-    assert samples.seen(fault).back_s == pytest.approx(0.6002, abs=CLOSE)
+    assert samples.seen(fault).back_s == pytest.approx(0.2002, abs=CLOSE)
+    assert samples.seen(fault).peak == 0.5
 
 
 def test_only_the_topics_asked_for_count() -> None:

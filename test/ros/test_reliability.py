@@ -39,7 +39,7 @@ class Graph:
 def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
     out = tmp_path_factory.mktemp("reliability")
     with SteppedClock(out) as clock:
-        hosts = [(tuple(NODES), clock.environment({}))]
+        hosts = [(tuple(NODES), clock)]
         domain = next_domain()
         with Rig(out, "short", hosts, all_topics=True, domain=domain, clean=False) as rig:
             yield Graph(rig, clock)
@@ -85,8 +85,16 @@ def test_a_freeze(graph: Graph, node: str) -> None:
 
 def test_a_clock_of_simulated_time_that_goes_back(tmp_path: Path) -> None:
     with SteppedClock(tmp_path) as clock:
-        given = {"parameters": {"use_sim_time": True}, "domain": next_domain(), "clean": False}
-        with Rig(tmp_path, "sim", clock=clock, **given) as rig:
+        domain, given = next_domain(), {"use_sim_time": True}
+        with Rig(
+            tmp_path,
+            "sim",
+            parameters=given,
+            clock=clock,
+            domain=domain,
+            clean=False,
+            composed=True,
+        ) as rig:
             survived(try_step(rig, clock, -8.0, "/clock"))
 
 

@@ -1,5 +1,7 @@
 """Rules of device and hand, and of the files that these name."""
 
+import os
+
 import pytest
 
 from hapticmech_ros.errors import SceneError
@@ -113,6 +115,13 @@ def test_a_script_too_large_or_not_text_is_refused(planar, tmp_path):
     with file.open("wb") as stream:
         stream.truncate(FILE_SIZE_LIMIT + 1)
     assert "bytes" in problem(document).rule
+
+
+def test_a_script_that_is_no_regular_file_is_not_waited_for(planar, tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    for file in (tmp_path / "pipe.csv", "/dev/zero", tmp_path):
+        found = problem({**planar, "hand": {"kind": "scripted", "file": str(file)}})
+        assert "must be a regular file" in found.rule
 
 
 def test_a_script_stands_beside_its_scene(planar, tmp_path, monkeypatch):

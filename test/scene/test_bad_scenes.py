@@ -40,6 +40,9 @@ ONE_VALUE = [
     ("hand.forse", [0, 0, 0], "unknown key"),
     ("format", "hapticmech-scene/9", "hapticmech-scene/1"),
     ("name", "five bar", "pattern"),
+    ("name", "x" * 101, "at most 100 characters"),
+    ("operational_points[0].name", "x" * 256, "at most 100 characters"),
+    ("links[0].inertial.mass", "0b101", "valid number"),
     ("name", "five_bar\n", "pattern"),
     ("task_space", "flat", "'planar' or 'spatial'"),
     ("links[0].inertial.mass", -1.0, "greater than or equal to 0"),
@@ -314,6 +317,12 @@ def test_a_short_file_cannot_alias_its_way_to_billions_of_values(tmp_path, first
     path.write_text("\n".join(lines))
     with pytest.raises(SceneError, match="aliases written out"):
         load_scene(path)
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "x" * 5000, "a\0b", "/dev/zero"])
+def test_a_name_that_no_file_can_have_is_no_scene(name):
+    with pytest.raises(SceneError, match="no such file, nor a shipped scene"):
+        load_scene(name)
 
 
 def test_an_unknown_scene_lists_those_there_are(tmp_path):

@@ -1,0 +1,208 @@
+"""Mutants of every kind of file that the package reads: crashes, hangs, tracebacks, memory.
+
+python -m benchmarks.reliability.files [NUMBER] [OUT]
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import select
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from benchmarks.reliability.figure import Figure, save, table
+from benchmarks.reliability.file_seeds import ROOT
+from benchmarks.reliability.file_worker import MEMORY_LIMIT, Mutants
+
+QUICK, FULL = 300, 100_000
+WORKERS = 2
+SEED = 15
+# s of the processor that a file may take, and of real time: the machine may have other work.
+HANG_S, PATIENCE_S = 5.0, 60.0
+START_S = 300.0
+PART = "files"
+
+
+@dataclass(slots=True)
+class Tally:
+    """What became of mutants.
+
+    Attributes:
+        outcomes: how many were read and refused, by kind.
+        crashes, hangs, foreign: what was found, by the mutant's number.
+        slowest_s: of the processor, for one file.
+        memory_mb: most that a worker, or a child of it, took above what it had.
+    """
+
+    outcomes: Counter[tuple[str, str]] = field(default_factory=Counter)
+    crashes: dict[int, str] = field(default_factory=dict)
+    hangs: dict[int, str] = field(default_factory=dict)
+    foreign: dict[int, str] = field(default_factory=dict)
+    slowest_s: float = 0.0
+    memory_mb: float = 0.0
+
+    def add(self, number: int, said: dict[str, Any]) -> None:
+        """Count what a worker says of a mutant."""
+        kind, outcome = str(said["kind"]), str(said["outcome"])
+        self.outcomes[kind, outcome.split(":")[0]] += 1
+        self.slowest_s = max(self.slowest_s, said["seconds"])
+        self.memory_mb = max(self.memory_mb, said["memory_mb"])
+        if outcome.startswith("foreign"):
+            self.foreign[number] = f"{kind}: {outcome}"
+        if said["seconds"] > HANG_S:
+            self.hangs[number] = f"{kind}: {said['seconds']:.1f} s"
+
+
+class Worker:
+    """A process that reads mutants; it is started anew when it ends."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._process: subprocess.Popen[str] | None = None
+
+    def read(self, number: int) -> dict[str, Any] | str:
+        """Return what the process says of a mutant, or ``hang``, or how it ended."""
+        process = self._process or self._start()
+        if process.stdin is None:
+            raise RuntimeError("a worker without input")
+        # One that has ended says so where it is read.
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.write(f"{number}\n")
+            process.stdin.flush()
+        line = _line(process, PATIENCE_S)
+        if line:
+            return dict(json.loads(line))
+        found = "hang" if line is None else f"exit code {process.wait()}"
+        self.close()
+        return found
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.communicate()
+            self._process = None
+
+    def _start(self) -> subprocess.Popen[str]:
+        shutil.rmtree(self._folder, ignore_errors=True)
+        command = [sys.executable, "-m", "benchmarks.reliability.file_worker"]
+        self._process = subprocess.Popen(
+            [*command, str(self._folder), str(SEED)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+        )
+        if _line(self._process, START_S) != "ready\n":
+            raise RuntimeError(f"no worker starts: {self._process.communicate()[1][-2000:]}")
+        return self._process
+
+
+def _line(process: subprocess.Popen[str], seconds: float) -> str | None:
+    """Return a process's next line; empty if it has ended, None if nothing comes."""
+    if process.stdout is None:
+        raise RuntimeError("a worker without output")
+    ready, _, _ = select.select([process.stdout], [], [], seconds)
+    return process.stdout.readline() if ready else None
+
+
+def read_mutants(number: int, folder: Path, workers: int = WORKERS) -> Tally:
+    """Read so many mutants, shared by workers that write into a folder."""
+    tally, lock = Tally(), threading.Lock()
+    numbers = iter(range(number))
+
+    def work(index: int) -> None:
+        worker = Worker(folder / str(index))
+        try:
+            for mine in _shared(numbers, lock):
+                said = worker.read(mine)
+                with lock:
+                    if isinstance(said, dict):
+                        tally.add(mine, said)
+                    elif said == "hang":
+                        tally.hangs[mine] = f"nothing for {PATIENCE_S:g} s"
+                    else:
+                        tally.crashes[mine] = said
+        finally:
+            worker.close()
+
+    threads = [threading.Thread(target=work, args=(index,)) for index in range(workers)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return tally
+
+
+def _shared(numbers: Iterator[int], lock: threading.Lock) -> Iterator[int]:
+    while True:
+        with lock:
+            number = next(numbers, None)
+        if number is None:
+            return
+        yield number
+
+
+def run(quick: bool, out: Path) -> list[Figure]:
+    """Read mutants; keep those that did harm in ``out/files``; return the figures."""
+    return measured(QUICK if quick else FULL, out)
+
+
+def measured(number: int, out: Path) -> list[Figure]:
+    """Do what :func:`run` says with so many mutants."""
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        tally = read_mutants(number, Path(folder))
+        _keep(tally, Path(folder) / "again", out / PART)
+    there = sum(tally.outcomes.values()) + len(tally.crashes)
+    read = sum(count for (_, what), count in tally.outcomes.items() if what == "read")
+    limit = MEMORY_LIMIT / 1e6
+    rows = (
+        ("mutants that ended the process", len(tally.crashes), "", 0.0),
+        ("mutants that took more than 5 s", len(tally.hangs), "", 0.0),
+        ("mutants that raised an error that is not the package's", len(tally.foreign), "", 0.0),
+        ("slowest mutant, time of the processor", tally.slowest_s, "s", HANG_S),
+        ("memory taken by one mutant at most", tally.memory_mb, "MB", limit),
+    )
+    figures = [
+        Figure(PART, name, float(value), unit, most=most, trials=number)
+        for name, value, unit, most in rows
+    ]
+    # Mutants that are all alike, or all refused at their first byte, would test nothing.
+    share = read / max(1, there)
+    note = "the others are refused"
+    figures.append(Figure(PART, "share of mutants read", share, "", 0.9, 0.05, number, note))
+    return figures
+
+
+def _keep(tally: Tally, folder: Path, out: Path) -> None:
+    """Write mutants that did harm, and what they did."""
+    found = {**tally.foreign, **tally.hangs, **tally.crashes}
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir(parents=True)
+    counts = {f"{kind} {what}": count for (kind, what), count in sorted(tally.outcomes.items())}
+    report = {"outcomes": counts, "found": {str(k): found[k] for k in sorted(found)}}
+    (out / "report.json").write_text(json.dumps(report, indent=1), "utf-8")
+    mutants = Mutants(folder, SEED) if found else None
+    for number in sorted(found)[:200]:
+        if mutants is not None:
+            _, path = mutants.make(number)
+            shutil.copy(path, out / f"{number}{path.suffix}")
+
+
+if __name__ == "__main__":
+    COUNT = int(sys.argv[1]) if len(sys.argv) > 1 else QUICK
+    OUT = Path(sys.argv[2]) if len(sys.argv) > 2 else Path("reliability")
+    FIGURES = measured(COUNT, OUT)
+    save(FIGURES, OUT / "files.json")
+    print(table(FIGURES))

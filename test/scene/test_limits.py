@@ -1,0 +1,60 @@
+"""How large numbers may be: what a scene says of it, and that its own figures lie within."""
+
+import pytest
+
+from hapticmech_ros.errors import SceneError
+from hapticmech_ros.scene import document_of, load_scene, scene_from_document, shipped_scenes
+from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.wire.bounds import FIXED, QUANTITIES
+
+
+def scene(**limits):
+    document = document_of(load_scene("five_bar"))
+    document["limits"] = limits
+    return scene_from_document(document)
+
+
+def test_what_is_left_out_has_a_default_and_what_is_given_counts():
+    assert scene().limits == Limits()
+    assert scene(force=50.0).limits == Limits(force=50.0)
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, 1e16, float("nan"), "1"])
+def test_a_limit_is_a_number_above_zero_of_which_products_stay_finite(bad):
+    with pytest.raises(SceneError, match=r"limits\.force"):
+        scene(force=bad)
+
+
+@pytest.mark.parametrize(
+    ("limits", "key"),
+    [
+        ({"force": 10.0}, r"device\.force_limit"),
+        ({"torque": 0.1}, r"device\.torque_limit"),
+        ({"stiffness": 100.0}, r"joint_constraint\.stiffness"),
+        ({"damping": 1.0}, r"joint_constraint\.damping"),
+    ],
+)
+def test_what_the_scene_itself_says_lies_within(limits, key):
+    with pytest.raises(SceneError, match=key):
+        scene(**limits)
+
+
+def test_a_start_faster_than_joints_may_be_is_refused():
+    document = document_of(load_scene("five_bar"))
+    joint = next(link["joint"]["name"] for link in document["links"])
+    document["initial_state"] = {**document.get("initial_state", {}), "v": {joint: 50.0}}
+    document["limits"] = {"joint_velocity": 40.0}
+    with pytest.raises(SceneError, match=rf"initial_state\.v\.{joint}.*joint_velocity, 40"):
+        scene_from_document(document)
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_shipped_scenes_are_far_from_their_limits(name):
+    found = load_scene(name)
+    assert found.device.force_limit <= 1e-3 * found.limits.force
+    assert found.controller.joint_constraint.stiffness <= 1e-3 * found.limits.stiffness
+
+
+def test_every_quantity_in_messages_has_a_limit_and_every_limit_a_quantity():
+    used = {name for quantities in QUANTITIES.values() for name in quantities}
+    assert used == {*Limits.model_fields, *FIXED}
