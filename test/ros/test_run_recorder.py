@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from std_msgs.msg import Float64MultiArray
 
+from benchmarks.reliability.full_disk import FullDisk, NoDiskError
 from hapticmech_ros.experiment.demo import DemoError, record_graph
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 from ros.harness import WAIT_S, Peer
@@ -22,10 +23,10 @@ COMMAND = [sys.executable, "-c", "from hapticmech_ros.cli import main; main()"]
 
 
 @contextmanager
-def run(domain: int, bag: Path) -> Iterator[subprocess.Popen[str]]:
+def run(domain: int, bag: Path, log: Path | None = None) -> Iterator[subprocess.Popen[str]]:
     """Run a graph in one process and record it; what it tells people is in ``bag.told``."""
     command = [*COMMAND, "run", "two_link", "--composed", "--record", str(bag)]
-    with bag.with_suffix(".told").open("w") as told:
+    with (log or bag.with_suffix(".told")).open("w") as told:
         process = subprocess.Popen(
             command, env=private_environment(domain), stderr=told, stdout=told, text=True
         )
@@ -35,8 +36,8 @@ def run(domain: int, bag: Path) -> Iterator[subprocess.Popen[str]]:
         stop_process(process)
 
 
-def until(condition: Callable[[], object], what: str) -> None:
-    end = time.monotonic() + WAIT_S
+def until(condition: Callable[[], object], what: str, timeout: float = WAIT_S) -> None:
+    end = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < end, f"waited in vain for {what}"
         time.sleep(0.02)
@@ -63,7 +64,7 @@ def test_the_graph_outlives_its_recorder(
     bag = tmp_path / "bag"
     states = peer.listen("device/state", Float64MultiArray)
     with run(domain, bag) as process:
-        peer.until(lambda: states and (bag / "metadata.yaml").exists(), "a graph that is recorded")
+        peer.until(lambda: states and (bag / "metadata.yaml").exists(), "a recording", 3 * WAIT_S)
         (recorder,) = recorders(process.pid)
         os.kill(recorder, number)
         until(lambda: any("the graph goes on" in line for line in told(bag)), "a sentence")
@@ -80,13 +81,32 @@ def test_the_graph_outlives_its_recorder(
     assert f"the bag {bag} is incomplete" in about[0]
 
 
+def test_the_graph_goes_on_where_the_disk_is_full(domain: int, peer: Peer, tmp_path: Path) -> None:
+    states = peer.listen("device/state", Float64MultiArray)
+    bag = tmp_path / "disk" / "bag"
+    try:
+        with FullDisk(bag.parent, 1), run(domain, bag, tmp_path / "told") as process:
+            said = (tmp_path / "told").read_text
+            until(lambda: "the graph goes on" in said(), "a sentence", 3 * WAIT_S)
+            states.clear()
+            peer.until(lambda: len(states) > 200, "a graph that goes on")
+            process.send_signal(signal.SIGINT)
+            assert process.wait(WAIT_S) == 1
+    except NoDiskError as error:
+        pytest.skip(str(error))
+    # The reason once, and what it means once.
+    assert said().count("No space left on device") == 1
+    assert said().count(f"the bag {bag} is incomplete") == 1
+    assert "Traceback" not in said()
+
+
 def test_a_bag_that_is_recorded_to_the_end_is_a_success(
     domain: int, peer: Peer, tmp_path: Path
 ) -> None:
     bag = tmp_path / "bag"
     states = peer.listen("device/state", Float64MultiArray)
     with run(domain, bag) as process:
-        peer.until(lambda: states and (bag / "metadata.yaml").exists(), "a graph that is recorded")
+        peer.until(lambda: states and (bag / "metadata.yaml").exists(), "a recording", 3 * WAIT_S)
         process.send_signal(signal.SIGINT)
         assert process.wait(WAIT_S) == 0
     assert not any("incomplete" in line for line in told(bag))

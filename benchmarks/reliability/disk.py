@@ -1,0 +1,115 @@
+"""Part ``disk``: a recorder fills its disk, where the nodes write their logs too.
+
+The recorder says so and ends, what it wrote can be repaired, and the graph renders on.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.full_disk import FullDisk, NoDiskError
+from benchmarks.reliability.rig import Rig, pushing
+from benchmarks.reliability.sample import Samples
+from benchmarks.reliability.trial import GOAL_PEAK
+from benchmarks.reliability.usage import Usage, grown, usage
+from hapticmech_ros.bench.children import wait_until
+from hapticmech_ros.graph import stop_process
+from hapticmech_ros.nodes.entry import NODES
+
+PART = "disk"
+FULL_S, QUICK_FULL_S = 600.0, 10.0
+MEGABYTES = 4
+FILLS_WITHIN_S = 120.0
+LOOKS = 200
+MEBI = float(1 << 20)
+MOST_MEBI = 1.0
+HAPTICMECH = [sys.executable, "-m", "hapticmech_ros"]
+
+
+def run(quick: bool, out: Path) -> list[Figure]:
+    """Let a graph render on a full disk for ten minutes (quick: seconds)."""
+    try:
+        with FullDisk(out / "full_disk", MEGABYTES) as disk:
+            return _on(disk, QUICK_FULL_S if quick else FULL_S, out)
+    except NoDiskError as error:
+        return [Figure(PART, "on a full disk", math.nan, note=str(error))]
+
+
+def _on(disk: FullDisk, seconds: float, out: Path) -> list[Figure]:
+    logs = {"ROS_LOG_DIR": str(disk.path / "log")}
+    bag, told = disk.path / "bag", out / "disk_recorder.log"
+    with Rig(out, PART, hosts=((tuple(NODES), logs),)) as rig:
+        rig.ready()
+        with told.open("w") as log:
+            record = [*HAPTICMECH, "bag", "record", "--all", "--out", str(bag)]
+            recorder = subprocess.Popen(record, env=rig.environment, stdout=log, stderr=log)
+        try:
+            what = "the recorder to end with its disk full"
+            wait_until(lambda: recorder.poll() is not None, FILLS_WITHIN_S, what, rig.check)
+        finally:
+            stop_process(recorder)
+        disk.fill()
+        held: dict[str, list[Usage]] = {node: [] for node in NODES}
+        times: list[float] = []
+        before, begun = rig.settle(), time.monotonic()
+        largest, breaks, samples, pushed = 0.0, 0, 0, 0
+        while (passed := time.monotonic() - begun) < seconds:
+            rig.check()
+            times.append(passed)
+            for node in NODES:
+                held[node].append(usage(rig.pid(node)))
+            time.sleep(seconds / LOOKS)
+            count = rig.ring.count
+            found = rig.samples(before)
+            before = count
+            peak, ended, some = _of(found)
+            largest, breaks = max(largest, peak), breaks + ended
+            samples, pushed = samples + len(found), pushed + some
+    sentence = told.read_text(encoding="utf-8")
+    plain = "No space left on device" in sentence and "Traceback" not in sentence
+    return [
+        Figure(PART, "rendered on a full disk for", passed, "s", trials=1),
+        Figure(PART, "largest force, of a clean run's", largest / rig.clean_max, "", GOAL_PEAK),
+        Figure(PART, "share of samples with force", pushed / max(samples, 1), "", None, 0.99),
+        Figure(PART, "samples", samples / passed, "Hz"),
+        Figure(PART, "rendering broke off", float(breaks), "times"),
+        Figure(PART, "recorder: says that the disk is full", float(plain), "", None, 1.0, 1),
+        Figure(PART, "recorder: exit code", float(recorder.returncode), "", 1.0, 1.0, 1),
+        Figure(PART, "messages repaired of its bag", _repaired(bag, out), "", None, 1.0, 1),
+        *(
+            Figure(
+                PART,
+                f"{node}: growth of resident memory",
+                grown(times, [one.resident for one in found]) / MEBI,
+                "MiB",
+                MOST_MEBI,
+                None,
+                len(times),
+            )
+            for node, found in held.items()
+        ),
+    ]
+
+
+def _of(samples: Samples) -> tuple[float, int, int]:
+    """Return the largest force, how often force ended, and how many samples have force."""
+    if not len(samples):
+        return 0.0, 0, 0
+    pushes = pushing(samples)
+    ended = int((pushes[:-1] & ~pushes[1:]).sum())
+    return float(samples["force"].max()), ended, int(pushes.sum())
+
+
+def _repaired(bag: Path, out: Path) -> float:
+    """Return how many messages of a bag that was cut short are found again, on another disk."""
+    whole = out / f"disk_repaired_{time.time_ns()}"
+    command = [*HAPTICMECH, "bag", "repair", str(bag), "--out", str(whole)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    found = re.search(r"(\d+) messages recovered", done.stdout)
+    return float(found[1]) if found and done.returncode == 0 else 0.0
