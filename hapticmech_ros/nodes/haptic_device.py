@@ -59,7 +59,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         super().__init__(node, parameters)
         self._hand_waits = parameters.hand_waits
         self._envelope = SafetyEnvelope(self.period_s)
-        self._loop = LocalLoop()
+        self._loop = LocalLoop(paired=self.scene.connection.networked)
         self._answers = Answers(self._loop)
         self._passivity = passivity_for(self.scene)
         self._device = device_for(self.scene, with_hand=parameters.hand == "scene")

@@ -214,11 +214,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._answer_to(found[0], rendering, found[1], now_ns)
 
     def _answer_to(
-        self,
-        device: Array,
-        rendering: RenderingReading,
-        stamp: int,
-        now_ns: int,
+        self, device: Array, rendering: RenderingReading, stamp: int, now_ns: int
     ) -> None:
         paced = self._path.paced and not self.lockstep
         # Over a network there is no common time; what is compared is what is known now.
@@ -244,7 +240,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._grasp = rendering.grasp
         self._engagement = self._control.slipped_flat(time_s, engagement, device, rendered)
         reading = Reading(time_s, stamp, device, rendered, ahead, self._elapsed(rendering.stamp_ns))
-        with_model = self._local and self._outputs.wants_gain(stamp)
+        # Over a network each answer says how it depends on the device: see LocalLoop.
+        with_model = self._local and (paced or self._outputs.wants_gain(stamp))
         answer = self._side.tick(reading, self._engagement, self._local, with_model)
         self._told_ns = stamp, rendering.stamp_ns if paced else stamp
         self._send(answer, *self._told_ns)

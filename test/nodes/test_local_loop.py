@@ -5,7 +5,7 @@ import pytest
 
 from hapticmech_ros.control.local_model import LocalModel
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.nodes.local_loop import FRESH_NS, REMEMBERED, LocalLoop
+from hapticmech_ros.nodes.local_loop import FRESH_NS, REMEMBERED, WAITING, LocalLoop
 from hapticmech_ros.wire.gain_wire import ServoGain, pack_gain, unpack_gain
 
 GAIN = np.diag([2.0, 0.0, 0.0, 0.0, 0.0, 3.0])
@@ -88,6 +88,48 @@ def test_the_account_counts_from_when_the_device_obeys():
     assert loop.to_mechanism == 0.0
     loop.take(message(11, energy=0.0), 400, lockstep=False)
     assert loop.to_mechanism == -0.25
+
+
+def paired():
+    loop = LocalLoop(paired=True)
+    for number in range(100):
+        loop.measured(sample(number), number * PERIOD_NS)
+    return loop
+
+
+def gain_of(command, times):
+    return message(command * PERIOD_NS, times, answered=command)
+
+
+def test_over_a_network_a_command_is_corrected_by_its_own_gain():
+    loop = paired()
+    loop.take(gain_of(90, 1.0), 0, lockstep=False)
+    loop.take(gain_of(91, 5.0), 0, lockstep=False)
+    assert loop.correct(COMMAND, 90 * PERIOD_NS, 100)[0] == 0.5 + 2.0 * 9.0
+    # As long as it stands.
+    assert loop.correct(COMMAND, 90 * PERIOD_NS, 200)[0] == 0.5 + 2.0 * 9.0
+    assert loop.correct(2.0 * COMMAND, 91 * PERIOD_NS, 200)[0] == 1.0 + 10.0 * 8.0
+
+
+def test_a_command_that_lost_its_gain_gives_way_to_the_last_that_has_one():
+    loop = paired()
+    loop.take(gain_of(70, 1.0), 0, lockstep=False)
+    assert loop.correct(COMMAND, 70 * PERIOD_NS, 100)[0] == 0.5 + 2.0 * 29.0
+    assert loop.correct(9.0 * COMMAND, 90 * PERIOD_NS, 100)[0] == 0.5 + 2.0 * 29.0
+    # Not for ever: then by the newest gain.
+    assert loop.correct(9.0 * COMMAND, 91 * PERIOD_NS, 100)[0] == 4.5 + 2.0 * 8.0
+    # A gain that comes after its command still belongs to it.
+    loop.take(gain_of(91, 3.0), 100, lockstep=False)
+    assert loop.correct(9.0 * COMMAND, 91 * PERIOD_NS, 200)[0] == 4.5 + 6.0 * 8.0
+    loop.forget(91 * PERIOD_NS)
+    assert loop.correct(COMMAND, 91 * PERIOD_NS, 300) is COMMAND
+
+
+def test_gains_that_wait_for_lost_commands_are_forgotten():
+    loop = paired()
+    for number in range(1000, 1000 + 3 * WAITING):
+        loop.take(gain_of(number, 1.0), 0, lockstep=False)
+    assert len(loop._unpaired) == WAITING
 
 
 def test_answers_to_one_sample_may_be_told_apart_by_nanoseconds():
