@@ -5,6 +5,7 @@ Real time: on a machine that is busy otherwise, run it with ``chrt -r 5``, as ro
 
 from __future__ import annotations
 
+import json
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -15,8 +16,10 @@ import numpy as np
 from benchmarks.reliability.emulated_network import EmulatedNetwork, Path, not_permitted
 from benchmarks.reliability.figure import Figure, save, table
 from benchmarks.reliability.split_graph import SplitGraph, Watched, run_for
+from hapticmech_ros.bench.feel.passive.trial import Trial, scene_of
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.scene.controller import Connection
+from hapticmech_ros.scene.loader import document_of
 from hapticmech_ros.session import Session
 
 PART = "network"
@@ -58,13 +61,24 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
     for delay, kind in [(0.05, "plain")] if quick else [(d, "plain") for d in DELAYS]:
         figures += _outage(delay, kind, 1 if quick else 5, out)
     figures += _clocks(0.01, seconds, out)
+    figures += _path(0.05, "all of it", seconds, out, _firm_arm(seconds, out))
     return figures
 
 
-def simulated_force(delay: float, kind: str, seconds: float) -> float:
+def _firm_arm(seconds: float, out: FilePath) -> str:
+    """Return a scene's file: an arm that holds firmly and moves, walls of 2000 N/m."""
+    scene = scene_of(Trial(SCENE, hand="firm", seconds=seconds))
+    document = document_of(scene.model_copy(update={"connection": Connection()}))
+    file = out / "a_firm_arm.yaml"
+    out.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(document), encoding="utf-8")
+    return str(file)
+
+
+def simulated_force(delay: float, kind: str, seconds: float, name: str = SCENE) -> float:
     """Return the largest force (N) over a simulated connection of the same delay."""
     path = Path(delay, **KINDS[kind])
-    scene = load_scene(SCENE)
+    scene = load_scene(name)
     late = Connection(delay=delay, jitter=path.jitter, loss=path.loss, seed=1)
     session, most = Session(scene.model_copy(update={"connection": late})), 0.0
     for _ in range(round(seconds / session.period)):
@@ -79,6 +93,7 @@ def _watched(
     out: FilePath,
     outages: tuple[float, ...] = (),
     device: tuple[str, ...] = (sys.executable, "-m", "hapticmech_ros.nodes.entry"),
+    scene: str = SCENE,
 ) -> tuple[Watched, list[float]]:
     """Run a graph over a path that is declared as it is; return also when it was cut and mended."""
     given = {"network_delay": path.delay or NO_DELAY}
@@ -87,16 +102,19 @@ def _watched(
         for at in outages:
             events.append((at, lambda: network.set(Path(out=True))))
             events.append((at + OUTAGE_S, lambda: network.set(path)))
-        with SplitGraph(network, out / name, SCENE, given, device) as graph:
+        with SplitGraph(network, out / name, scene, given, device) as graph:
             made = run_for(graph, seconds, events)
             return graph.watched(), made
 
 
-def _path(delay: float, kind: str, seconds: float, out: FilePath) -> Iterator[Figure]:
+def _path(
+    delay: float, kind: str, seconds: float, out: FilePath, scene: str = SCENE
+) -> Iterator[Figure]:
     path = Path(delay, **KINDS[kind])
     name = f"{1e3 * delay:g} ms, {kind}"
-    seen, _ = _watched(name.replace(" ", "_"), path, seconds, out)
-    most = FORCE_RATIO * simulated_force(delay, kind, min(seconds, 20.0))
+    name += "" if scene == SCENE else f", {FilePath(scene).stem.replace('_', ' ')}"
+    seen, _ = _watched(name.replace(" ", "_"), path, seconds, out, scene=scene)
+    most = FORCE_RATIO * simulated_force(delay, kind, min(seconds, 20.0), scene)
     again = seen.figure("haptic_device", "times_held")
     took = f"passivity control took {seen.dissipated.max():.2g} J"
     yield Figure(PART, f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1, f"held {again}×")

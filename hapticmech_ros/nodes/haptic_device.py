@@ -56,7 +56,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         super().__init__(node, parameters)
         self._hand_waits = parameters.hand_waits
         self._envelope = SafetyEnvelope(self.period_s)
-        self._loop = LocalLoop(gain_bounds(self.limits))
+        self._loop = self._new_loop()
         self._answers = Answers(self._loop)
         self._passivity = passivity_for(self.scene)
         self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
@@ -87,6 +87,9 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             self.input_array(DEVICE_GAIN.name, self.control_input, self._on_gain, GAIN_FIELDS)
         self._hand = HandPort(self, lambda: np.asarray(self._state.pose.rotation), self.act)
 
+    def _new_loop(self) -> LocalLoop:
+        return LocalLoop(gain_bounds(self.limits), self.scene.connection.networked)
+
     @property
     def _is_local(self) -> bool:
         return self.scene.controller.local
@@ -111,7 +114,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._command.clear()
         self._guard.forget()
         # Stamps from before mean nothing where a clock was set.
-        self._loop = LocalLoop(gain_bounds(self.limits))
+        self._loop = self._new_loop()
         self._answers = Answers(self._loop)
         self._state = self._device.at_rest(self._state.pose, self.lockstep, self._state.home)
         self._envelope.place(self._state.published[:3])

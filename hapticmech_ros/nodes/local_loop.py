@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from typing import NamedTuple
 
 from hapticmech_ros.control.local_model import corrected
 from hapticmech_ros.mechanism.model import Array
@@ -16,8 +17,19 @@ from hapticmech_ros.wire.gain_wire import ServoGain, gain_bounds, unpack_gain
 FRESH_NS = NANOSECONDS // 10
 # Samples that are remembered: a loop of so many periods can be corrected.
 REMEMBERED = 2048
+# Gains that wait for their commands; and how much newer a command without its own may be than the
+# one that is obeyed instead, ns.
+WAITING, PAIRED_NS = 64, NANOSECONDS // 50
 # Who answers one sample several times tells the answers apart by nanoseconds.
 _MICROSECOND = 1000
+
+
+class Pair(NamedTuple):
+    """A command (6,), the stamp (ns) of the sample that it answers, and how it depends on it."""
+
+    command: Array
+    answered_ns: int
+    gain: ServoGain
 
 
 class LocalLoop:
@@ -25,14 +37,20 @@ class LocalLoop:
 
     Args:
         bounds: of the gains that it is told.
+        paired: whether a gain comes with every command, as it does over a declared network. There a
+            command that has lost its gain would be corrected by one of another time for long:
+            the last command that has its own is obeyed instead, for a while.
 
     Attributes:
         gains: by stamp, in lockstep.
         order: of gains; what was overtaken is dropped.
     """
 
-    def __init__(self, bounds: Bounds | None = None) -> None:
+    def __init__(self, bounds: Bounds | None = None, paired: bool = False) -> None:
         self._bounds = bounds or gain_bounds()
+        self._paired = paired
+        self._pair: Pair | None = None
+        self._unpaired: OrderedDict[int, ServoGain] = OrderedDict()
         self.gains: Stamped[ServoGain] = Stamped()
         self.order = InOrder()
         self._told: float | None = None
@@ -60,7 +78,12 @@ class LocalLoop:
         gain = unpack_gain(values, self._bounds)
         if lockstep:
             self.gains.put(gain, gain.stamp_ns)
-        elif self.order.is_next(gain.stamp_ns, now_ns):
+            return
+        if self._paired and gain.answered_ns > self._from_ns:
+            self._unpaired[gain.stamp_ns] = gain
+            if len(self._unpaired) > WAITING:
+                self._unpaired.popitem(last=False)
+        if self.order.is_next(gain.stamp_ns, now_ns):
             self._told = gain.to_mechanism
             if gain.answered_ns > self._from_ns:
                 self._gain.put(gain, now_ns)
@@ -81,10 +104,22 @@ class LocalLoop:
     def forget(self, now_ns: int) -> None:
         """Correct nothing until there is a gain that answers a sample later than now."""
         self._gain, self._from_ns = Latest(), now_ns
-        self._told = self._before = None
+        self._told = self._before = self._pair = None
+        self._unpaired.clear()
 
     def correct(self, command: Array, answered_ns: int, now_ns: int) -> Array:
-        """Return a command (6,) corrected by the gain that stands, if its sample is remembered."""
+        """Return a command (6,) corrected by the gain that stands, if its sample is remembered.
+
+        What answers no sample, as a controller's last zero does, is obeyed as it is.
+        """
+        if not self.remembers(answered_ns):
+            return command
+        own = self._unpaired.pop(answered_ns, None)
+        if own is not None:
+            self._pair = Pair(command, answered_ns, own)
+        pair = self._pair
+        if pair is not None and answered_ns - pair.answered_ns <= PAIRED_NS:
+            return self._corrected(pair.command, pair.gain, pair.answered_ns)
         gain = self._gain.value
         if gain is None or not self._gain.fresh(now_ns, FRESH_NS):
             return command

@@ -34,6 +34,8 @@ from hapticmech_ros.wire.topics import DEVICE_STATE, POINT_COMMAND, RENDERING
 # The point's pose is carried on by its twist to the time of the device's measurement, by no more
 # than this: beyond it the twist says nothing.
 PREDICTION_LIMIT_S = 0.005
+# After the last answers' stamps, which may be later than their samples' by up to a microsecond.
+ZERO_AFTER_NS = 2000
 
 
 class TeleoperationController(Actor[ControllerParameters]):
@@ -270,11 +272,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._answer_to(found[0], rendering, found[1], now_ns)
 
     def _answer_to(
-        self,
-        device: Array,
-        rendering: RenderingReading,
-        stamp: int,
-        now_ns: int,
+        self, device: Array, rendering: RenderingReading, stamp: int, now_ns: int
     ) -> None:
         paced = self._path.paced and not self.lockstep
         # Over a network there is no common time; what is compared is what is known now.
@@ -300,7 +298,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._grasp = rendering.grasp
         self._engagement = self._control.slipped_flat(time_s, engagement, device, rendered)
         reading = Reading(time_s, stamp, device, rendered, ahead, self._elapsed(rendering.stamp_ns))
-        with_model = self._local and self._outputs.wants_gain(stamp)
+        # Over a network each answer says how it depends on the device: see LocalLoop.
+        with_model = self._local and (paced or self._outputs.wants_gain(stamp))
         answer = self._side.tick(reading, self._engagement, self._local, with_model)
         self._told_ns = stamp, rendering.stamp_ns if paced else stamp
         self._send(answer, *self._told_ns)
@@ -344,7 +343,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.node.get_logger().warning(f"disengaged: {reason}")
         self._engagement = None
         device_ns, mechanism_ns = self._told_ns
-        self._outputs.zero(device_ns + 1, mechanism_ns + 1)
+        # Later than what was told, and an answer to none of the device's samples: uncorrected.
+        self._outputs.zero(device_ns + ZERO_AFTER_NS, mechanism_ns + ZERO_AFTER_NS)
 
     def _on_rendering(self, values: Array, now_ns: int) -> None:
         found = read_rendering(values, self.bounds.rendering)

@@ -75,7 +75,8 @@ DEVICE_GAIN = Topic(
     ARRAY,
     CONTROLLER,
     "G, K and B, by which the device corrects `servo_cf` for what F_h, pose and twist have changed "
-    "since the sample that it answers, and E_m; stamps, J, and 6 x 6 each, axes of `world`",
+    "since the sample that it answers, and E_m; stamps, J, and 6 x 6 each, axes of `world`; over a "
+    "declared network with every command",
     (DEVICE,),
 )
 HAND_WRENCH = Topic(

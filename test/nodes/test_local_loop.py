@@ -5,7 +5,8 @@ import pytest
 
 from hapticmech_ros.control.local_model import LocalModel
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.nodes.local_loop import FRESH_NS, REMEMBERED, LocalLoop
+from hapticmech_ros.nodes.local_loop import FRESH_NS, REMEMBERED, WAITING, LocalLoop
+from hapticmech_ros.nodes.teleoperation_controller import ZERO_AFTER_NS
 from hapticmech_ros.wire.gain_wire import ServoGain, pack_gain, unpack_gain
 
 GAIN = np.diag([2.0, 0.0, 0.0, 0.0, 0.0, 3.0])
@@ -90,6 +91,48 @@ def test_the_account_counts_from_when_the_device_obeys():
     assert loop.to_mechanism == -0.25
 
 
+def paired():
+    loop = LocalLoop(paired=True)
+    for number in range(100):
+        loop.measured(sample(number), number * PERIOD_NS)
+    return loop
+
+
+def gain_of(command, times):
+    return message(command * PERIOD_NS, times, answered=command)
+
+
+def test_over_a_network_a_command_is_corrected_by_its_own_gain():
+    loop = paired()
+    loop.take(gain_of(90, 1.0), 0, lockstep=False)
+    loop.take(gain_of(91, 5.0), 0, lockstep=False)
+    assert loop.correct(COMMAND, 90 * PERIOD_NS, 100)[0] == 0.5 + 2.0 * 9.0
+    # As long as it stands.
+    assert loop.correct(COMMAND, 90 * PERIOD_NS, 200)[0] == 0.5 + 2.0 * 9.0
+    assert loop.correct(2.0 * COMMAND, 91 * PERIOD_NS, 200)[0] == 1.0 + 10.0 * 8.0
+
+
+def test_a_command_that_lost_its_gain_gives_way_to_the_last_that_has_one():
+    loop = paired()
+    loop.take(gain_of(70, 1.0), 0, lockstep=False)
+    assert loop.correct(COMMAND, 70 * PERIOD_NS, 100)[0] == 0.5 + 2.0 * 29.0
+    assert loop.correct(9.0 * COMMAND, 90 * PERIOD_NS, 100)[0] == 0.5 + 2.0 * 29.0
+    # Not for ever: then by the newest gain.
+    assert loop.correct(9.0 * COMMAND, 91 * PERIOD_NS, 100)[0] == 4.5 + 2.0 * 8.0
+    # A gain that comes after its command still belongs to it.
+    loop.take(gain_of(91, 3.0), 100, lockstep=False)
+    assert loop.correct(9.0 * COMMAND, 91 * PERIOD_NS, 200)[0] == 4.5 + 6.0 * 8.0
+    loop.forget(91 * PERIOD_NS)
+    assert loop.correct(COMMAND, 91 * PERIOD_NS, 300) is COMMAND
+
+
+def test_gains_that_wait_for_lost_commands_are_forgotten():
+    loop = paired()
+    for number in range(1000, 1000 + 3 * WAITING):
+        loop.take(gain_of(number, 1.0), 0, lockstep=False)
+    assert len(loop._unpaired) == WAITING
+
+
 def test_answers_to_one_sample_may_be_told_apart_by_nanoseconds():
     assert filled(10).correct(COMMAND, 6 * PERIOD_NS + 999, 100)[0] == 0.5 + 2.0 * 3.0
 
@@ -131,3 +174,16 @@ def test_a_message_is_what_was_packed():
 def test_gains_that_are_none_are_refused(data):
     with pytest.raises(InvalidInputError, match="gain message"):
         LocalLoop().take(data, 0, lockstep=False)
+
+
+@pytest.mark.parametrize("paired", [False, True])
+def test_a_last_zero_is_obeyed_as_it_is_whatever_gain_stands(paired):
+    loop = LocalLoop(paired=paired)
+    for number in range(10):
+        loop.measured(sample(number), number * PERIOD_NS)
+    answered = 6 * PERIOD_NS
+    loop.take(pack_gain(ServoGain(answered, answered, 0.0, LocalModel(GAIN, NONE, NONE))), 0, False)
+    assert loop.correct(COMMAND, answered, 100)[0] == 0.5 + 2.0 * 3.0
+    # As the controller stamps it: after its last answer, with no sample at that time.
+    zero = loop.correct(np.zeros(6), answered + ZERO_AFTER_NS, 100)
+    assert not zero.any()
