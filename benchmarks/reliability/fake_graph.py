@@ -28,6 +28,7 @@ from hapticmech_ros.nodes.teleoperation_controller import TeleoperationControlle
 from hapticmech_ros.nodes.viewer.scene_viewer import SceneViewer
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.topics import DEVICE_STATE
 
 ACTORS: tuple[type[Actor[Any]], ...] = (
@@ -284,7 +285,7 @@ class FakeGraph:
             self.seen.not_finite += 1
             self._example(f"{topic}: {wrong[:3]}")
         if topic.endswith(DEVICE_STATE.name):
-            applied = np.frombuffer(message[-48:])
+            applied = applied_in(message)
             force, torque = np.linalg.norm(applied[:3]), np.linalg.norm(applied[3:])
             if not (force <= self._limits[0] and torque <= self._limits[1]):
                 self.seen.beyond += 1
@@ -306,6 +307,14 @@ class FakeGraph:
     def _example(self, text: str) -> None:
         if len(self.seen.examples) < 20:
             self.seen.examples.append(text)
+
+
+def applied_in(message: bytes) -> np.ndarray:
+    """Return what actuators apply (6,) by a whole ``device/state`` message."""
+    values = np.frombuffer(message[-8 * sum(DEVICE_FIELDS.values()) :])
+    names = list(DEVICE_FIELDS)
+    start = sum(DEVICE_FIELDS[name] for name in names[: names.index("applied")])
+    return values[start : start + DEVICE_FIELDS["applied"]]
 
 
 def numbers_of(kind: Any, message: Any) -> Iterable[float]:

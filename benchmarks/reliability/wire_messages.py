@@ -18,7 +18,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
-from benchmarks.reliability.fake_graph import numbers_of
+from benchmarks.reliability.fake_graph import applied_in, numbers_of
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.hostile import Hostile
 from hapticmech_ros.bench.children import BenchError, output_to
@@ -225,7 +225,7 @@ class Attack:
         self._node.create_subscription(kind, topic, heard, SENT_RELIABLY, raw=True)
 
     def _look_at_force(self, message: bytes) -> None:
-        applied = np.frombuffer(message[-48:])
+        applied = applied_in(message)
         force, torque = np.linalg.norm(applied[:3]), np.linalg.norm(applied[3:])
         if not (force <= self._limits[0] and torque <= self._limits[1]):
             self.beyond += 1

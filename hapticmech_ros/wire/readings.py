@@ -18,6 +18,7 @@ from hapticmech_ros.wire.layouts import (
     RENDERED,
     device_bounds,
     rendering_bounds,
+    whole_device,
 )
 
 _DEVICE, _RENDERING = device_bounds(), rendering_bounds()
@@ -75,7 +76,7 @@ def read_device(values: Array, bounds: Bounds = _DEVICE) -> DeviceReading:
         InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
     # Numbers inside a message's bytes need not lie as kernels expect.
-    values = values.copy()
+    values = whole_device(values.copy())
     stamp = bounds.stamp(values)
     return DeviceReading(stamp, values[DEVICE_MEASURED], values.item(-2), values.item(-1) != 0.0)
 

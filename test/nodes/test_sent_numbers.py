@@ -92,7 +92,7 @@ def test_what_holds_no_numbers_is_sent():
 
 def test_arrays_leave_within_their_bounds_only():
     flat = FlatArray(DEVICE_FIELDS, device_bounds(Limits(force=10.0)))
-    values = np.zeros(27)
+    values = np.zeros(sum(DEVICE_FIELDS.values()))
     values[8] = 1.0
     assert FlatArray(DEVICE_FIELDS).decode(flat.encode(values)).tobytes() == values.tobytes()
     for index, bad in ((15, 10.5), (15, math.nan), (0, -1.0), (8, 0.5), (1, 1e9)):
