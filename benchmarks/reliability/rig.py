@@ -231,6 +231,9 @@ class Rig:
                 self.settle()
             time.sleep(CLEAN_S)
             found = self.samples(begun)
+            if not len(found):
+                self.renew()
+                continue
             first = int(np.argmax(pushing(found)))
             self.clean_max = float(found["force"].max())
             steady = found[first:]
