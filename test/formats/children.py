@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.contact.mesh_hulls import read_mesh
+from hapticmech_ros.contact.hull import hull
+from hapticmech_ros.contact.mesh_corners import corners_of
 from hapticmech_ros.errors import HapticMechError, SceneError
 from hapticmech_ros.mechanism import Mechanism
 
@@ -28,8 +29,12 @@ def outcome(path, evaluated=False):
         if evaluated:
             for shape in scene.shapes:
                 if shape.geometry.kind == "mesh":
-                    hull = read_mesh(shape.geometry.file, shape.geometry.scale, shape.name)
-                    if not np.isfinite(hull.vertices).all():
+                    # What the child does that reads meshes; this one has limits, too.
+                    mesh = {"file": shape.geometry.file, "scale": shape.geometry.scale}
+                    said = corners_of(mesh)
+                    if "rule" in said:
+                        return f"refused: {shape.name}: {said['rule']}"
+                    if not np.isfinite(hull(np.array(said["corners"])).vertices).all():
                         return "bug: not finite"
             mechanism = Mechanism(scene)
             q, v = np.asarray(mechanism._neutral), np.full(mechanism.nv, 0.1)
