@@ -59,7 +59,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         super().__init__(node, parameters)
         self._hand_waits = parameters.hand_waits
         self._envelope = SafetyEnvelope(self.period_s)
-        self._loop = LocalLoop(paired=self.scene.connection.networked)
+        self._loop = LocalLoop(paired=self._is_local and self.scene.connection.networked)
         self._answers = Answers(self._loop)
         self._passivity = passivity_for(self.scene)
         self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
@@ -200,12 +200,14 @@ class HapticDevice(ClockedActor[DeviceParameters]):
                 return None
             return self._safe(answer)
         command = self._command.value
-        if command is None or fault or not self._command.fresh(now_ns, self.timeout_ns):
+        fresh = self._command.fresh(now_ns, self.timeout_ns)
+        lost = fault or ("servo_cf is lost" if not fresh else self._answers.lost(now_ns))
+        if command is None or lost:
             if self._held is not None:
-                self.node.get_logger().warning(f"{fault or 'servo_cf is lost'}: actuators at zero")
+                self.node.get_logger().warning(f"{lost}: actuators at zero")
             self._let_go(now_ns)
             return None
-        if not self._answers.begin():
+        if not self._answers.begin(now_ns):
             return None
         if self._held is None and not self._hand_waits:
             self._held = self._state
