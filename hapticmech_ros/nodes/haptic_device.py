@@ -155,9 +155,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             for behind in reversed(range(self.backlog.steps(periods))):
                 self._move(self._standing_command(deadline_ns - behind * self.period_ns))
         self._push = self._pushing(deadline_ns)
-        sensed = self._device.sensed(self._push)
         told = self._answers.round_trip, self._answers.obeys or self.lockstep
-        self._written.see(self._state, sensed, deadline_ns, *told)
+        self._written.see(self._state, self._device.sensed(self._push), deadline_ns, *told)
         self._publish_wire.publish(self._wire.encode(self._written.values))
         self._loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
         if self._ticks % self.view_every == 0:
