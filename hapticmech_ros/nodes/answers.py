@@ -42,7 +42,12 @@ class Answers(InOrder):
             self._estimate.add((now_ns - stamp_ns) / NANOSECONDS)
         return True
 
-    def begin(self) -> bool:
+    def lost(self, now_ns: int) -> str:
+        """Return what is lost of what it obeys, at a time (ns); empty if nothing is."""
+        well = not self.obeys or self._loop.can_correct(self.answered_ns, now_ns)
+        return "" if well else "servo_gain is lost"
+
+    def begin(self, now_ns: int) -> bool:
         """Return whether to obey from now on, or already.
 
         What answers a sample from before the device let go was meant for a hand that was held.
@@ -50,7 +55,7 @@ class Answers(InOrder):
         """
         answered_ns = self.answered_ns
         late = answered_ns <= self._let_go_ns and self._loop.remembers(answered_ns)
-        if not (self.obeys or late):
+        if not (self.obeys or late) and self._loop.can_correct(answered_ns, now_ns):
             self.obeys = True
             self._loop.begin()
         return self.obeys

@@ -88,7 +88,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._hand = HandPort(self, lambda: np.asarray(self._state.pose.rotation), self.act)
 
     def _new_loop(self) -> LocalLoop:
-        return LocalLoop(gain_bounds(self.limits), self.scene.connection.networked)
+        paired = self._is_local and self.scene.connection.networked
+        return LocalLoop(gain_bounds(self.limits), paired)
 
     @property
     def _is_local(self) -> bool:
@@ -208,14 +209,16 @@ class HapticDevice(ClockedActor[DeviceParameters]):
                 return None
             return self._safe(answer)
         stands, heard_ns = self._command.as_of(now_ns)
-        if stands is None or fault or now_ns - heard_ns > self.timeout_ns:
+        fresh = now_ns - heard_ns <= self.timeout_ns
+        lost = fault or ("servo_cf is lost" if not fresh else self._answers.lost(now_ns))
+        if stands is None or lost:
             if self._answers.obeys:
-                self._warn(fault or "servo_cf is lost")
+                self._warn(lost)
                 self._let_go(now_ns)
             else:
                 self._answers.let_go(now_ns)
             return None
-        if not self._answers.begin():
+        if not self._answers.begin(now_ns):
             return None
         command, answered_ns = stands
         if self._held is None and not self._hand_waits:

@@ -69,6 +69,14 @@ class LocalLoop:
         """Return whether a stamp is of a sample of this device."""
         return stamp_ns // _MICROSECOND in self._samples
 
+    def can_correct(self, answered_ns: int, now_ns: int) -> bool:
+        """Return whether a command may be obeyed: over a network none that lacks its correction.
+
+        Walls are as stiff as the device's own loop bears; over the network they would diverge.
+        """
+        needs = self._paired and self.remembers(answered_ns)
+        return not needs or self._gain.fresh(now_ns, FRESH_NS)
+
     def take(self, values: Array, now_ns: int, lockstep: bool) -> None:
         """Take a ``servo_gain`` message's data.
 

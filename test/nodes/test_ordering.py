@@ -3,15 +3,17 @@
 import numpy as np
 import pytest
 
+from hapticmech_ros.control.local_model import LocalModel
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes import sample_age
 from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.device_path import DevicePath
 from hapticmech_ros.nodes.inputs import Latest
-from hapticmech_ros.nodes.local_loop import LocalLoop
+from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
 from hapticmech_ros.nodes.ordering import FORGET_NS, InOrder
 from hapticmech_ros.nodes.sample_age import SampleAge
 from hapticmech_ros.scene import load_scene
+from hapticmech_ros.wire.gain_wire import ServoGain, pack_gain
 from hapticmech_ros.wire.readings import DeviceReading
 
 MS = 1_000_000
@@ -110,24 +112,41 @@ def test_a_device_times_the_answers_to_its_own_samples():
 def test_what_answers_a_sample_from_before_the_device_let_go_is_not_obeyed():
     _, answers = device(200)
     answers.is_next(50 * MS, 80 * MS)
-    assert answers.begin()
+    assert answers.begin(0)
     answers.let_go(90 * MS)
     assert not answers.obeys
     for stamp in (60, 90):
         answers.is_next(stamp * MS, (stamp + 40) * MS)
-        assert not answers.begin()
+        assert not answers.begin(0)
     answers.let_go(100 * MS)  # it does nothing anyway: the time of letting go stays
     answers.is_next(91 * MS, 131 * MS)
-    assert answers.begin()
+    assert answers.begin(0)
 
 
 def test_who_answers_no_sample_is_obeyed_again_at_once():
     _, answers = device(10)
     answers.is_next(50 * MS + 7, 50 * MS + 8)
-    assert answers.begin()
+    assert answers.begin(0)
     answers.let_go(70 * MS)
     answers.is_next(60 * MS + 7, 71 * MS)
-    assert answers.begin()
+    assert answers.begin(0)
+
+
+def test_over_a_network_nothing_is_obeyed_that_lacks_its_correction():
+    loop = LocalLoop(paired=True)
+    for number in range(200):
+        loop.measured(np.zeros(19), number * MS)
+    answers = Answers(loop)
+    answers.is_next(50 * MS, 60 * MS)
+    assert not answers.begin(60 * MS)
+    none = LocalModel(*np.zeros((3, 6, 6)))
+    loop.take(pack_gain(ServoGain(50 * MS, 50 * MS, 0.0, none)), 61 * MS, lockstep=False)
+    assert answers.begin(62 * MS)
+    assert answers.lost(62 * MS) == ""
+    assert answers.lost(61 * MS + FRESH_NS + 1) == "servo_gain is lost"
+    # What answers no sample needs none: nobody closes a loop with it.
+    answers.is_next(500 * MS + 7, 500 * MS + 8)
+    assert answers.lost(61 * MS + FRESH_NS + 1) == ""
 
 
 def reading(stamp, round_trip=0.0, obeys=True):
