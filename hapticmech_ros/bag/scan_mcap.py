@@ -110,9 +110,10 @@ class McapScan:
             kind, length = _HEAD.unpack_from(records, self._kept)
             if at + length > len(records):
                 return
-            self._kept = at + length
             if kind == _CHUNK:
-                raise ReaderError("a chunk within a chunk")
+                self._lose("holds a chunk within a chunk", len(records) - self._kept)
+                return
+            self._kept = at + length
             yield from self._record(kind, records[at : self._kept])
 
     def _schema(self, content: bytes) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 import struct
 import sys
@@ -70,6 +71,7 @@ def outcome(path: Path) -> str:
     # What the child does, without one for each of so many bags.
     scratch = path.parent / "scratch"
     scratch.mkdir(exist_ok=True)
+    shutil.rmtree(scratch / "repaired", ignore_errors=True)
     item = {"source": str(path), "target": str(scratch / "repaired"), "scratch": str(scratch)}
     done = repair_in_child(item)
     said += [done["error"]] if "error" in done else [file["trouble"] for file in done["files"]]
@@ -120,6 +122,10 @@ def test_chunks_in_chunks_and_records_that_never_end(tmp_path: Path) -> None:
     for _ in range(50):
         inner = chunk(inner * 2, "", 2 * len(inner)) if len(inner) < 1 << 20 else inner
     assert "within a chunk" in outcome(mcap(tmp_path / "nested.mcap", inner))
+    whole = chunk(chunk(b"", "", 0) * 2, "", 1000)
+    cut = struct.pack("<BQ", 6, len(whole) + 50) + whole[9:]
+    (tmp_path / "cut.mcap").write_bytes(MAGIC + record(1, text("ros2") + text("x")) + cut)
+    assert "within a chunk" in outcome(tmp_path / "cut.mcap")
     endless = struct.pack("<BQ", 6, 1 << 62) + b"x" * 100
     assert "breaks off" in outcome(mcap(tmp_path / "endless.mcap", endless))
 
