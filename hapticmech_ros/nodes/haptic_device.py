@@ -147,6 +147,9 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Move the device on under the command that stands, and publish what it measures."""
         if self._refuge.rests(deadline_ns, self.activate):
             return
+        if not self.lockstep and self._command.lapsed(self.now_ns(), self.timeout_ns):
+            # Now, and not once all that was missed has been caught up.
+            self._lose("servo_cf is lost")
         if self._ticks or not self.lockstep:
             for time_ns in self.times(periods, deadline_ns):
                 self._move(self._standing_command(time_ns))
@@ -212,11 +215,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         fresh = now_ns - heard_ns <= self.timeout_ns
         lost = fault or ("servo_cf is lost" if not fresh else self._answers.lost(now_ns))
         if stands is None or lost:
-            if self._answers.obeys:
-                self._warn(lost)
-                self._let_go(now_ns)
-            else:
-                self._answers.let_go(now_ns)
+            self._lose(lost)
             return None
         if not self._answers.begin(now_ns):
             return None
@@ -247,6 +246,15 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         numbers = self._state.published[:19].copy()
         numbers[13:] += self._device.sensed(self._push)
         return numbers
+
+    def _lose(self, what: str) -> None:
+        """Obey no more, because something is lost, and say so once."""
+        now = self.now_ns()
+        if self._answers.obeys:
+            self._warn(what)
+            self._let_go(now)
+        else:
+            self._answers.let_go(now)
 
     def _let_go(self, now_ns: int) -> None:
         """Let the hand go, and begin anew with the next command."""

@@ -50,6 +50,16 @@ class Standing(Latest[T]):
         """Note that a sample was taken under the value that stands."""
         self._before, self._before_ns = self.value, self.stamp_ns
 
+    def lapsed(self, now_ns: int, timeout_ns: int) -> bool:
+        """Return whether what stood at the last sample has run out by now, and forget it then.
+
+        A process that stood still for so long has missed the end of it.
+        """
+        if self._before is None or now_ns - self._before_ns <= timeout_ns:
+            return False
+        self._before, self._before_ns = None, NEVER
+        return True
+
     def as_of(self, time_ns: int) -> tuple[T | None, int]:
         """Return what was known at a time, and since when, ns."""
         if self.stamp_ns > time_ns:

@@ -41,3 +41,17 @@ def test_a_wrench_ran_out_during_a_stall_whatever_came_after_it() -> None:
     assert not wrench.at(100 * MS).any()
     assert not wrench.at(199 * MS).any()
     assert np.array_equal(wrench.at(200 * MS), 2.0 * PUSH)
+
+
+def test_what_ran_out_during_a_stall_is_told_once_and_counts_no_more() -> None:
+    command: Standing[str] = Standing()
+    assert not command.lapsed(0, 12 * MS)
+    command.put("before", 10 * MS)
+    command.sampled()
+    assert not command.lapsed(22 * MS, 12 * MS)
+    assert command.lapsed(23 * MS, 12 * MS)
+    assert not command.lapsed(23 * MS, 12 * MS)
+    command.put("after", 100 * MS)
+    # Not even for the time when it still stood.
+    assert command.as_of(11 * MS)[0] is None
+    assert command.as_of(100 * MS) == ("after", 100 * MS)
