@@ -28,6 +28,7 @@ from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLIS
 from hapticmech_ros.nodes.sources import WITHIN, Sources
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.scene.limit_rules import check_limits
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.bounds import wrench_bounds
 from hapticmech_ros.wire.cdr import FlatArray
@@ -63,6 +64,7 @@ class Actor(Generic[P]):
         self.scene: Scene = load_scene(
             parameters.scene, parameters.control_rate, parameters.network_delay
         )
+        check_limits(self.scene)
         self.point = self.scene.operational_point(parameters.operational_point).name
         self.lockstep = parameters.lockstep
         self.control_input: QoSProfile = LOCKSTEP if self.lockstep else CONTROL_SUBSCRIBER

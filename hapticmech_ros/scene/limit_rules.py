@@ -4,11 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from hapticmech_ros.errors import SceneProblem
+from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.scene.document import Scene
 
 
-def broken_limit_rules(scene: Scene) -> Iterator[SceneProblem]:
+def check_limits(scene: Scene) -> None:
+    """Refuse a scene whose own figures its nodes would refuse in messages.
+
+    Without messages a scene may go beyond: its limits bound nothing else.
+
+    Raises:
+        SceneError: names each figure, its value and its limit.
+    """
+    problems = tuple(_broken(scene))
+    if problems:
+        raise SceneError(scene.name, problems)
+
+
+def _broken(scene: Scene) -> Iterator[SceneProblem]:
     """Yield each figure whose messages the scene's own nodes would refuse."""
     device, joint = scene.device, scene.controller.joint_constraint
     figures = (

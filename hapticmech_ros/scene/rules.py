@@ -10,7 +10,6 @@ from hapticmech_ros.errors import SceneProblem
 from hapticmech_ros.scene.contact_rules import broken_contact_rules
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.holding_rules import broken_holding_rules, hand_vectors
-from hapticmech_ros.scene.limit_rules import broken_limit_rules
 from hapticmech_ros.scene.mechanism import Closure, Inertia, Joint, Link, Origin, Spring
 
 POSITION_SIZE = {
@@ -49,7 +48,6 @@ def broken_rules(scene: Scene) -> list[SceneProblem]:
         *_thresholds(scene),
         *broken_holding_rules(scene),
         *broken_contact_rules(scene),
-        *broken_limit_rules(scene),
     ]
 
 

@@ -129,7 +129,7 @@ WRONG = {
         "model.xml", "line 3, <include>", "nothing in it",
     ),
     "folder": (
-        {"model.xml": MAIN.format('<include file="."/>')}, "", "file", "must be a file",
+        {"model.xml": MAIN.format('<include file="."/>')}, "", "file", "must be a regular file",
     ),
     "long": (
         {"model.xml": MAIN.format(f'<include file="{"x" * 5000}"/>')},

@@ -4,6 +4,7 @@ import pytest
 
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.scene import document_of, load_scene, scene_from_document, shipped_scenes
+from hapticmech_ros.scene.limit_rules import check_limits
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.bounds import FIXED, QUANTITIES
 
@@ -35,8 +36,9 @@ def test_a_limit_is_a_number_above_zero_of_which_products_stay_finite(bad):
     ],
 )
 def test_what_the_scene_itself_says_lies_within(limits, key):
+    given = scene(**limits)
     with pytest.raises(SceneError, match=key):
-        scene(**limits)
+        check_limits(given)
 
 
 def test_a_start_faster_than_joints_may_be_is_refused():
@@ -44,13 +46,15 @@ def test_a_start_faster_than_joints_may_be_is_refused():
     joint = next(link["joint"]["name"] for link in document["links"])
     document["initial_state"] = {**document.get("initial_state", {}), "v": {joint: 50.0}}
     document["limits"] = {"joint_velocity": 40.0}
+    given = scene_from_document(document)
     with pytest.raises(SceneError, match=rf"initial_state\.v\.{joint}.*joint_velocity, 40"):
-        scene_from_document(document)
+        check_limits(given)
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_shipped_scenes_are_far_from_their_limits(name):
     found = load_scene(name)
+    check_limits(found)
     assert found.device.force_limit <= 1e-3 * found.limits.force
     assert found.controller.joint_constraint.stiffness <= 1e-3 * found.limits.stiffness
 
