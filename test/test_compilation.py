@@ -94,7 +94,8 @@ from hapticmech_ros.wire.kernels import stamp_if_sound
 from hapticmech_ros.saturation_kernels import limit
 values = np.zeros(27)
 values[0], values[1], values[5] = 3.0, 7.0, 1.0
-print(stamp_if_sound(values, np.full(27, 10.0), 5, 1e-6), "numba" in sys.modules, type(limit).__name__)
+stamp = stamp_if_sound(values, np.full(27, 10.0), 5, 1e-6)
+print(stamp, "numba" in sys.modules, type(limit).__name__)
 """
 
 
