@@ -280,10 +280,8 @@ class ManagedNode(LifecycleNode):
         actor = self.actor
         if actor is None or not self.active or now == 0:
             return
-        if step == now:
-            # From zero: time does not go on, it begins.
-            self._activate(actor)
-        elif not 0 <= step <= CLOCK_STEP_NS:
+        # From zero it does not go on, it begins. What was heard by then may be of that time already.
+        if step != now and not 0 <= step <= CLOCK_STEP_NS:
             self._begin_anew(f"/{said_of_step(step)}")
         if isinstance(actor, ClockedActor):
             if actor.clock is None:

@@ -24,11 +24,10 @@ ENOUGH = 4000
 WAIT_S = 60.0
 
 
-def messages_on_disk(folder: Path, storage: str) -> int:
-    suffix, kind = (".mcap", McapScan) if storage == "mcap" else (".db3", SqliteScan)
+def messages_on_disk(folder: Path, storage: str, scratch: Path) -> int:
     count = 0
-    for file in folder.glob(f"*{suffix}"):
-        scan: Scan = kind(file)
+    for file in folder.glob("*.mcap" if storage == "mcap" else "*.db3"):
+        scan: Scan = McapScan(file) if storage == "mcap" else SqliteScan(file, scratch)
         count += sum(found.data is not None for found in scan)
     return count
 
@@ -41,7 +40,7 @@ def test_kill_costs_the_last_second_at_most(storage: str, domain: int, tmp_path:
         steady_publisher(domain, "/steady", RATE_HZ),
     ):
         end = time.monotonic() + WAIT_S
-        while messages_on_disk(bag, storage) < ENOUGH:
+        while messages_on_disk(bag, storage, tmp_path) < ENOUGH:
             assert time.monotonic() < end, "the recorder writes nothing"
             assert recorder.poll() is None
             time.sleep(0.2)

@@ -108,13 +108,10 @@ def test_a_second_publisher_is_refused_once_it_speaks(domain: int, peer: Peer) -
         # Who has only made a publisher commands nothing.
         peer.until(lambda: second.get_subscription_count() > 0, "the device")
         peer.until(bench.pushed, "the push beside a silent one")
-        asked_ns = 0
 
         def refused() -> bool:
-            nonlocal asked_ns
             # With no stamp, as CRTK allows, and the same command.
             message = peer.wrench(*PUSH)
-            asked_ns = asked_ns or stamp_ns(message.header)
             message.header.stamp.sec = message.header.stamp.nanosec = 0
             second.publish(message)
             bench.pushed()
@@ -122,7 +119,6 @@ def test_a_second_publisher_is_refused_once_it_speaks(domain: int, peer: Peer) -
 
         peer.until(refused, "the refusal of two")
         assert "/peer (" in bench.figure("fault")
-        assert bench.zero_after_ns(asked_ns) <= 20 * MS
         peer.until(bench.pushed, "the push of the one that goes on")
         assert bench.figure("fault") is not None
 
@@ -154,7 +150,8 @@ def test_limits_slew_ramp_and_workspace_hold_and_are_told(
     limits = {
         "force_limit": 2.0,
         "torque_limit": 0.01,
-        "force_slew": 100.0,
+        # Less than the ramp asks for: 2 N in 0.05 s.
+        "force_slew": 20.0,
         "start_ramp": 0.05,
         "workspace_radius": 0.005,
     }
