@@ -280,7 +280,7 @@ class ManagedNode(LifecycleNode):
         actor = self.actor
         if actor is None or not self.active or now == 0:
             return
-        # From zero it does not go on, it begins. What was heard by then may be of that time already.
+        # From zero it does not go on, it begins; what was heard by then may be of that time.
         if step != now and not 0 <= step <= CLOCK_STEP_NS:
             self._begin_anew(f"/{said_of_step(step)}")
         if isinstance(actor, ClockedActor):
