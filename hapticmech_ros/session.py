@@ -101,7 +101,7 @@ class Session:
         self._mechanism_state = self.simulator.initial_state()
         start = self.simulator.evaluate(self._mechanism_state).points[self._index].pose
         self._device_state = self._held = self._device.at_rest(start, held=True)
-        self._engagement: Engagement = self._control.engage(0.0, start, start)
+        self._engagement: Engagement | None = None
         self._loop = RenderingLoop(scene, self._control, command_delay)
         self._count: CountState | None = None
         self._carried: Array | None = None
@@ -158,14 +158,14 @@ class Session:
         self._count = self._next_count(analysis.spectrum.s, time)
         contact = touching_wrench(terms, analysis, mechanism.touching, self._index)
         measured = DeviceMeasurement(device.measured_pose, device.measured_twist, held)
-        self._tie(time, measured, point)
         late = self._analyser.late(terms, mechanism.q, mechanism.v, mechanism.active, analysis)
         model = rendering_model(analysis, late)
         seen = PointMeasurement(point.pose, point.twist, external + contact)
+        engagement = self._tie(time, measured, seen)
         numbers = np.concatenate((device.published[:13], held))
         added = self._device.compensation(device)
         applied = device.applied
-        acting = self._loop.tick(time, self._engagement, numbers, applied, seen, model, added)
+        acting = self._loop.tick(time, engagement, numbers, applied, seen, model, added)
         output = self._loop.output
         sample = Sample(
             time,
@@ -217,13 +217,14 @@ class Session:
         self._carried = self._sent
         self._count = None
 
-    def _tie(self, time: float, device: DeviceMeasurement, point: PointKinematics) -> None:
-        """Tie the device anew if the mechanism is held elsewhere since the last tick."""
-        if self._carried is not None:
-            pose, carried = device.pose, self._carried
-            self._engagement = self._control.engage(time, pose, point.pose, carried)
+    def _tie(self, time: float, device: DeviceMeasurement, point: PointMeasurement) -> Engagement:
+        """Return the tie, made anew at the start and if the mechanism is held elsewhere."""
+        tie = self._engagement
+        if tie is None or self._carried is not None:
+            tie = self._control.engage(time, device, point, self._carried)
             self._carried = None
-        self._engagement = self._control.slipped(time, self._engagement, device, point.twist)
+        self._engagement = self._control.slipped(time, tie, device, point.twist)
+        return self._engagement
 
     def _next_count(self, s: Array, time: float) -> CountState:
         perception = self.scene.perception

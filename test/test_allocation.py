@@ -16,6 +16,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.bench.ablation import ladder
 from hapticmech_ros.control import control_for
+from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Simulator, build
 from hapticmech_ros.mechanism.grasp import flat_grasps
@@ -58,7 +59,7 @@ def nodes(scene: Scene) -> Tick:
     state = simulator.initial_state()
     start = simulator.evaluate(state).points[index].pose
     held = device.at_rest(start, held=True)
-    engagement = control.engage(0.0, start, start)
+    engagement = engage(0.0, start, start)
     now = {"state": state, "device": held, "ticks": 0}
     heard, grasps = (True,) * points, flat_grasps(scene)
 

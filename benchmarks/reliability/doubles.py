@@ -8,7 +8,7 @@ renders again. Doubles leave in order, and by SIGKILL.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,8 +30,9 @@ TRIALS, QUICK_TRIALS = 50, 2
 STAYS_S, JOINS_WITHIN_S = 1.5, 8.0
 # A publisher counts its messages up, and reliable subscribers get them in order.
 NEWER_BY = 16
-# Far from what the scene's gains command; alone, a commander is gentle.
-PUSH_N, GENTLE_N = 4.0, 0.3
+# N and N m, far from what the scene's gains command. A commander that is alone holds the device:
+# else the hand pushes it away, and is braked when the graph takes hold of it again.
+PUSH = ("4.0", "0", "0", "0", "0", "0")
 FOREIGN = {"foreign_driver": DEVICE_NODE, "foreign_commander": CONTROLLER}
 
 
@@ -70,7 +71,8 @@ class Double:
         self._graph: Graph | None = None
         self.teller: Teller | None = None
         if kind.name in FOREIGN:
-            arguments = (str(GENTLE_N if alone else PUSH_N),) * (kind.original == CONTROLLER)
+            pushes = kind.original == CONTROLLER and not alone
+            arguments = PUSH if pushes else ()
             environment = rig.environment_of(kind.original)
             self.teller = rig.start(f"{kind.name}.py", *arguments, environment=environment)
             self._process = self.teller.process
@@ -175,10 +177,13 @@ def _first(rig: Rig, kind: Kind, since: int, asked_ns: int, teller: Teller | Non
     """
 
     def told() -> int | None:
-        if teller is not None:
-            return next((event["at_ns"] for event in teller.of("first")), None)
         found = rig.samples(since, kind.topic)
         found = found[found["arrived_ns"] > asked_ns]
+        if teller is not None:
+            firsts = [int(event["at_ns"]) for event in teller.of("first")]
+            if kind.name == "foreign_commander":
+                return _to_the_device(firsts, found[found["stamp_ns"] == 0]["arrived_ns"])
+            return firsts[0] if firsts else None
         if kind.name == "foreign_driver":
             # It says nothing on this topic: whoever does is the newcomer.
             return int(found["arrived_ns"][0]) if found.size else None
@@ -189,6 +194,22 @@ def _first(rig: Rig, kind: Kind, since: int, asked_ns: int, teller: Teller | Non
     with suppress(BenchError):
         wait_until(lambda: told() is not None, JOINS_WITHIN_S, f"{kind.name} to speak")
     return told()
+
+
+def _to_the_device(firsts: Sequence[int], heard_ns: np.ndarray) -> int | None:
+    """Return when a foreign command first went to the device, ns.
+
+    Device and watcher meet a publisher up to a second apart, in either order. Of its two first
+    messages, the watcher's is the one that came when the watcher heard it.
+
+    Args:
+        firsts: when it first published to one more, ns.
+        heard_ns: when the watcher heard its messages.
+    """
+    if len(firsts) < 2 or not len(heard_ns):
+        return None
+    watchers = min(firsts, key=lambda at_ns: abs(at_ns - int(heard_ns[0])))
+    return next((at_ns for at_ns in firsts if at_ns != watchers), watchers)
 
 
 def _cause(rig: Rig, kind: Kind, since: int, asked_ns: int, first_ns: int | None) -> int:

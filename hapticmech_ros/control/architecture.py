@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-import pinocchio as pin
 
 from hapticmech_ros.control.engagement import Engagement, engage, pose_error
 from hapticmech_ros.control.flat import device_of, model_of, point_of
@@ -93,10 +92,20 @@ class ControlArchitecture:
                 self._passage = None
 
     def engage(
-        self, time: float, device: pin.SE3, point: pin.SE3, carried: Array | None = None
+        self,
+        time: float,
+        device: DeviceMeasurement,
+        point: PointMeasurement,
+        carried: Array | None = None,
     ) -> Engagement:
-        """Start rendering: tie the device's present pose to the point's; see :func:`engage`."""
-        return engage(time, device, point, carried)
+        """Start rendering: tie the device's present pose to the point's; see :func:`engage`.
+
+        Two that move apart are tied like a grasp that changes, with nothing carried on: what would
+        be felt is the one's velocity times the springs' stiffness, in the time of the ramp.
+        """
+        if carried is None and (self._task * (point.twist - device.twist)).any():
+            carried = np.zeros(6)
+        return engage(time, device.pose, point.pose, carried)
 
     def slipped(
         self, time: float, engagement: Engagement, device: DeviceMeasurement, twist: Array
@@ -194,8 +203,7 @@ class ControlArchitecture:
         carried: Array | None = None,
     ) -> Engagement:
         """Start rendering with flat measurements; arguments as in :meth:`answer`."""
-        point = _point_at(rendered, ahead)
-        return self.engage(time, device_of(device).pose, point.pose, carried)
+        return self.engage(time, device_of(device), _point_at(rendered, ahead), carried)
 
     def slipped_flat(
         self, time: float, engagement: Engagement, device: Array, rendered: Array

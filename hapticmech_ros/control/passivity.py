@@ -54,8 +54,8 @@ class PassivityController:
             and go on with what they are told for as long.
 
     Attributes:
-        actuators: W, J, since the last :meth:`begin`.
-        mechanism: E_m as it was told last, J; None until it is told, and nothing is held back.
+        actuators: W, J, since E_m was told first; before that, since the last :meth:`begin`.
+        mechanism: E_m as it was told last, J; None until it is, and nothing is held back.
         dissipated: J, that the controller's damping has taken in excess of the commands.
         changed: samples in which a command was changed.
     """
@@ -91,6 +91,16 @@ class PassivityController:
         self.mechanism: float | None = None
         self._place: Array | None = None
         self._added = self._rate = self._applied = NO_WRENCH
+
+    def tell(self, mechanism: float | None) -> None:
+        """Take E_m, J; None while nobody tells it.
+
+        When it is told first, the account begins: what a commander without one gave before, be it
+        of his own, is no debt that the next one's damping has to collect.
+        """
+        if self.mechanism is None and mechanism is not None:
+            self.actuators = self.dissipated = 0.0
+        self.mechanism = mechanism
 
     def hand(self, sample: Array) -> float:
         """Return E_h at a sample (19,), J, without what friction took."""

@@ -91,6 +91,6 @@ class RenderingLoop:
         self.passivity.see(device, applied)
         if answer is None:
             return Acting(NO_WRENCH, mechanism)
-        self.passivity.mechanism = answer.to_mechanism
+        self.passivity.tell(answer.to_mechanism)
         wrench = corrected(answer.wrenches[0], answer.model, answer.answered, device)
         return Acting(self.passivity.hold(wrench, device, added), mechanism)

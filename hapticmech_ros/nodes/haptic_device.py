@@ -237,7 +237,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Return what leaves of a command: no energy that is not there, and within all limits."""
         sample = self._sample()
         self._passivity.see(sample, self._state.applied)
-        self._passivity.mechanism = self._loop.to_mechanism
+        self._passivity.tell(self._loop.to_mechanism)
         held = self._passivity.hold(command, sample, self._device.compensation(self._state))
         return self._envelope.apply(self._limits, held, sample[:3])
 

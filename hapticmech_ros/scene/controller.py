@@ -92,7 +92,7 @@ class Controller(Part):
 
     Attributes:
         engagement_ramp: s, over which the wrench comes in when rendering starts.
-        grasp_ramp: s, over which it passes from one grasp to another.
+        grasp_ramp: s, over which it passes from one grasp to another, or takes hold of what moves.
         gain_ramp: s, over which gains pass to others while they render.
     """
 
@@ -101,7 +101,7 @@ class Controller(Part):
     force_channel: ForceChannelGains = ForceChannelGains()
     passivity: Passivity = Passivity()
     engagement_ramp: NonNegative = 0.1
-    grasp_ramp: NonNegative = 0.3
+    grasp_ramp: NonNegative = 0.25
     gain_ramp: NonNegative = 0.3
 
     @property

@@ -6,6 +6,7 @@ import pytest
 
 from hapticmech_ros import Simulator, analyse, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.scene import document_of, scene_from_document
 
@@ -30,7 +31,7 @@ def compute(name, time=1.0, push=None, contact=None, shift=None, rate=None, **ga
     pose = pin.SE3(pin.exp3(step[3:]) @ point.pose.rotation, point.pose.translation + step[:3])
     out = control.compute(
         time,
-        control.engage(0.0, point.pose, point.pose),
+        engage(0.0, point.pose, point.pose),
         DeviceMeasurement(pose, zero if rate is None else rate, zero if push is None else push),
         PointMeasurement(point.pose, zero, zero if contact is None else contact),
         rendering_model(found),

@@ -5,6 +5,7 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.control.local_model import corrected
 from hapticmech_ros.control.prediction import InFlight, foreseen
@@ -21,7 +22,7 @@ def test_it_is_the_answer_to_the_other_wrench(name, time, beta):
     control = ControlArchitecture(scene.model_copy(update={"controller": gains}))
     sample = Session(scene).tick()
     model, pose = rendering_model(sample.analysis), sample.point.pose
-    tie = control.engage(0.0, pose, pose)
+    tie = engage(0.0, pose, pose)
     rng = np.random.default_rng(1)
     first, second = rng.normal(scale=0.3, size=(2, 6)) * ([1.0] * 3 + [0.02] * 3)
     twist = rng.normal(scale=0.01, size=6)

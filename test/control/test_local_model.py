@@ -6,6 +6,7 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.control.local_model import NO_MODEL, corrected, displacement
 from hapticmech_ros.control.rendering_model import rendering_model
@@ -51,7 +52,7 @@ def test_along_constrained_directions_it_is_the_answer_to_the_other_pose(name):
     control = ControlArchitecture(scene.model_copy(update={"controller": controller}))
     sample = Session(scene).tick()
     model, pose = rendering_model(sample.analysis), sample.point.pose
-    tie = control.engage(0.0, pose, pose)
+    tie = engage(0.0, pose, pose)
     rng = np.random.default_rng(3)
     task = np.array([1, 1, 0, 0, 0, 1.0]) if scene.task_space == "planar" else np.ones(6)
     ways = 1e-5 * task * rng.normal(size=(2, 6))
@@ -80,7 +81,7 @@ def test_what_is_not_local_is_not_corrected():
     control = ControlArchitecture(scene.model_copy(update={"controller": controller}))
     assert not control.gains.local
     sample = Session(scene).tick()
-    tie = control.engage(0.0, sample.point.pose, sample.point.pose)
+    tie = engage(0.0, sample.point.pose, sample.point.pose)
     model = control.local_model(1.0, tie, rendering_model(sample.analysis))
     assert all(not matrix.any() for matrix in model)
     command = np.ones(6)

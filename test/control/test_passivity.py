@@ -54,7 +54,7 @@ def test_nothing_is_changed_while_there_is_enough_or_nothing_is_known():
     account.see(fast, np.zeros(6))
     assert account.hold(100.0 * command, fast) is not None
     assert account.available == np.inf
-    account.mechanism = 0.0
+    account.tell(0.0)
     assert account.hold(command, fast) is command
     assert account.changed == 0
 
@@ -68,7 +68,7 @@ def test_a_command_that_would_give_more_is_changed_to_give_what_there_is(speed, 
         account = controller(allowance=allowance)
         sample = at(twist=speed * rng.normal(size=6), push=push * rng.normal(size=6))
         account.see(sample, np.zeros(6))
-        account.mechanism = 0.0
+        account.tell(0.0)
         command = 10.0 * rng.normal(size=6) * ([1.0] * 3 + [0.02] * 3)
         held = account.hold(command, sample)
         given = account._given(held, sample[7:13], sample[13:])
@@ -86,7 +86,7 @@ def test_a_static_force_is_left_alone():
     push = np.array([5.0, -2.0, 0, 0, 0, 0.1])
     sample = at(push=push)
     account.see(sample, np.zeros(6))
-    account.mechanism = 0.0
+    account.tell(0.0)
     assert np.array_equal(account.hold(-push, sample), -push)
 
 
@@ -94,7 +94,7 @@ def test_damping_is_the_least_that_does_it_and_leaves_what_is_across():
     account = controller(allowance=1e-4)
     sample = at(twist=(0.1, 0, 0, 0, 0, 0))
     account.see(sample, np.zeros(6))
-    account.mechanism = 0.0
+    account.tell(0.0)
     held = account.hold(np.array([3.0, 2.0, 0, 0, 0, 0]), sample)
     assert held[1] == 2.0
     assert held[0] < 3.0
@@ -103,19 +103,39 @@ def test_damping_is_the_least_that_does_it_and_leaves_what_is_across():
 
 def test_bounds_follow_what_the_mechanism_got():
     account = controller(allowance=1e-3, slack=0.1)
-    account.mechanism = 0.05
+    account.tell(0.05)
     assert account.available == pytest.approx(1e-3)
     # It got more than slack allows: that much has to come from the hand first.
-    account.mechanism = 0.3
+    account.tell(0.3)
     assert account.available == pytest.approx(-0.2)
     # It gave: the hand may have that.
-    account.mechanism = -0.4
+    account.tell(-0.4)
     assert account.available == pytest.approx(0.401)
     account.begin()
     assert account.available == np.inf
     off = controller(control=False)
-    off.mechanism = 5.0
+    off.tell(5.0)
     assert off.available == np.inf
+
+
+def test_what_was_given_before_anybody_told_of_the_mechanism_is_no_debt():
+    """A commander of one's own pushes for a while; the controller takes over, and tells E_m."""
+    account = controller(allowance=1e-4)
+    push = np.array([0.5, 0, 0, 0, 0, 0])
+    for place in np.arange(0.0, 0.2, 1e-3):
+        sample = at(position=(place, 0.0, 0.0), twist=(1.0, 0, 0, 0, 0, 0))
+        account.see(sample, push)
+        assert account.hold(push, sample) is push
+    assert account.actuators == pytest.approx(-0.5 * 0.199)
+    account.tell(0.0)
+    assert account.available == pytest.approx(1e-4)
+    # Of a force that gives nothing, nothing is held back: 20 N of damping were, of a debt of 0.1 J.
+    braking = -push
+    assert account.hold(braking, sample) is braking
+    # From then on it counts.
+    account.see(at(position=(0.2, 0.0, 0.0)), push)
+    account.tell(0.1)
+    assert account.actuators == pytest.approx(-0.5e-3)
 
 
 def connected(name, delay, local=True, control=True):

@@ -12,6 +12,7 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.control.tuning import tuned
@@ -84,7 +85,7 @@ def test_answers_as_the_core_does(domain: int, peer: Peer, packed: bool) -> None
     model = rendering_model(start.analysis)
     pose = start.point.pose
     moved = pin.SE3(pose.rotation, pose.translation + np.array([0.0, 2e-4, 0.0]))
-    tie = control.engage(0.0, pose, pose)
+    tie = engage(0.0, pose, pose)
     told = np.zeros(6)
     # What the mechanism was told last is in flight when a device that corrects commands is answered
     # again: the answer to measurements that stay comes to stay too.
@@ -163,7 +164,7 @@ def test_falls_silent_without_the_mechanism_and_comes_back_without_a_jump(
         control = ControlArchitecture(SCENE)
         still = control.compute(
             10.0,
-            control.engage(0.0, world.pose, world.pose),
+            engage(0.0, world.pose, world.pose),
             DeviceMeasurement(world.pose, np.zeros(6), np.array(HAND)),
             PointMeasurement(world.pose, np.zeros(6), np.zeros(6)),
             world.model,
@@ -245,7 +246,7 @@ def test_gains_change_while_it_renders_without_a_step(domain: int, peer: Peer) -
         control.adopt(gains)
         device = DeviceMeasurement(moved, np.zeros(6), np.array(HAND))
         seen = PointMeasurement(pose, np.zeros(6), np.zeros(6))
-        return control.compute(10.0, control.engage(0.0, pose, pose), device, seen, model).device
+        return control.compute(10.0, engage(0.0, pose, pose), device, seen, model).device
 
     first, last = answer(SCENE.controller), answer(tuned(SCENE.controller, names))
     assert np.abs(first - last).max() > 0.5

@@ -8,6 +8,7 @@ import numpy as np
 
 from hapticmech_ros.bench.ablation.loop import PARTS
 from hapticmech_ros.control import PointMeasurement, control_for
+from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.device import DeviceState, device_for
@@ -77,7 +78,7 @@ class _Readable:
     def engage(self, first: Sample) -> None:
         """Take hold where the session did."""
         start = first.point.pose
-        self._engagement = self._control.engage(0.0, start, start)
+        self._engagement = engage(0.0, start, start)
         self._held = first.device
 
     def compare(self, sample: Sample, following: Sample, tick: int) -> dict[str, float]:

@@ -7,6 +7,7 @@ from time import perf_counter_ns
 import numpy as np
 
 from hapticmech_ros.control import PointMeasurement, control_for
+from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.control.rendering_model import rendering_model
@@ -39,7 +40,7 @@ class Loop:
         self._index = self.analyser.index
         start = self.simulator.evaluate(self.state).points[self._index].pose
         self.device_state = self._held = self.device.at_rest(start, held=True)
-        self.engagement = self.control.engage(0.0, start, start)
+        self.engagement = engage(0.0, start, start)
         self._loop = RenderingLoop(scene, self.control)
         self._nothing = np.zeros(6)
         self._points = len(self.simulator.mechanism.point_names)

@@ -1,0 +1,46 @@
+"""Taking hold of what moves: the tie slips while the two come to one velocity."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.control.engagement import engage
+
+
+def arm_that_moves(rate):
+    """Return the shipped two-link arm with its joints turning (rad/s), and nobody's hand."""
+    scene = load_scene("two_link")
+    joints = tuple(joint.name for link in scene.links if (joint := link.joint).type == "revolute")
+    start = scene.initial_state.model_copy(update={"v": dict.fromkeys(joints, rate)})
+    hand = scene.hand.model_copy(update={"start_delay": 100.0})
+    changes = {"initial_state": start, "gravity": (0.0, 0.0, 0.0), "hand": hand}
+    return scene.model_copy(update=changes)
+
+
+def felt(scene, at_once=False, ticks=1000):
+    """Return the device's forces (n,), N; the first tie made as if both stood still, if asked."""
+    session = Session(scene)
+    if at_once:
+        terms = session.simulator.evaluate(session.simulator.initial_state())
+        session._engagement = engage(0.0, terms.points[0].pose, terms.points[0].pose)
+    forces = [session.tick().output.device[:3] for _ in range(ticks)]
+    return np.linalg.norm(forces, axis=1), session
+
+
+@pytest.mark.parametrize("rate", [-1.0, 0.5, 2.0])
+def test_a_mechanism_that_moves_is_taken_hold_of_without_a_blow(rate):
+    scene = arm_that_moves(rate)
+    slipping, session = felt(scene)
+    at_once, _ = felt(scene, at_once=True)
+    assert slipping.max() < 0.5 * at_once.max()
+    # It ends up held: both have one velocity.
+    sample = session.tick()
+    apart = sample.point.twist[:2] - sample.device.twist[:2]
+    assert np.linalg.norm(apart) < 0.02 * abs(rate)
+
+
+def test_two_that_stand_still_are_tied_at_once():
+    scene = arm_that_moves(0.0)
+    slipping, _ = felt(scene, ticks=400)
+    at_once, _ = felt(scene, at_once=True, ticks=400)
+    assert np.array_equal(slipping, at_once)
