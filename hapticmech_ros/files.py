@@ -13,6 +13,9 @@ from typing import BinaryIO
 
 from hapticmech_ros.errors import FileError
 
+# Bytes of a file of ROS parameters; those that are shipped have some hundreds.
+PARAMETER_FILE_LIMIT = 1_000_000
+
 
 def open_file(path: str | os.PathLike[str], limit: int | None = None) -> BinaryIO:
     """Return a regular file, open for reading.

@@ -22,7 +22,8 @@ from pathlib import Path as FilePath
 from types import TracebackType
 
 DEVICE, REST = "device", "rest"
-_ADDRESSES = {DEVICE: ("10.87.0.1", "02:00:00:00:87:01"), REST: ("10.87.0.2", "02:00:00:00:87:02")}
+ADDRESSES = {DEVICE: "10.87.0.1", REST: "10.87.0.2"}
+_LINK_ADDRESSES = {DEVICE: "02:00:00:00:87:01", REST: "02:00:00:00:87:02"}
 _MTU = 1500
 _SIOCETHTOOL = 0x8946
 # Checksums are left to hardware that is not there: receivers would refuse what was forwarded.
@@ -144,8 +145,8 @@ class EmulatedNetwork:
     def _build(self) -> None:
         _ip("netns", "add", self._wire)
         for index, (side, name) in enumerate(self.namespaces.items()):
-            address, mac = _ADDRESSES[side]
-            other, other_mac = _ADDRESSES[REST if side == DEVICE else DEVICE]
+            other = REST if side == DEVICE else DEVICE
+            address, mac = ADDRESSES[side], _LINK_ADDRESSES[side]
             # A name of its own until it is where it belongs: this namespace may have an eth0.
             inner, outer = f"{name[2:-1]}{index}i", f"end{index}"
             _ip("netns", "add", name)
@@ -156,7 +157,17 @@ class EmulatedNetwork:
             for link in ("lo", "net0"):
                 _ip("-n", name, "link", "set", link, "up")
             _ip("-n", name, "route", "add", "224.0.0.0/4", "dev", "net0")
-            _ip("-n", name, "neighbour", "add", other, "lladdr", other_mac, "dev", "net0")
+            _ip(
+                "-n",
+                name,
+                "neighbour",
+                "add",
+                ADDRESSES[other],
+                "lladdr",
+                _LINK_ADDRESSES[other],
+                "dev",
+                "net0",
+            )
             _ip("-n", self._wire, "link", "set", outer, "mtu", _MTU, "up")
         self._forwarder = subprocess.Popen(
             ["ip", "netns", "exec", self._wire, sys.executable, "-m", _FORWARDER, "end0", "end1"],

@@ -17,8 +17,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.reliability.emulated_network import (
+    ADDRESSES,
+    DEVICE,
+    REST,
+    EmulatedNetwork,
+    not_permitted,
+)
 from benchmarks.reliability.figure import Figure
-from benchmarks.reliability.two_hosts import NoNamespacesError, TwoHosts
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.discovery import PEERS, PROFILES, RANGE
 from hapticmech_ros.errors import HapticMechError
@@ -65,7 +71,7 @@ def plain_environment(**given: str) -> dict[str, str]:
 
 
 def visit(log: Path, seconds: float, *options: str) -> Visit:
-    """Let a meddler on another host visit a graph for a while.
+    """Let a meddler on another host visit a graph for a while, where two hosts can be emulated.
 
     Args:
         log: file for what the graph prints.
@@ -73,20 +79,19 @@ def visit(log: Path, seconds: float, *options: str) -> Visit:
         options: of ``hapticmech run``, beside its defaults.
 
     Raises:
-        NoNamespacesError: there can be no two hosts.
         NoVisitError: a visitor that ended without a report.
     """
     compile_ahead()
-    with TwoHosts() as hosts, log.open("w") as told:
+    with EmulatedNetwork() as network, log.open("w") as told:
         run = [sys.executable, "-m", "hapticmech_ros", "run", "five_bar", "--composed", *options]
-        with _process(hosts.on(0, run), plain_environment(), told):
+        with _process(network.command(DEVICE, run), plain_environment(), told):
             # Until it is there, as its own host sees it.
-            _wait_for_graph(hosts)
-            here = hosts.on(0, [*VISITOR, str(seconds + 2.0)])
+            _wait_for_graph(network)
+            here = network.command(DEVICE, [*VISITOR, str(seconds + 2.0)])
             # To whom it need not announce itself: he knows where to look.
-            there = plain_environment(**{PEERS: hosts.addresses[0]})
+            there = plain_environment(**{PEERS: ADDRESSES[DEVICE]})
             with _process(here, plain_environment()) as onlooker:
-                meddle = hosts.on(1, [*VISITOR, str(seconds), "--meddle"])
+                meddle = network.command(REST, [*VISITOR, str(seconds), "--meddle"])
                 with _process(meddle, there) as meddler:
                     seen_there = _report(meddler)
                 seen_here = _report(onlooker)
@@ -102,12 +107,11 @@ def visit(log: Path, seconds: float, *options: str) -> Visit:
 
 def run(quick: bool, out: Path) -> list[Figure]:
     """Return figures of a graph started as usual, and of one that is opened."""
+    if reason := not_permitted():
+        return [Figure(PART, "from another host", math.nan, note=reason)]
     trials = 1 if quick else 5
-    try:
-        closed = [visit(out / f"closed_{i}.log", 8.0) for i in range(trials)]
-        opened = [visit(out / f"open_{i}.log", 8.0, "--discovery", "subnet") for i in range(trials)]
-    except NoNamespacesError as error:
-        return [Figure(PART, "from another host", math.nan, note=str(error))]
+    closed = [visit(out / f"closed_{i}.log", 8.0) for i in range(trials)]
+    opened = [visit(out / f"open_{i}.log", 8.0, "--discovery", "subnet") for i in range(trials)]
     warned = sum("open to the network" in one.told for one in opened)
     return [
         Figure(
@@ -141,9 +145,10 @@ def _least(visits: list[Visit], name: str) -> float:
     return float(min(getattr(one, name) for one in visits))
 
 
-def _wait_for_graph(hosts: TwoHosts) -> None:
+def _wait_for_graph(network: EmulatedNetwork) -> None:
     for _ in range(int(STARTS_WITHIN_S / 3.0)):
-        with _process(hosts.on(0, [*VISITOR, "3"]), plain_environment()) as onlooker:
+        command = network.command(DEVICE, [*VISITOR, "3"])
+        with _process(command, plain_environment()) as onlooker:
             if len(_report(onlooker)["topics"]) >= 10:
                 return
     raise NoVisitError(f"no graph to be seen on its own host within {STARTS_WITHIN_S:g} s")

@@ -17,11 +17,9 @@ from hapticmech_ros.cli.console import ComposedOption, SceneArgument, console
 from hapticmech_ros.cli.durations import seconds_of
 from hapticmech_ros.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
-from hapticmech_ros.files import check_file
+from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 
 CHECK_PERIOD_S = 0.2
-# Bytes.
-PARAMETER_FILE_LIMIT = 1_000_000
 
 NamespaceOption = Annotated[str, typer.Option(help="put nodes and topics under this name")]
 StorageOption = Annotated[str, typer.Option(help="mcap or sqlite3")]

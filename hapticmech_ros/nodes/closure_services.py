@@ -8,7 +8,6 @@ from typing import Any
 
 from std_srvs.srv import SetBool
 
-from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.wire.topics import CLOSURES
 
@@ -36,11 +35,6 @@ def _answer(
     request: SetBool.Request,
     response: SetBool.Response,
 ) -> SetBool.Response:
-    try:
-        actor.failures.refusing(f"closure {name}", lambda: switch(name, bool(request.data)))
-    except HapticMechError as error:
-        response.success, response.message = False, str(error)
-    else:
-        response.success = True
-        response.message = f"{name} is {'closed' if request.data else 'open'}"
-    return response
+    closed = bool(request.data)
+    done = f"{name} is {'closed' if closed else 'open'}"
+    return actor.failures.answer(f"closure {name}", lambda: switch(name, closed), response, done)

@@ -12,8 +12,9 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable
+from typing import Protocol, TypeVar
 
-from hapticmech_ros.errors import HapticMechError, shown
+from hapticmech_ros.errors import HapticMechError, OutputError, shown
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.times import NANOSECONDS
 
@@ -23,6 +24,20 @@ MOST_DEFECTS, DEFECTS_WITHIN_NS = 20, 10 * NANOSECONDS
 LOG_PERIOD_NS = NANOSECONDS
 
 Status = tuple[bool, str, dict[str, str]]
+# As of SetBool and Trigger.
+Response = TypeVar("Response", bound="Told")
+
+
+class Told(Protocol):
+    """A service's answer.
+
+    Attributes:
+        success: whether it was done.
+        message: in a sentence.
+    """
+
+    success: bool
+    message: str
 
 
 class Failures:
@@ -53,26 +68,34 @@ class Failures:
         except Exception as error:  # noqa: BLE001 - a hand is held: no error may stop what stops it
             self.met(what, error)
 
-    def refusing(self, what: str, call: Callable[[], object]) -> None:
-        """Call for somebody who waits for an answer.
+    def answer(
+        self, what: str, call: Callable[[], object], response: Response, done: str
+    ) -> Response:
+        """Call for a service, and return its response: done, or why it was refused or failed.
 
-        Raises:
-            HapticMechError: as the call does, or because it failed.
+        Args:
+            what: the service.
+            call: does it, or refuses with a HapticMechError.
+            response: to fill.
+            done: sentence if all went well.
         """
         before = self.count
-        refusals: list[HapticMechError] = []
+        refusals: list[str] = []
 
         def called() -> None:
             try:
                 call()
+            except OutputError:
+                raise  # a failure: something is wrong in here
             except HapticMechError as error:
-                refusals.append(error)
+                refusals.append(str(error))
 
         self.run(what, called)
-        if refusals:
-            raise refusals[0]
         if self.count > before:
-            raise HapticMechError(self.last)
+            refusals.append(self.last)
+        response.success = not refusals
+        response.message = refusals[0] if refusals else done
+        return response
 
     def status(self, ask: Callable[[], Status]) -> Status:
         """Return an actor's status with what failed, be it that the status cannot be told."""

@@ -13,6 +13,7 @@ from std_srvs.srv import SetBool, Trigger
 from hapticmech_ros.control.passivity import passivity_for
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.device.safety import SafetyEnvelope
+from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
@@ -310,22 +311,26 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def _on_stop(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         """Put the actuators at zero, until it is taken back; answer once that was published."""
+        # First of all, so that it lasts whatever fails.
         self._guard.stopped = request.data
-        if request.data:
+        done = "actuators at zero" if request.data else "commands are obeyed again"
+        return self.failures.answer(EMERGENCY_STOP, self._look_at_stop, response, done)
+
+    def _look_at_stop(self) -> None:
+        if self._guard.stopped:
             self._warn(STOPPED)
             self._put_at_zero()
-        response.success = True
-        response.message = "actuators at zero" if request.data else "commands are obeyed again"
-        return response
 
     def _on_start_hand(
         self, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
         del request
-        response.success = self._hand_waits
-        response.message = "the hand starts" if self._hand_waits else "the hand was not waiting"
+        return self.failures.answer(START_HAND, self._start_hand, response, "the hand starts")
+
+    def _start_hand(self) -> None:
+        if not self._hand_waits:
+            raise HapticMechError("the hand was not waiting")
         self._hand_waits = False
-        return response
 
     def _start_pose(self) -> pin.SE3:
         """Return where the device stands at the start: at the operational point."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import rclpy
@@ -17,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from hapticmech_ros.discovery import exposure
 from hapticmech_ros.errors import HapticMechError, as_ours
+from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import StopRequest, run_until, wake_up_in_time
 
@@ -45,8 +47,9 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
     stop = StopRequest()
     wake_up_in_time()
     try:
+        _check_parameter_files(arguments)
         rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
-    except REFUSALS as error:
+    except (HapticMechError, *REFUSALS) as error:
         sys.stderr.write(f"{as_ours(error)}\n")
         return 1
     herald = _herald()
@@ -77,6 +80,17 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _check_parameter_files(arguments: Sequence[str]) -> None:
+    """Refuse parameter files that rcl would wait for or read without end.
+
+    Raises:
+        FileError: not there, no regular file, or too large.
+    """
+    for option, path in pairwise(arguments):
+        if option == "--params-file":
+            check_file(path, PARAMETER_FILE_LIMIT)
 
 
 def _herald() -> Node:

@@ -128,13 +128,23 @@ def test_a_node_that_cannot_even_be_deactivated_does_nothing_more():
 
 def test_who_waits_for_an_answer_is_told():
     bench = Bench()
-    with pytest.raises(InvalidInputError, match="must be near"):
-        bench.failures.refusing("closure", raising(InvalidInputError("d", 1.0, "must be near")))
-    assert bench.failures.count == 0
-    with pytest.raises(HapticMechError, match="LinAlgError"):
-        bench.failures.refusing("closure", raising(type("LinAlgError", (ValueError,), {})("x")))
-    assert bench.failures.count == bench.begun == 1
-    bench.failures.refusing("closure", lambda: None)
+
+    def answer(call):
+        response = bench.failures.answer("closure", call, SimpleNamespace(), "done")
+        return response.success, response.message
+
+    refused, message = answer(raising(InvalidInputError("d", 1.0, "must be near")))
+    assert not refused
+    assert "must be near" in message
+    assert bench.failures.count == bench.begun == 0
+    # What cannot leave the node is no refusal, and neither is a defect.
+    for number, error in enumerate((OutputError("v", 1e9, "must be less"), ValueError("x")), 1):
+        done, message = answer(raising(error))
+        assert not done
+        assert message == bench.failures.last
+        assert str(error) in message
+        assert bench.failures.count == bench.begun == number
+    assert answer(lambda: None) == (True, "done")
 
 
 def test_a_status_tells_of_failures_and_cannot_fail_itself():

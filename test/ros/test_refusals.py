@@ -45,10 +45,14 @@ def test_a_topic_whose_name_is_too_long_is_said(domain, tmp_path):
     [
         (("-r", f"__ns:=/{'n' * 300}"), "invalid node namespace"),
         (("-r", f"__ns:=/{'n' * 230}"), "topic length should not exceed"),
-        (("--params-file", "/nowhere.yaml"), "Error opening YAML file"),
+        (("--params-file", "/nowhere.yaml"), "No such file or directory"),
+        (("--params-file", "/dev/zero"), "must be a regular file"),
+        (("--params-file", "{pipe}"), "must be a regular file"),
         (("-p", "scene:="), "parameter override"),
         (("-p", f"scene:={'x' * 300}"), "no such file, nor a shipped scene"),
     ],
 )
-def test_arguments_that_ros_refuses_are_said(domain, arguments, words):
-    assert words in ends(*arguments)
+def test_arguments_that_cannot_be_taken_are_said(domain, arguments, words, tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    assert words in ends(*(argument.format(pipe=pipe) for argument in arguments))
