@@ -161,7 +161,7 @@ class Session:
         late = self._analyser.late(terms, mechanism.q, mechanism.v, mechanism.active, analysis)
         model = rendering_model(analysis, late)
         seen = PointMeasurement(point.pose, point.twist, external + contact)
-        engagement = self._tie(time, measured, seen)
+        engagement = self._tie(time, measured, seen, model)
         numbers = np.concatenate((device.published[:13], held))
         added = self._device.compensation(device)
         applied = device.applied
@@ -217,11 +217,17 @@ class Session:
         self._carried = self._sent
         self._count = None
 
-    def _tie(self, time: float, device: DeviceMeasurement, point: PointMeasurement) -> Engagement:
+    def _tie(
+        self,
+        time: float,
+        device: DeviceMeasurement,
+        point: PointMeasurement,
+        model: RenderingModel,
+    ) -> Engagement:
         """Return the tie, made anew at the start and if the mechanism is held elsewhere."""
         tie = self._engagement
         if tie is None or self._carried is not None:
-            tie = self._control.engage(time, device, point, self._carried)
+            tie = self._control.engage(time, device, point, model, self._carried)
             self._carried = None
         self._engagement = self._control.slipped(time, tie, device, point.twist)
         return self._engagement

@@ -27,7 +27,7 @@ def felt(scene, at_once=False, ticks=1000):
     return np.linalg.norm(forces, axis=1), session
 
 
-@pytest.mark.parametrize("rate", [-1.0, 0.5, 2.0])
+@pytest.mark.parametrize("rate", [-1.0, 2.0, 4.0])
 def test_a_mechanism_that_moves_is_taken_hold_of_without_a_blow(rate):
     scene = arm_that_moves(rate)
     slipping, session = felt(scene)
@@ -39,8 +39,9 @@ def test_a_mechanism_that_moves_is_taken_hold_of_without_a_blow(rate):
     assert np.linalg.norm(apart) < 0.02 * abs(rate)
 
 
-def test_two_that_stand_still_are_tied_at_once():
-    scene = arm_that_moves(0.0)
+@pytest.mark.parametrize("rate", [0.0, 0.1])
+def test_two_that_hardly_move_apart_are_tied_at_once(rate):
+    scene = arm_that_moves(rate)
     slipping, _ = felt(scene, ticks=400)
     at_once, _ = felt(scene, at_once=True, ticks=400)
     assert np.array_equal(slipping, at_once)

@@ -7,6 +7,7 @@ renders again. Doubles leave in order, and by SIGKILL.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -79,6 +80,8 @@ class Double:
         else:
             self._graph = rig.another(kind.original)
             self._process = self._graph.processes[kind.original]
+        # A process that starts takes a processor for a second or two: this one takes what is left.
+        os.sched_setscheduler(self._process.pid, os.SCHED_IDLE, os.sched_param(0))
 
     def leave(self, killed: bool) -> int:
         """End it; return when it had ended, ns of the monotonic clock."""

@@ -27,6 +27,9 @@ from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.document import Scene
 
+# Share of the device's limits from which the dampers' wrench makes a new tie slip.
+SLIPS_FROM = 0.05
+
 
 class ControlArchitecture:
     """The controllers of a scene. Holds gains only; state is the :class:`Engagement`.
@@ -96,16 +99,29 @@ class ControlArchitecture:
         time: float,
         device: DeviceMeasurement,
         point: PointMeasurement,
+        model: RenderingModel,
         carried: Array | None = None,
     ) -> Engagement:
         """Start rendering: tie the device's present pose to the point's; see :func:`engage`.
 
-        Two that move apart are tied like a grasp that changes, with nothing carried on: what would
-        be felt is the one's velocity times the springs' stiffness, in the time of the ramp.
+        Two that move apart so fast that the dampers would give a twentieth of the device's force or
+        torque are tied like a grasp that changes, with nothing carried on: else what is felt is
+        that velocity times the springs' stiffness and the time of the ramp. A hand that pushes all
+        the while, as after a gap of some milliseconds, gets the sooner a hold at once.
         """
-        if carried is None and (self._task * (point.twist - device.twist)).any():
+        if carried is None and self._part_fast(device, point, model):
             carried = np.zeros(6)
         return engage(time, device.pose, point.pose, carried)
+
+    def _part_fast(
+        self, device: DeviceMeasurement, point: PointMeasurement, model: RenderingModel
+    ) -> bool:
+        rate = self._task * (device.twist - point.twist)
+        held = self.gains.joint_constraint.damping * (model.constraint_projector @ rate)
+        held += self.channels.damping * rate
+        force, torque = np.sqrt(held[:3] @ held[:3]), np.sqrt(held[3:] @ held[3:])
+        most_force, most_torque = self.limits
+        return bool(force > SLIPS_FROM * most_force or torque > SLIPS_FROM * most_torque)
 
     def slipped(
         self, time: float, engagement: Engagement, device: DeviceMeasurement, twist: Array
@@ -203,7 +219,8 @@ class ControlArchitecture:
         carried: Array | None = None,
     ) -> Engagement:
         """Start rendering with flat measurements; arguments as in :meth:`answer`."""
-        return self.engage(time, device_of(device), _point_at(rendered, ahead), carried)
+        point, model = _point_at(rendered, ahead), model_of(rendered)
+        return self.engage(time, device_of(device), point, model, carried)
 
     def slipped_flat(
         self, time: float, engagement: Engagement, device: Array, rendered: Array
