@@ -29,6 +29,8 @@ from hapticmech_ros.wire.topic import MECHANISM as MECHANISM_NODE
 PART = "doubles"
 TRIALS, QUICK_TRIALS = 50, 2
 STAYS_S, JOINS_WITHIN_S = 1.5, 8.0
+# By so much less urgent is a second node than the graph.
+LATER = 10
 # A publisher counts its messages up, and reliable subscribers get them in order.
 NEWER_BY = 16
 # N and N m, far from what the scene's gains command. A commander that is alone holds the device:
@@ -80,8 +82,9 @@ class Double:
         else:
             self._graph = rig.another(kind.original)
             self._process = self._graph.processes[kind.original]
-        # A process that starts takes a processor for a second or two: this one takes what is left.
-        os.sched_setscheduler(self._process.pid, os.SCHED_IDLE, os.sched_param(0))
+            # One that starts takes a processor for a second or two: the graph comes first. Not much
+            # less than that: its discovery would be late as well, on one side before the other.
+            os.setpriority(os.PRIO_PROCESS, self._process.pid, min(os.nice(0) + LATER, 19))
 
     def leave(self, killed: bool) -> int:
         """End it; return when it had ended, ns of the monotonic clock."""
