@@ -80,6 +80,8 @@ setup(
         # Unpacks chunks of bags; rosbags needs it as well.
         "lz4>=4",
         "matplotlib",
+        # Puts compiled kernels into memory; numba, which compiles them, needs it as well.
+        "llvmlite>=0.44",
         "numba>=0.61",
         "numpy",
         "pin>=4.1,<5",

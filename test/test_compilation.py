@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept, and that a change in any of their files is seen."""
+"""Kernels: what they may do, what is compiled of them, and that a change in any file is seen."""
 
 import ast
 import os
@@ -6,79 +6,102 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numba
+import numpy as np
 import pytest
 
 import hapticmech_ros
-from hapticmech_ros.compilation import attempt, cache, custody, kernel, library
-from hapticmech_ros.compilation.sealed import put_in_place
+from hapticmech_ros.compilation import cache, kernel, library, local, local_whole, put, shaped
+from hapticmech_ros.compilation.builder import BuildError, compiled, packed
+from hapticmech_ros.compilation.decorators import Kernel
+from hapticmech_ros.compilation.library import LibraryError
 
 PACKAGE = Path(hapticmech_ros.__file__).parent
 
 
-def doubled(x: float) -> float:
-    return 2.0 * x
+def tried(numbers, whole, factor, order):
+    """Use everything that kernels have beside arithmetic."""
+    room, places = shaped(local(6), (2, 3)), local_whole(3)
+    wide = local(numbers.size)
+    put(wide, numbers)
+    for i in range(3):
+        # Room of a size that is written out, in a loop, is the same room.
+        again = local(2)
+        again[0] = float(i)
+        places[i] = whole[i] + 1
+        room[0, i], room[1, i] = wide[i], again[0]
+    total = 0.0
+    for i in range(3):
+        total += factor * room[0, places[i]] + 10.0 * room[1, i] + 100.0 * order[1, i]
+    return total
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    # Loaded before, it is not built once more in the folder.
-    library.library()
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    return tmp_path
+SIGNATURE = "float64(float64[::1], int64[::1], float64, float64[::1,:])"
 
 
-@pytest.fixture
-def alone(folder, monkeypatch):
-    """Let every question for the library be asked anew, in a folder of its own."""
-    library.library.cache_clear()
-    custody.is_safe.cache_clear()
-    yield folder
-    library.library.cache_clear()
+def arguments():
+    order = np.asfortranarray(np.arange(6.0).reshape(2, 3))
+    return np.array([1.0, 2.0, 4.0, 8.0]), np.array([0, 1, -1]), 0.5, order
 
 
-def refuse(command, **options):
-    raise AssertionError(f"nothing must be started, but: {command}")
+@pytest.fixture(scope="module")
+def made():
+    """Return a function as a kernel, compiled and loaded."""
+    content = packed({"tried": compiled(Kernel("tried", SIGNATURE, tried), "host")})
+    loaded = library._loaded(content)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(library, "library", lambda: loaded)
+        yield library.function_of("tried", SIGNATURE, tried)
 
 
-def test_what_is_not_in_the_library_is_kept_in_the_folder_that_was_chosen(folder):
-    numba.config.reload_config()
-    chosen = numba.config.CACHE_DIR
-    assert kernel("float64(float64)")(doubled)(3.0) == 6.0
-    kept = list(folder.rglob("*doubled*.kernel"))
-    assert len(kept) == 1
-    assert kept[0].relative_to(folder).parts[0].startswith("kernels-")
-    assert chosen == numba.config.CACHE_DIR
+def test_a_kernel_does_what_its_function_does(made):
+    assert made(*arguments()) == tried(*arguments()) == 0.5 * 7.0 + 30.0 + 1200.0
+    assert made.__name__ == "tried"
+    assert made.__doc__ == tried.__doc__
 
 
-def test_a_second_start_compiles_nothing(folder):
-    first = kernel("float64(float64)")(doubled)
-    second = kernel("float64(float64)")(doubled)
-    assert sum(first.stats.cache_misses.values()) == 1
-    assert sum(second.stats.cache_hits.values()) == 1
-    assert not second.stats.cache_misses
+def test_arrays_and_numbers_are_looked_at_when_asked_to(made, monkeypatch):
+    monkeypatch.setenv("HAPTICMECH_ROS_KERNELS", "checked")
+    loaded = library.Library({"tried": 0}, None)
+    monkeypatch.setattr(library, "library", lambda: loaded)
+    checked = library.function_of("tried", SIGNATURE, tried)
+    numbers, whole, factor, order = arguments()
+    for number, wrong in (
+        (0, numbers.astype(np.float32)),
+        (0, numbers[::2]),
+        (0, numbers.reshape(2, 2)),
+        (0, numbers.tolist()),
+        (1, numbers),
+        (3, np.ascontiguousarray(order)),
+    ):
+        given = [numbers, whole, factor, order]
+        given[number] = wrong
+        with pytest.raises(LibraryError, match=f"tried: argument {number} must be"):
+            checked(*given)
 
 
-def test_another_content_has_another_folder(folder, monkeypatch):
-    kernel("float64(float64)")(doubled)
-    monkeypatch.setattr(cache, "_FINGERPRINT", "0" * 16)
-    assert kernel("float64(float64)")(doubled).stats.cache_misses
-    assert len(list(folder.iterdir())) == 2
+def allocates(numbers):
+    return np.empty(numbers.size)[0]
 
 
-def test_a_folder_that_cannot_be_written_is_no_error(alone, monkeypatch, capfd):
-    (alone / "file").write_text("")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(alone / "file"))
-    assert library.library() is None
-    assert kernel("float64(float64)")(doubled)(3.0) == 6.0
+def raises(numbers):
+    numbers[:2] = numbers[1:]
+    return numbers[0]
 
 
-def test_without_any_folder_kernels_are_compiled_each_time(monkeypatch, folder):
-    def no_folder(self, path):
-        raise RuntimeError("cannot cache function: no locator available")
+@pytest.mark.parametrize("function", [allocates, raises])
+def test_a_kernel_that_allocates_or_may_raise_is_not_built(function):
+    with pytest.raises(BuildError, match=f"kernel {function.__name__} allocates or may raise"):
+        compiled(Kernel(function.__name__, "float64(float64[::1])", function), "host")
 
-    monkeypatch.setattr(numba.core.caching.FunctionCache, "__init__", no_folder)
-    assert kernel("float64(float64)")(doubled)(3.0) == 6.0
+
+def test_what_is_not_in_the_library_is_told():
+    with pytest.raises(LibraryError, match=r"no kernel .*tried in the library"):
+        kernel(SIGNATURE)(tried)
+
+
+def test_the_same_kernel_makes_the_same_file():
+    parts = {"b": b"2", "a": b"1"}
+    assert packed(parts) == packed(dict(reversed(parts.items())))
 
 
 def test_the_users_folder_is_the_default(monkeypatch, tmp_path):
@@ -88,18 +111,18 @@ def test_the_users_folder_is_the_default(monkeypatch, tmp_path):
 
 
 PROCESS = """
-import os, sys
+import sys
 import numpy as np
 from hapticmech_ros.wire.kernels import stamp_if_sound
-from hapticmech_ros.saturation_kernels import limit
 values = np.zeros(27)
 values[0], values[1], values[5] = 3.0, 7.0, 1.0
-stamp = stamp_if_sound(values, np.full(27, 10.0), 5, 1e-6)
-print(stamp, "numba" in sys.modules, type(limit).__name__)
+print(stamp_if_sound(values, np.full(27, 10.0), 5, 1e-6), "numba" in sys.modules)
 """
 
 
-def in_process(kernels):
+@pytest.mark.parametrize("kernels", ["library", "checked"])
+def test_the_library_needs_no_numba(kernels):
+    library.compile_ahead()
     done = subprocess.run(
         [sys.executable, "-c", PROCESS],
         check=False,
@@ -109,44 +132,7 @@ def in_process(kernels):
         timeout=120.0,
     )
     assert done.returncode == 0, done.stderr
-    return done.stdout.split()
-
-
-def test_the_library_needs_no_numba_and_gives_what_numba_gives():
-    library.compile_ahead()
-    if library.library() is None:
-        pytest.skip("no compiler or headers here: the library cannot be built")
-    assert in_process("library") == ["3000000007", "False", "function"]
-    assert in_process("jit") == ["3000000007", "True", "CPUDispatcher"]
-
-
-def test_who_waited_for_a_build_that_failed_does_not_repeat_it(alone, monkeypatch):
-    failed = library.library_path().with_suffix(".failed")
-    # Another process holds the lock, and fails meanwhile.
-    monkeypatch.setattr(
-        library.fcntl, "flock", lambda lock, kind: attempt.remember(failed, "no", 600.0)
-    )
-    monkeypatch.setattr(library.subprocess, "run", refuse)
-    assert library.library() is None
-
-
-def test_a_build_that_hangs_is_given_up(alone, monkeypatch):
-    def run(command, **options):
-        raise subprocess.TimeoutExpired(command, options["timeout"])
-
-    monkeypatch.setattr(library.subprocess, "run", run)
-    assert library.library() is None
-    assert "not done" in library.library_path().with_suffix(".failed").read_text()
-
-
-def test_a_library_that_cannot_be_loaded_is_told(alone, monkeypatch, capfd):
-    path = library.library_path()
-    path.parent.mkdir(parents=True)
-    made = path.with_name("made")
-    made.write_bytes(b"this is no library")
-    put_in_place(made, path, library._origin(path))
-    assert library.library() is None
-    assert str(path) in capfd.readouterr().err
+    assert done.stdout.split() == ["3000000007", "False"]
 
 
 def decorators(module):
@@ -169,22 +155,6 @@ def test_every_file_that_becomes_part_of_a_kernel_counts():
             own = {name.split(".", 1)[1] for name in names if name.startswith("hapticmech_ros.")}
             parts |= {name.replace(".", "/") + ".py" for name in own}
     # Builder and decorators say how; the model gives kernels nothing but the name of a type.
-    parts |= {f"compilation/{name}.py" for name in ("builder", "decorators", "structures")}
+    how = ("arrays", "builder", "decorators", "numba_types", "structures")
+    parts |= {f"compilation/{name}.py" for name in how}
     assert parts - {"mechanism/model.py", "compilation.py"} == set(cache._SOURCES)
-
-
-def test_compiling_ahead_without_a_library_is_done_once(folder, monkeypatch):
-    monkeypatch.setenv("HAPTICMECH_ROS_KERNELS", "jit")
-    started = []
-
-    def run(command, **options):
-        started.append(command)
-        cache.folder().mkdir(exist_ok=True)
-        return subprocess.CompletedProcess(command, len(started) == 1)
-
-    monkeypatch.setattr(library.subprocess, "run", run)
-    library.compile_ahead()
-    # The first one failed, so it is tried again; the second is remembered.
-    library.compile_ahead()
-    library.compile_ahead()
-    assert len(started) == 2

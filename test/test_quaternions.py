@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from hapticmech_ros.bench.memory import resident
 from hapticmech_ros.control import control_for
+from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene import load_scene
 
@@ -39,8 +40,8 @@ def test_a_quaternion_leaves_nothing_behind():
 
 def test_engaging_leaves_nothing_behind():
     control = control_for(load_scene("five_bar"))
-    device, rendered = np.zeros(19), np.zeros(133)
-    device[6] = rendered[120] = 1.0
+    device, rendered = np.zeros(19), np.zeros(OPERATIONAL_MODEL.size)
+    device[6] = rendered[OPERATIONAL_MODEL.slice("quaternion").stop - 1] = 1.0
 
     def engage():
         control.answer(1.0, control.engage_flat(0.0, device, rendered, 0.0), device, rendered, 0.0)

@@ -311,10 +311,8 @@ class FakeGraph:
 
 def applied_in(message: bytes) -> np.ndarray:
     """Return what actuators apply (6,) by a whole ``device/state`` message."""
-    values = np.frombuffer(message[-8 * sum(DEVICE_FIELDS.values()) :])
-    names = list(DEVICE_FIELDS)
-    start = sum(DEVICE_FIELDS[name] for name in names[: names.index("applied")])
-    return values[start : start + DEVICE_FIELDS["applied"]]
+    values = np.frombuffer(message[-8 * DEVICE_FIELDS.size :])
+    return values[DEVICE_FIELDS.slice("applied")]
 
 
 def numbers_of(kind: Any, message: Any) -> Iterable[float]:

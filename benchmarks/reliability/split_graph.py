@@ -25,11 +25,7 @@ START_TIMEOUT_S = 60.0
 # Starts a command with its standard error where its output goes.
 _JOINED = ("sh", "-c", 'exec "$0" "$@" 2>&1')
 _NOT_DEVICE = "mechanism_simulator,nullspace_analyser,teleoperation_controller"
-_ENDS = np.cumsum(list(DEVICE_FIELDS.values()))
-_AT = {
-    name: slice(end - DEVICE_FIELDS[name], end)
-    for name, end in zip(DEVICE_FIELDS, _ENDS, strict=True)
-}
+_AT = {name: DEVICE_FIELDS.slice(name) for name in DEVICE_FIELDS}
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,20 @@
 """Compiled functions over small arrays: how they are declared, built, kept and loaded."""
 
+from hapticmech_ros.compilation.arrays import local, local_whole, put, shaped
 from hapticmech_ros.compilation.decorators import inner, kernel, leaf
 from hapticmech_ros.compilation.structures import SIZES, Part, Size, Structure, structure
 
-__all__ = ["SIZES", "Part", "Size", "Structure", "inner", "kernel", "leaf", "structure"]
+__all__ = [
+    "SIZES",
+    "Part",
+    "Size",
+    "Structure",
+    "inner",
+    "kernel",
+    "leaf",
+    "local",
+    "local_whole",
+    "put",
+    "shaped",
+    "structure",
+]

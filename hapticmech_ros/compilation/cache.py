@@ -12,9 +12,12 @@ from pathlib import Path
 _PACKAGE = Path(__file__).parent.parent
 # All files whose functions or constants become part of a kernel.
 _SOURCES = (
-    "compilation/decorators.py",
-    "compilation/structures.py",
+    "compilation/arrays.py",
     "compilation/builder.py",
+    "compilation/decorators.py",
+    "compilation/numba_types.py",
+    "compilation/structures.py",
+    "layout.py",
     "mechanism/constraint_space.py",
     "mechanism/compiled/small_matrices.py",
     "mechanism/compiled/many_rows.py",
@@ -56,7 +59,6 @@ _SOURCES = (
     "device/hand_kernels.py",
     "device/resistance_kernels.py",
     "device/kernels.py",
-    "control/flat.py",
     "control/pose_kernels.py",
     "control/kernels.py",
     "wire/kernels.py",

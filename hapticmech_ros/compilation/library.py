@@ -1,95 +1,147 @@
-"""The library of compiled kernels: found, built once if it can be, and loaded without Numba."""
+"""The library of compiled kernels: found, built once, and loaded without Numba.
+
+It is a file of objects, machine code for this processor, which LLVM (through llvmlite) puts into
+memory in some milliseconds. Kernels are called through :mod:`ctypes`: a quarter of a microsecond,
+and some tens of nanoseconds for each array.
+"""
 
 from __future__ import annotations
 
-import contextlib
+import ctypes
 import fcntl
 import functools
 import hashlib
-import importlib.util
+import io
 import os
+import re
 import subprocess
 import sys
-import sysconfig
-from importlib.machinery import ExtensionFileLoader, ModuleSpec
+import threading
+import time
+import zipfile
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from types import ModuleType
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.compilation.attempt import BUSY_S, REFUSED_S, obstacle, remember, remembered
 from hapticmech_ros.compilation.cache import folder
 from hapticmech_ros.compilation.custody import is_safe, warn
-from hapticmech_ros.compilation.sealed import BrokenSealError, open_sealed, put_in_place
+from hapticmech_ros.compilation.sealed import BrokenSealError, put_in_place, read_sealed
+from hapticmech_ros.errors import HapticMechError
 
-MODULE = "hapticmech_kernels"
+NAME = "hapticmech_kernels"
 # A slow machine takes two minutes.
-COMPILE_TIMEOUT_S = 600.0
+COMPILE_TIMEOUT_S, PROGRESS_S = 600.0, 5.0
+# Where NumPy's C interface has the start of an array's data, and of its shape (PyArrayObject).
+DATA_AT, SHAPE_AT = 16, 32
+BUILDER = "hapticmech_ros.compilation.builder"
 # How the name of a file begins that is being built.
 _MADE = "being-built-"
 _PACKAGE = Path(__file__).parent.parent
+_SCALARS: dict[str, Any] = {
+    "void": None,
+    "boolean": ctypes.c_bool,
+    "int64": ctypes.c_int64,
+    "i8": ctypes.c_int64,
+    "float64": ctypes.c_double,
+    "f8": ctypes.c_double,
+}
+_SIGNATURE = re.compile(r"(\w+)\((.*)\)", re.DOTALL)
+# A comma that is in no brackets.
+_COMMA = re.compile(r",\s*(?![^\[(]*[\])])")
+_ARRAY = re.compile(r"(?:Array\()?(float64|int64|f8|i8)\b(.*)", re.DOTALL)
+
+
+class LibraryError(HapticMechError):
+    """The kernels cannot be compiled or loaded."""
+
+
+class Library(NamedTuple):
+    """Loaded kernels.
+
+    Attributes:
+        addresses: of the kernels' functions, by name.
+        engine: LLVM's, to which the memory belongs.
+    """
+
+    addresses: dict[str, int]
+    engine: object
+
+
+def function_of(name: str, signature: str, function: Callable[..., object]) -> Callable[..., Any]:
+    """Return a kernel of the library as a function of NumPy arrays and numbers.
+
+    Args:
+        name: in the library.
+        signature: types of result and arguments, as Numba writes them.
+        function: that was compiled, for its name and documentation.
+
+    Raises:
+        LibraryError: there is no library, or no such kernel in it.
+    """
+    loaded = library()
+    found = loaded.addresses.get(name)
+    if found is None:
+        raise LibraryError(f"no kernel {name} in the library: is it among the builder's modules?")
+    result, arguments = _parted(signature)
+    kinds = [_SCALARS.get(argument, ctypes.py_object) for argument in arguments]
+    called: Any = ctypes.PYFUNCTYPE(_SCALARS[result], *kinds)(found)
+    # The memory that it is in goes with the library.
+    called.library = loaded
+    if os.environ.get("HAPTICMECH_ROS_KERNELS") == "checked":
+        called = _checked(name, arguments, called)
+    called.__name__, called.__doc__ = function.__name__, function.__doc__
+    called.__wrapped__ = function
+    return called  # type: ignore[no-any-return]
 
 
 @functools.cache
-def library() -> ModuleType | None:
-    """Return the loaded library, built if need be; None where that is impossible or not wanted."""
-    file = _provided()
-    if file is None:
-        return None
-    path = library_path()
-    # The very file that was looked at, whatever is at its path by now. The descriptor stays open:
-    # the interpreter knows modules by their paths, and would take the next one for this.
-    # Its path has no suffix by which an extension could be known: the loader is named.
-    loader = ExtensionFileLoader(MODULE, f"/proc/self/fd/{file}")
-    try:
-        module = importlib.util.module_from_spec(ModuleSpec(MODULE, loader, origin=loader.path))
-        loader.exec_module(module)
-    except ImportError as error:
-        warn(f"{path} cannot be loaded: {error}")
-        return None
-    module.__file__ = str(path)
-    return module
+def library() -> Library:
+    """Return the loaded library, built if need be.
+
+    Raises:
+        LibraryError: it cannot be built, or not be loaded.
+    """
+    return _loaded(_content())
 
 
 def compile_ahead() -> None:
-    """Compile all kernels, unless that was done before; takes a minute or two.
+    """Compile all kernels, unless that was done before; takes a minute or less.
 
     Nodes that start together would otherwise wait for each other.
+
+    Raises:
+        LibraryError: they cannot be compiled.
     """
-    file = _provided()
-    if file is None:
-        _compile_just_in_time()
-    else:
-        os.close(file)
+    _content()
 
 
 def library_path() -> Path:
-    """Return where the library is for this Python, NumPy and processor, whether built or not."""
-    numpy_generation = np.__version__.split(".", maxsplit=1)[0]
-    suffix = sysconfig.get_config_var("EXT_SUFFIX")
-    return folder() / f"{MODULE}-{_processor()[1]}-numpy{numpy_generation}{suffix}"
+    """Return where the library is for this Python, LLVM and processor, whether built or not."""
+    tag = sys.implementation.cache_tag or "python"
+    return folder() / f"{NAME}-{_processor()[1]}-{tag}.zip"
 
 
-def _provided() -> int | None:
-    """Return a descriptor of the library's file, built now if need be; None if there is none."""
-    if os.environ.get("HAPTICMECH_ROS_KERNELS", "library") == "jit":
-        return None
+def _content() -> bytes:
+    """Return the library's file, built now if need be."""
     path = library_path()
     try:
-        if not is_safe(path.parent):
-            return None
-        file = _opened(path, tell=True)
-        return _built(path) if file is None else file
+        safe = is_safe(path.parent)
+        if safe:
+            found = _read(path, tell=True)
+            return _built(path) if found is None else found
     except OSError as error:
         # No folder that can be written, or a disk that is full.
-        warn(f"no library of kernels: {error}")
-        return None
+        warn(f"kernels are compiled for this process alone: {error}")
+    return _made()
 
 
-def _opened(path: Path, tell: bool = False) -> int | None:
-    """Return a descriptor of the library if it is there as it was written."""
+def _read(path: Path, tell: bool = False) -> bytes | None:
+    """Return the library if it is there as it was written."""
     try:
-        return open_sealed(path, _origin(path))
+        return read_sealed(path, _origin(path))
     except FileNotFoundError:
         return None
     except BrokenSealError as error:
@@ -103,86 +155,152 @@ def _origin(path: Path) -> dict[str, str]:
     return {"kernels": path.parent.name, "for": path.name}
 
 
-def _built(path: Path) -> int | None:
-    """Build the library, unless another process does so already, and return its descriptor."""
-    failed = path.with_suffix(".failed")
-    if remembered(failed):
-        return None
-    missing = obstacle(path.parent)
-    if missing:
-        warn(f"no library of kernels, every start takes longer: {missing}")
-        return None
+def _built(path: Path) -> bytes:
+    """Build the library, unless another process does so already, and return it."""
     lock = os.open(
         path.parent / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644
     )
     try:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        # While this one waited, another may have built it, or failed to.
-        file = _opened(path)
-        if file is not None or remembered(failed):
-            return file
-        warn("compiling kernels, once: a minute or two")
-        reason, counts_s = _run_builder(path)
-        if not reason:
-            failed.unlink(missing_ok=True)
-            return _opened(path, tell=True)
-        where = f"see {failed}" if remember(failed, reason, counts_s) else reason.splitlines()[-1]
-        warn(f"no library of kernels, {where}")
-        return None
+        # While this one waited, another may have built it.
+        found = _read(path)
+        if found is not None:
+            return found
+        # Left by builders that were killed: only one at a time is at work.
+        for left in path.parent.glob(f"{_MADE}*"):
+            left.unlink(missing_ok=True)
+        content = _made()
+        made = path.with_name(f"{_MADE}{path.name}")
+        try:
+            made.write_bytes(content)
+            put_in_place(made, path, _origin(path))
+        except OSError as error:
+            warn(f"the kernels are not kept, every start compiles them again: {error}")
+        finally:
+            made.unlink(missing_ok=True)
+        return content
     finally:
         os.close(lock)
 
 
-def _run_builder(path: Path) -> tuple[str, float]:
-    """Build the library in a process of its own; return why it failed, and for how long, s."""
-    # Left by builders that were killed: only one at a time is at work.
-    for left in path.parent.glob(f"{_MADE}*"):
-        left.unlink(missing_ok=True)
-    made = path.with_name(f"{_MADE}{path.name}")
-    builder = "hapticmech_ros.compilation.builder"
+def _made() -> bytes:
+    """Return the library, built in a process of its own.
+
+    Raises:
+        LibraryError: that failed.
+    """
+    with TemporaryDirectory(prefix=NAME) as place:
+        made = Path(place, NAME)
+        paths = [str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+        with subprocess.Popen(
+            [sys.executable, "-m", BUILDER, _processor()[0], str(made)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        ) as process:
+            late = threading.Event()
+
+            def give_up() -> None:
+                late.set()
+                process.kill()
+
+            timer = threading.Timer(COMPILE_TIMEOUT_S, give_up)
+            timer.start()
+            last = _followed(process.stdout or ())
+            timer.cancel()
+        if late.is_set():
+            raise LibraryError(f"kernels: not done after {COMPILE_TIMEOUT_S:g} s")
+        if process.returncode < 0:
+            raise LibraryError(f"kernels: their builder was ended by signal {-process.returncode}")
+        if process.returncode or not made.exists():
+            raise LibraryError(f"kernels cannot be compiled: {last or 'nothing was written'}")
+        return made.read_bytes()
+
+
+def _followed(lines: Iterable[str]) -> str:
+    """Show how far a build is, as it says in lines "3 of 18"; return the last other line."""
+    last, shown_at = "", time.monotonic()
+    warn("compiling kernels, once: a minute or less")
+    for line in lines:
+        done, of, total = line.strip().partition(" of ")
+        if not (of and done.isdigit() and total.isdigit()):
+            last = line.strip() or last
+        elif time.monotonic() - shown_at > PROGRESS_S or done == total:
+            shown_at = time.monotonic()
+            warn(f"compiling kernels: {done} of {total}")
+    return last
+
+
+def _loaded(content: bytes) -> Library:
+    """Put a library's objects into memory.
+
+    Raises:
+        LibraryError: they are none, or need what is not there.
+    """
+    # Not at every start of a command that needs no kernel.
+    import llvmlite.binding as llvm
+
+    _check_interface()
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    machine = llvm.Target.from_default_triple().create_target_machine(opt=3, jit=True)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     try:
-        done = _run([sys.executable, "-m", builder, str(made), _processor()[0]])
-        if done.returncode < 0:
-            return f"the builder was ended by signal {-done.returncode}", BUSY_S
-        if done.returncode or not made.exists():
-            return done.stderr.strip() or "the builder wrote nothing", REFUSED_S
-        put_in_place(made, path, _origin(path))
-    except subprocess.TimeoutExpired:
-        return f"not done after {COMPILE_TIMEOUT_S:g} s", BUSY_S
-    finally:
-        made.unlink(missing_ok=True)
-    return "", 0.0
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            names = archive.namelist()
+            for name in names:
+                engine.add_object_file(llvm.ObjectFileRef.from_data(archive.read(name)))
+        engine.finalize_object()
+    except (RuntimeError, ValueError, zipfile.BadZipFile) as error:
+        raise LibraryError(f"the kernels cannot be loaded: {error}") from None
+    return Library({name: engine.get_function_address(name) for name in names}, engine)
 
 
-def _compile_just_in_time() -> None:
-    """Let another process compile what Numba keeps, unless that was done before."""
-    # Numba keeps apart what is for another interpreter, or another place of the package.
-    place = hashlib.sha256(f"{sys.executable}{_PACKAGE}".encode()).hexdigest()[:16]
-    done = folder() / f"compiled-{place}"
-    if done.exists():
-        return
-    try:
-        compiled = _run([sys.executable, "-m", "hapticmech_ros.compilation.builder"])
-    except subprocess.TimeoutExpired:
-        # Each process then compiles for itself what it needs.
-        return
-    if compiled.returncode == 0:
-        # Where nothing can be kept, there is nothing to be remembered.
-        with contextlib.suppress(OSError):
-            done.touch()
+def _check_interface() -> None:
+    """Look whether arrays are in memory as NumPy's C interface has them.
+
+    Raises:
+        LibraryError: they are not.
+    """
+    probe = np.zeros((3, 5))
+    words = (ctypes.c_size_t * 3).from_address(id(probe) + DATA_AT)
+    # Only of what begins as it should is the rest looked at.
+    if words[0] == probe.ctypes.data:
+        shape = words[(SHAPE_AT - DATA_AT) // ctypes.sizeof(ctypes.c_size_t)]
+        if shape and ctypes.c_int64.from_address(shape).value == len(probe):
+            return
+    raise LibraryError("this NumPy keeps arrays as no kernel knows them")
 
 
-def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
-    paths = [str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
-    return subprocess.run(
-        command,
-        check=False,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-        timeout=COMPILE_TIMEOUT_S,
-    )
+def _parted(signature: str) -> tuple[str, list[str]]:
+    """Return the types of result and arguments of a signature."""
+    found = _SIGNATURE.fullmatch(signature)
+    if found is None:
+        raise LibraryError(f"no signature of a kernel: {signature}")
+    return found[1], _COMMA.split(found[2])
+
+
+def _checked(name: str, arguments: list[str], called: Any) -> Any:
+    """Return a kernel that looks at its arguments first."""
+    wanted = [_ARRAY.fullmatch(argument) for argument in arguments]
+
+    def check(*given: Any) -> Any:
+        for number, (value, found) in enumerate(zip(given, wanted, strict=True)):
+            if found is None or not found[2]:
+                continue
+            whole = found[1] in ("int64", "i8")
+            order: Any = "F_CONTIGUOUS" if "::1," in found[2] else "C_CONTIGUOUS"
+            written = "Array" in arguments[number]
+            dimensions = int(found[2].split(",")[1]) if written else found[2].count(",") + 1
+            kind = np.dtype(np.int64 if whole else np.float64)
+            fits = isinstance(value, np.ndarray) and value.dtype == kind and value.flags[order]
+            if not (fits and value.ndim == dimensions):
+                raise LibraryError(f"{name}: argument {number} must be {arguments[number]}")
+        return called(*given)
+
+    return check
 
 
 @functools.cache

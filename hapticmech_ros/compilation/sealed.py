@@ -1,7 +1,7 @@
-"""A file that is opened only as it was written: whole, by whom it should be, and unchanged.
+"""A file that is used only as it was written: whole, by whom it should be, and unchanged.
 
 Beside it stands its seal, a few lines of JSON: size, SHA-256, and what it was made from. What is
-looked at and what is used are one open file, so that nobody can put another in between.
+looked at and what is used are the same bytes, so that nobody can put others in between.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from hapticmech_ros.errors import HapticMechError
 
 # Longer is no seal.
 _LONGEST_SEAL = 4096
-_BLOCK = 1 << 18
 
 
 class BrokenSealError(HapticMechError):
@@ -44,7 +43,8 @@ def put_in_place(made: Path, path: Path, origin: Mapping[str, str]) -> None:
     with made.open("rb") as file:
         os.fchmod(file.fileno(), FOLDER_MODE)
         os.fsync(file.fileno())
-        size, digest = os.fstat(file.fileno()).st_size, _digest(file.fileno())
+        content = file.read()
+        size, digest = len(content), hashlib.sha256(content).hexdigest()
     told = json.dumps({"size": size, "sha256": digest, "origin": dict(origin)}, indent=1)
     written = made.with_name(f"{made.name}.seal")
     try:
@@ -65,8 +65,8 @@ def put_in_place(made: Path, path: Path, origin: Mapping[str, str]) -> None:
         os.close(folder)
 
 
-def open_sealed(path: Path, origin: Mapping[str, str]) -> int:
-    """Return a descriptor of a file that is as it was written; to be closed by the caller.
+def read_sealed(path: Path, origin: Mapping[str, str]) -> bytes:
+    """Return what is in a file that is as it was written.
 
     Args:
         path: the file.
@@ -76,23 +76,20 @@ def open_sealed(path: Path, origin: Mapping[str, str]) -> int:
         FileNotFoundError: there is none.
         BrokenSealError: it is another's, writable by others, a link, truncated or changed.
     """
-    file = open_own(path)
-    try:
+    with os.fdopen(_open_own(path), "rb") as file:
         size, digest, made_from = _seal(seal_of(path))
-        found = os.fstat(file).st_size
-        if found != size:
-            raise BrokenSealError(f"{path} has {found} bytes, not {size}")
-        if made_from != dict(origin):
-            raise BrokenSealError(f"{path} was made from {made_from}, not from {dict(origin)}")
-        if _digest(file) != digest:
-            raise BrokenSealError(f"{path} has changed since it was written")
-    except BaseException:
-        os.close(file)
-        raise
-    return file
+        content = file.read(size + 1)
+        found = os.fstat(file.fileno()).st_size
+    if found != size or len(content) != size:
+        raise BrokenSealError(f"{path} has {found} bytes, not {size}")
+    if made_from != dict(origin):
+        raise BrokenSealError(f"{path} was made from {made_from}, not from {dict(origin)}")
+    if hashlib.sha256(content).hexdigest() != digest:
+        raise BrokenSealError(f"{path} has changed since it was written")
+    return content
 
 
-def open_own(path: Path) -> int:
+def _open_own(path: Path) -> int:
     """Return a descriptor of a regular file that only this user or root can write, to read it.
 
     Raises:
@@ -116,7 +113,7 @@ def open_own(path: Path) -> int:
 
 def _seal(path: Path) -> tuple[int, str, dict[str, str]]:
     try:
-        file = open_own(path)
+        file = _open_own(path)
     except FileNotFoundError:
         raise BrokenSealError(f"{path} is missing") from None
     try:
@@ -126,11 +123,3 @@ def _seal(path: Path) -> tuple[int, str, dict[str, str]]:
         raise BrokenSealError(f"{path} is no seal") from None
     finally:
         os.close(file)
-
-
-def _digest(file: int) -> str:
-    found = hashlib.sha256()
-    os.lseek(file, 0, os.SEEK_SET)
-    while block := os.read(file, _BLOCK):
-        found.update(block)
-    return found.hexdigest()

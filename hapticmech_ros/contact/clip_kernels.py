@@ -5,9 +5,7 @@ Points are put into ``above`` (64, 3), m, world, with their ``depths`` (64,) bel
 
 from __future__ import annotations
 
-import numpy as np
-
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, local, shaped
 from hapticmech_ros.contact.shape_kernels import (
     DISK_CORNERS,
     FIRST_VERTEX,
@@ -55,7 +53,7 @@ def below_plane(
     depths: Array,
 ) -> int:
     """Put the points of a shape that are in a half-space, or nearly, into ``above``."""
-    down = np.empty(3)
+    down = local(3)
     for i in range(3):
         down[i] = -poses[plane, 6 + i]
     level = 0.0
@@ -69,7 +67,7 @@ def below_plane(
                 put_point(poses[other], x, y, z, above[count])
                 count = kept_if_below(above, depths, count, down, level, margin)
         return count
-    polygon = np.empty((MOST_CORNERS, 3))
+    polygon = shaped(local(MOST_CORNERS * 3), (MOST_CORNERS, 3))
     many = feature(
         numbers[other], values[other], vertices, faces, corners, normals, poses[other], down,
         LYING_DISK_CORNERS, polygon,
@@ -129,9 +127,10 @@ def on_face(
     depths: Array,
 ) -> int:
     """Put what of the other shape lies over a face of ``base`` into ``above``."""
-    face, lying = np.empty((MOST_CORNERS, 3)), np.empty((MOST_BELOW, 3))
-    clipped = np.empty((MOST_BELOW, 3))
-    down = np.empty(3)
+    face = shaped(local(MOST_CORNERS * 3), (MOST_CORNERS, 3))
+    lying = shaped(local(MOST_BELOW * 3), (MOST_BELOW, 3))
+    clipped = shaped(local(MOST_BELOW * 3), (MOST_BELOW, 3))
+    down = local(3)
     for i in range(3):
         down[i] = -normal[i]
     sides = feature(
@@ -184,10 +183,11 @@ def along_edges(
     depths: Array,
 ) -> int:
     """Put the ends of the line along which two round shapes side by side touch into ``above``."""
-    edge_a, edge_b = np.empty((MOST_CORNERS, 3)), np.empty((MOST_CORNERS, 3))
+    edge_a = shaped(local(MOST_CORNERS * 3), (MOST_CORNERS, 3))
+    edge_b = shaped(local(MOST_CORNERS * 3), (MOST_CORNERS, 3))
     if numbers[a, KIND] == POLYTOPE or numbers[b, KIND] == POLYTOPE:
         return 0
-    back, along, across = np.empty(3), np.empty(3), np.empty(3)
+    back, along, across = local(3), local(3), local(3)
     for i in range(3):
         back[i] = -normal[i]
     many_a = feature(

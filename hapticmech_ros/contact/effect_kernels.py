@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from hapticmech_ros.compilation import kernel
+from hapticmech_ros.compilation import kernel, local
 from hapticmech_ros.contact.shape_kernels import put_point
 from hapticmech_ros.contact.solver_kernels import JOINT_A
 from hapticmech_ros.mechanism.compiled.small_matrices import cross
@@ -45,7 +43,7 @@ def contact_effects(
         joint_force: (nv,) to fill: Σ J_cᵀ λ, N m or N.
         wrenches: (links, 6) to fill: at the links' frames, N and N m, world axes.
     """
-    moment, arm, place = np.empty(3), np.empty(3), np.empty(3)
+    moment, arm, place = local(3), local(3), local(3)
     joint_force[:] = 0.0
     wrenches[:] = 0.0
     for c in range(points.shape[0]):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.compilation import inner, kernel, local, shaped
 from hapticmech_ros.contact.shape_kernels import (
     HALF_SIZE,
     HALF_SPACE,
@@ -42,7 +42,8 @@ def _bound(
         for axis in range(3):
             box[i] += abs(pose[3 * axis + i]) * values[HALF_SIZE + axis]
         size += values[HALF_SIZE + i]
-    twist = np.zeros(6)
+    twist = local(6)
+    twist[:] = 0.0
     for rate in range(rates.size):
         if moves[rate] != 0.0:
             for i in range(6):
@@ -99,7 +100,7 @@ def near_pairs(
         poses: (shapes, 12) to fill, in the world.
         margins: (pairs,) to fill, m: gap up to which points of a pair count; -1 if it is far.
     """
-    boxes = np.empty((numbers.shape[0], BOX_VALUES))
+    boxes = shaped(local(numbers.shape[0] * BOX_VALUES), (numbers.shape[0], BOX_VALUES))
     for shape in range(numbers.shape[0]):
         joint = numbers[shape, JOINT]
         compose(joint_poses[joint], values[shape, :12], poses[shape])

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, local, local_whole
 from hapticmech_ros.mechanism.compiled.small_matrices import dot_with_row
 from hapticmech_ros.mechanism.model import Array
 
@@ -60,7 +60,7 @@ def mismatch(
         velocity: (3 n,) rates of the points with them, m/s.
         off: (3 n,) to fill, N s.
     """
-    out, worst, squares = np.empty(3), 0.0, 0.0
+    out, worst, squares = local(3), 0.0, 0.0
     for c in range(scales.shape[0]):
         k = 3 * c
         most = _pushed_on(c, scales, held, share, impulse, velocity, out)
@@ -90,7 +90,7 @@ def _slopes(
     ``acts`` (3 n,) becomes 1 where a row is not one of the identity, 0 where it is: there nothing
     pushes.
     """
-    out, size = np.empty(3), impulse.size
+    out, size = local(3), impulse.size
     for c in range(scales.shape[0]):
         k, give, across = 3 * c, scales[c, GIVE], scales[c, ACROSS] * (1.0 + HELD_SHARE)
         total = scales[c, OWN] + give
@@ -166,7 +166,7 @@ def _step(slopes: Array, acts: Array, off: Array, change: Array, places: Array) 
         else:
             places[size] = i
             size += 1
-    wanted = np.empty(size)
+    wanted = local(size)
     for r in range(size):
         i = places[r]
         wanted[r] = -off[i] - dot_with_row(slopes, i, change)
@@ -196,6 +196,7 @@ def newton(
     impulse: Array,
     velocity: Array,
     tolerance: float,
+    slopes: Array,
 ) -> bool:
     """Bring impulses nearer to what the law says, in place; return whether Newton's rule ended.
 
@@ -209,11 +210,12 @@ def newton(
         impulse: (3 n,) N s.
         velocity: (3 n,) with them, m/s.
         tolerance: m/s at which to stop.
+        slopes: (3 n, 3 n) to work in.
     """
     size = impulse.size
-    off, change = np.empty(size), np.empty(size)
-    slopes, acts = np.empty((size, size)), np.empty(size, dtype=np.int64)
-    places, tried, there = np.empty(size, dtype=np.int64), np.empty(size), np.empty(size)
+    off, change = local(size), local(size)
+    acts, places = local_whole(size), local_whole(size)
+    tried, there = local(size), local(size)
     worst, squares = mismatch(scales, held, HELD_SHARE, impulse, velocity, off)
     rounds = 0
     while rounds < MOST_ROUNDS and worst > tolerance:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, local
 from hapticmech_ros.contact.touch_kernels import tangents
 from hapticmech_ros.mechanism.model import Array
 
@@ -57,7 +55,9 @@ def add_later(
     The point is taken along with the shape's centre, and does not turn with the body: where a ball
     touches a floor does not. T17.
     """
-    now, then = np.zeros(6), np.zeros(6)
+    now, then = local(6), local(6)
+    now[:] = 0.0
+    then[:] = 0.0
     for j in range(rates.size):
         if moves[j] != 0.0:
             for i in range(6):

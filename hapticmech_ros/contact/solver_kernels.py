@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.contact.newton_kernels import (
     ACROSS,
     FRICTION,
@@ -112,20 +112,24 @@ def _solve(
     velocity: Array,
     tolerance: float,
     report: Array,
+    slopes: Array,
 ) -> None:
     """Solve for all impulses, in place, and report how that ended."""
     n, size = scales.shape[0], impulse.size
-    off, held = np.empty(size), np.zeros(size)
-    kept, kept_velocity = impulse.copy(), velocity.copy()
+    off, held = local(size), local(size)
+    kept, kept_velocity = local(size), local(size)
+    held[:] = 0.0
+    put(kept, impulse)
+    put(kept_velocity, velocity)
     # Of all that would do, the least friction: what it was before leaves no trace.
-    if not newton(scales, apart, coupling, held, impulse, velocity, 0.3 * tolerance):
+    if not newton(scales, apart, coupling, held, impulse, velocity, 0.3 * tolerance, slopes):
         _restore(kept, kept_velocity, impulse, velocity)
     worst, _ = mismatch(scales, impulse, 0.0, impulse, velocity, off)
     sweeps = 0
     while sweeps < MOST_SWEEPS and worst > tolerance:
         for i in range(size):
             held[i], kept[i], kept_velocity[i] = impulse[i], impulse[i], velocity[i]
-        newton(scales, apart, coupling, held, impulse, velocity, 0.3 * tolerance)
+        newton(scales, apart, coupling, held, impulse, velocity, 0.3 * tolerance, slopes)
         found, _ = mismatch(scales, impulse, 0.0, impulse, velocity, off)
         if found <= tolerance:
             worst = found
@@ -163,7 +167,8 @@ def _fill_scales(
 
 @kernel(
     "void(f8[:, ::1], i8[::1], i8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1],"
-    " f8[::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8, f8, f8[:, ::1], f8[::1])"
+    " f8[::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8, f8, f8[:, ::1], f8[::1],"
+    " f8[::1])"
 )
 def contact_forces(
     points: Array,
@@ -182,6 +187,7 @@ def contact_forces(
     ahead: float,
     forces: Array,
     report: Array,
+    room: Array,
 ) -> None:
     """Solve for the forces at all points.
 
@@ -202,12 +208,16 @@ def contact_forces(
         ahead: 1/2, or 0 where positions move by h v⁺.
         forces: (n, 3) on a, world axes, N: first guesses, replaced by the solution.
         report: (5,) to fill.
+        room: (3 n (nv + 6 n),) to work in.
     """
     n, nv = points.shape[0], rates.size
-    rows, frames = np.empty((3 * n, nv)), np.empty((n, 3, 3))
-    now, velocity, impulse = np.empty(3 * n), np.empty(3 * n), np.empty(3 * n)
-    apart, parting = np.empty(3 * n), np.empty(3)
-    along = np.empty(basis.shape[0])
+    size = 3 * n
+    rows, frames = shaped(room, (size, nv)), shaped(local(9 * n), (n, 3, 3))
+    coupling = shaped(room[size * nv :], (size, size))
+    slopes = shaped(room[size * (nv + size) :], (size, size))
+    now, velocity, impulse = local(3 * n), local(3 * n), local(3 * n)
+    apart, parting = local(3 * n), local(3)
+    along = local(basis.shape[0])
     for c in range(n):
         contact_frame(points[c], frames[c])
         pair = pairs[owners[c]]
@@ -227,12 +237,11 @@ def contact_forces(
             impulse[3 * c + d] = step * dot(frames[c, d], forces[c])
             solve_lower(factor, row)
             remove(basis, basis.shape[0], row, along)
-    coupling = np.empty((3 * n, 3 * n))
     for i in range(3 * n):
         for j in range(i + 1):
             coupling[i, j] = dot_rows(rows, i, j)
             coupling[j, i] = coupling[i, j]
-    scales, depths, largest = np.empty((n, SCALE_VALUES)), np.empty(n), 0.0
+    scales, depths, largest = shaped(local(n * SCALE_VALUES), (n, SCALE_VALUES)), local(n), 0.0
     for c in range(n):
         depths[c] = points[c, 6] - ahead * step * now[3 * c]
         _fill_scales(c, laws[owners[c]], depths[c], step, coupling, scales)
@@ -241,7 +250,7 @@ def contact_forces(
     for i in range(REPORT_VALUES):
         report[i] = 0.0
     put_velocity(apart, coupling, impulse, velocity)
-    _solve(scales, apart, coupling, impulse, velocity, SHARE * largest + FLOOR, report)
+    _solve(scales, apart, coupling, impulse, velocity, SHARE * largest + FLOOR, report, slopes)
     for c in range(n):
         left = max(depths[c] - step * velocity[3 * c], 0.0)
         report[HELD] += 0.5 * laws[owners[c], STIFFNESS] * left * left

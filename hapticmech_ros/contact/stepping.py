@@ -160,6 +160,7 @@ class ContactStepper:
             self._ahead,
             forces,
             report,
+            np.empty(3 * len(points) * (start.v.size + 6 * len(points))),
         )
         found = report.tolist()
         touching = Touching(

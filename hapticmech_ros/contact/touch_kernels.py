@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.compilation import inner, kernel, local, local_whole, shaped
 from hapticmech_ros.contact.clip_kernels import MOST_BELOW, along_edges, below_plane, on_face
 from hapticmech_ros.contact.shape_kernels import HALF_SIZE, HALF_SPACE, KIND, face_normal, support
 from hapticmech_ros.mechanism.compiled.small_matrices import dot
@@ -54,7 +54,7 @@ def _spread(above: Array, depths: Array, count: int, normal: Array, chosen: Arra
 
     By where they are, not by depths that differ in rounding: the choice must not flicker.
     """
-    first, second = np.empty(3), np.empty(3)
+    first, second = local(3), local(3)
     tangents(normal, first, second)
     kept, deepest, extent = 0, 0, 0.0
     for k in range(count):
@@ -96,7 +96,7 @@ def _chosen(
     rocks on them does not slip at some against others, which nothing but huge forces between them
     could prevent. Along the normal nothing changes.
     """
-    chosen = np.empty(MOST_POINTS, dtype=np.int64)
+    chosen = local_whole(MOST_POINTS)
     kept = min(count, MOST_POINTS)
     for k in range(kept):
         chosen[k] = k
@@ -135,7 +135,7 @@ def _face_between(
 
     ``normal`` becomes the outward one of that face.
     """
-    direction, trial, down = np.empty(3), np.empty(3), np.empty(3)
+    direction, trial, down = local(3), local(3), local(3)
     size = min(_size(values[a]), _size(values[b]))
     least = found[3] - _FACE_SHARE * abs(found[3]) - _FACE_SLACK * size
     best, side = -np.inf, 0
@@ -179,9 +179,9 @@ def _touching(
     points: Array,
 ) -> int:
     """Fill ``points`` (4, 7) with where shapes a and b touch, and return how many there are."""
-    above = np.empty((MOST_BELOW, 3))
-    depths = np.empty(MOST_BELOW)
-    normal = np.empty(3)
+    above = shaped(local(MOST_BELOW * 3), (MOST_BELOW, 3))
+    depths = local(MOST_BELOW)
+    normal = local(3)
     lies_on_b = numbers[b, KIND] == HALF_SPACE
     if lies_on_b or numbers[a, KIND] == HALF_SPACE:
         plane, other = (b, a) if lies_on_b else (a, b)

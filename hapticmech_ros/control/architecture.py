@@ -245,7 +245,7 @@ class ControlArchitecture:
             time: s.
             engagement: the tie of the two poses.
             device: (19,) the device's measurement.
-            rendered: (133,) analysis and measurement of the operational point.
+            rendered: (139,) analysis and measurement of the operational point.
             ahead: s, from the time of ``rendered`` to that of ``device``; the point's pose is
                 carried on by its twist for as long.
             in_flight: as in :meth:`compute`.

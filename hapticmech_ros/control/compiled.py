@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.engagement import Engagement
-from hapticmech_ros.control.flat import DEVICE_SIZE, RENDERED_SIZE
+from hapticmech_ros.control.flat import flat_device, flat_rendered, model_of
 from hapticmech_ros.control.kernels import ENGAGED, RAMP, SETTINGS_SIZE, control_wrenches
 from hapticmech_ros.control.measurements import (
     ControlOutput,
@@ -19,16 +19,19 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.control.prediction import InFlight, foreseen
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Scene
 
+_TWIST, _CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
+
 
 class CompiledControl(ControlArchitecture):
     """The controllers of a scene; results equal the parent's to rounding, at a tenth of the time.
 
-    Besides gains it holds scratch: one for each thread.
+    Besides gains it holds the tie: one for each thread.
     """
 
     compiled: ClassVar[bool] = True
@@ -38,9 +41,6 @@ class CompiledControl(ControlArchitecture):
         super().__init__(scene)
         self._tie = self._settings[ENGAGED:]
         self._tied: Engagement | None = None
-        self._device = np.empty(DEVICE_SIZE)
-        self._rendered = np.empty(RENDERED_SIZE)
-        self._matrices = self._rendered[:108].reshape(3, 6, 6)
 
     def adopt(self, gains: Controller, delay: float | None = None) -> None:
         """Take gains at once; see :meth:`ControlArchitecture.adopt`."""
@@ -71,13 +71,7 @@ class CompiledControl(ControlArchitecture):
         in_flight: InFlight | None = None,
     ) -> ControlOutput:
         """Return the wrenches for measurements; see :meth:`ControlArchitecture.compute`."""
-        own, rendered, matrices = self._device, self._rendered, self._matrices
-        own[:7] = pin.SE3ToXYZQUAT(device.pose)
-        own[7:13], own[13:] = device.twist, device.hand_wrench
-        matrices[0], matrices[1] = model.inverse_inertia, model.constraint_projector
-        matrices[2], rendered[108:114] = model.balanced_share, model.free_acceleration
-        rendered[114:121] = pin.SE3ToXYZQUAT(point.pose)
-        rendered[121:127], rendered[127:] = point.twist, point.contact_wrench
+        own, rendered = flat_device(device), flat_rendered(model, point)
         return ControlOutput(*self.answer(time, engagement, own, rendered, 0.0, in_flight))
 
     def answer(
@@ -97,16 +91,16 @@ class CompiledControl(ControlArchitecture):
         self.pass_on_to(time)
         if engagement is not self._tied:
             self._tie_to(engagement)
-        if in_flight is not None and rendered.size == RENDERED_SIZE:
-            rendered, inverse_inertia = rendered.copy(), rendered[:36].reshape(6, 6)
-            twist, contact = rendered[121:127], rendered[127:133]
-            free = rendered[108:114]
-            rendered[121:127] = foreseen(twist, inverse_inertia, free, contact, in_flight)
+        if in_flight is not None and rendered.size == OPERATIONAL_MODEL.size:
+            rendered, model = rendered.copy(), model_of(rendered)
+            free, contact = model.free_acceleration, rendered[_CONTACT]
+            twist = foreseen(rendered[_TWIST], model.inverse_inertia, free, contact, in_flight)
+            rendered[_TWIST] = twist
             ahead += in_flight.duration
         out = np.empty((6, 6))
         if not control_wrenches(self._settings, device, rendered, time, ahead, out):
             sizes = device.size, rendered.size
-            rule = f"must be {DEVICE_SIZE} and {RENDERED_SIZE}"
+            rule = f"must be {DEVICE_SAMPLE.size} and {OPERATIONAL_MODEL.size}"
             raise InvalidInputError("numbers of device and rendering", sizes, rule)
         if engagement.carried is not None:
             out[0] = self.joined(time, engagement, out[0])

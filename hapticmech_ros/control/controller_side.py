@@ -10,16 +10,17 @@ import numpy as np
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.energy_ledger import EnergyLedger
 from hapticmech_ros.control.engagement import Engagement
-from hapticmech_ros.control.flat import DEVICE_SIZE, model_of
+from hapticmech_ros.control.flat import model_of
 from hapticmech_ros.control.link import DelayLine
 from hapticmech_ros.control.local_model import NO_MODEL, LocalModel
 from hapticmech_ros.control.mechanism_port import MechanismPort
 from hapticmech_ros.control.prediction import InFlight
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.controller import Connection
 
 _NO_WRENCH = np.zeros(6)
-TWIST = slice(121, 127)
+_TWIST = OPERATIONAL_MODEL.slice("twist")
 
 
 class Reading(NamedTuple):
@@ -29,7 +30,7 @@ class Reading(NamedTuple):
         time: s, of the controllers.
         stamp_ns: of the device's sample.
         device: (19,) that sample, see :mod:`~hapticmech_ros.control.flat`.
-        rendered: (133,) analysis and operational point.
+        rendered: (139,) analysis and operational point.
         ahead: s, from the time of ``rendered`` to that of ``device``.
         elapsed: s, since the last ``rendered``.
     """
@@ -62,7 +63,7 @@ class Answer(NamedTuple):
     @classmethod
     def nothing(cls, stamp_ns: int) -> Answer:
         """Return what stands for an answer before there is one."""
-        return cls(np.zeros((6, 6)), NO_MODEL, np.zeros(DEVICE_SIZE), stamp_ns, 0.0)
+        return cls(np.zeros((6, 6)), NO_MODEL, np.zeros(DEVICE_SAMPLE.size), stamp_ns, 0.0)
 
 
 class ControllerSide:
@@ -129,13 +130,13 @@ class ControllerSide:
             corrects: whether the device corrects commands by itself.
             with_model: whether the answer is to say how.
         """
-        self.ledger.moved(reading.rendered[TWIST], reading.elapsed)
+        self.ledger.moved(reading.rendered[_TWIST], reading.elapsed)
         seen: Reading | None = reading
         if self._lines is not None:
             self._lines[0].put(reading.stamp_ns, reading)
             seen = self._lines[0].take(reading.stamp_ns)
         answer = None
-        self._twist = reading.rendered[TWIST]
+        self._twist = reading.rendered[_TWIST]
         if seen is not None:
             self.port.see(seen.device)
             answer = self._answered(seen, reading, engagement, corrects, with_model)
@@ -172,12 +173,12 @@ class ControllerSide:
         wrenches = control.answer(
             reading.time, engagement, seen.device, rendered, reading.ahead, flying
         )
-        gains = control.gains.joint_constraint
-        projector = rendered[36:72].reshape(6, 6)
+        gains, seen_model = control.gains.joint_constraint, model_of(rendered)
+        projector = seen_model.constraint_projector
         self.ledger.answered(wrenches[5], projector, gains, control.channels, self._period)
         model = NO_MODEL
         if corrects and with_model and control.gains.local:
-            model = control.local_model(reading.time, engagement, model_of(rendered))
+            model = control.local_model(reading.time, engagement, seen_model)
         given = self.ledger.entry.to_mechanism
         return Answer(wrenches, model, seen.device, seen.stamp_ns, given)
 

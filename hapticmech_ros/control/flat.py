@@ -1,9 +1,8 @@
 """Measurements as flat arrays: what travels between nodes, and what the compiled control reads.
 
-    device (19,)     position 3, quaternion x y z w 4, twist 6, F_h 6
-    rendered (133,)  X 36, P_c 36, Π 36, a_0 6, position 3, quaternion 4, twist 6, F_c 6
-
-Matrices go row by row; units and frames are those of the measurements.
+A device's sample is laid out as :data:`~hapticmech_ros.layout.DEVICE_SAMPLE` (19,), what the
+analysis and the mechanism report of a point as :data:`~hapticmech_ros.layout.OPERATIONAL_MODEL`
+(139,). Units and frames are those of the measurements.
 """
 
 from __future__ import annotations
@@ -16,10 +15,16 @@ from hapticmech_ros.control.measurements import (
     PointMeasurement,
     RenderingModel,
 )
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.model import Array
 
-DEVICE_SIZE = 19
-RENDERED_SIZE = 133
+_PLACE = DEVICE_SAMPLE.slice("position", "quaternion")
+_TWIST, _FORCE = DEVICE_SAMPLE.slice("twist"), DEVICE_SAMPLE.slice("hand_wrench")
+_MATRICES = OPERATIONAL_MODEL.slice("inverse_inertia", "balanced_share")
+_FREE = OPERATIONAL_MODEL.slice("free_acceleration")
+_POINT_PLACE = OPERATIONAL_MODEL.slice("position", "quaternion")
+_POINT_TWIST, _CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
+_NO_SPECTRUM = np.zeros(OPERATIONAL_MODEL["s"])
 
 
 def flat_device(measured: DeviceMeasurement) -> Array:
@@ -29,9 +34,10 @@ def flat_device(measured: DeviceMeasurement) -> Array:
 
 
 def flat_rendered(model: RenderingModel, point: PointMeasurement) -> Array:
-    """Return what the analysis and the mechanism report of a point as numbers (133,)."""
+    """Return what the analysis and the mechanism report of a point as numbers (139,), without s."""
     return np.concatenate(
         (
+            _NO_SPECTRUM,
             model.inverse_inertia.ravel(),
             model.constraint_projector.ravel(),
             model.balanced_share.ravel(),
@@ -45,18 +51,19 @@ def flat_rendered(model: RenderingModel, point: PointMeasurement) -> Array:
 
 def device_of(device: Array) -> DeviceMeasurement:
     """Return the measurement that numbers (19,) stand for, of any length of quaternion but 0."""
-    return DeviceMeasurement(place_of(device[:7]), device[7:13], device[13:])
+    return DeviceMeasurement(place_of(device[_PLACE]), device[_TWIST], device[_FORCE])
 
 
 def model_of(rendered: Array) -> RenderingModel:
-    """Return the analysis in numbers (133,)."""
-    matrices = rendered[:108].reshape(3, 6, 6)
-    return RenderingModel(matrices[0], matrices[1], matrices[2], rendered[108:114])
+    """Return the analysis in numbers (139,)."""
+    matrices = rendered[_MATRICES].reshape(3, 6, 6)
+    return RenderingModel(matrices[0], matrices[1], matrices[2], rendered[_FREE])
 
 
 def point_of(rendered: Array) -> PointMeasurement:
-    """Return the operational point's measurement in numbers (133,)."""
-    return PointMeasurement(place_of(rendered[114:121]), rendered[121:127], rendered[127:])
+    """Return the operational point's measurement in numbers (139,)."""
+    place = place_of(rendered[_POINT_PLACE])
+    return PointMeasurement(place, rendered[_POINT_TWIST], rendered[_CONTACT])
 
 
 def place_of(numbers: Array) -> pin.SE3:

@@ -11,22 +11,30 @@ What a scene and an engagement fix is in one array, ``settings`` (58,):
     :50   duration of the ramp, force limit and torque limit of the device
     :58   time 1, displacement 3 and turn, as a quaternion of length 1, of the engagement
 
-Measurements are laid out as :mod:`~hapticmech_ros.control.flat` says.
+Measurements are laid out as :mod:`~hapticmech_ros.layout` says.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel
-from hapticmech_ros.control.flat import DEVICE_SIZE, RENDERED_SIZE
+from hapticmech_ros.compilation import inner, kernel, local, shaped
 from hapticmech_ros.control.pose_kernels import tied_error
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.compiled.small_matrices import dot
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation_kernels import limit
 
 CHANNELS, RAMP, ENGAGED = 41, 47, 50
 SETTINGS_SIZE = 58
+DEVICE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
+RATE, PUSH = DEVICE_SAMPLE.starts("twist", "hand_wrench")
+X, P_C, SHARE = OPERATIONAL_MODEL.starts(
+    "inverse_inertia", "constraint_projector", "balanced_share"
+)
+FREE, PLACE, TWIST, CONTACT = OPERATIONAL_MODEL.starts(
+    "free_acceleration", "position", "twist", "contact"
+)
 
 
 @inner
@@ -54,24 +62,27 @@ def parts(settings: Array, device: Array, rendered: Array, out: Array) -> None:
     task, inertia = settings[:6], settings[6:12]
     stiffness, damping = settings[12:18], settings[18:24]
     held_stiffness, held_damping = settings[24:30], settings[30:36]
-    beta, spring, damper, force_limit, torque_limit = settings[36:CHANNELS]
-    c1, c2, c3, c4, c5, c6 = settings[CHANNELS:RAMP]
-    x, p_c = rendered[:36].reshape(6, 6), rendered[36:72].reshape(6, 6)
-    share, free = rendered[72:108].reshape(6, 6), rendered[108:114]
-    twist, contact = rendered[121:127], rendered[127:133]
-    push, pull, coupling, drive, held = np.empty((5, 6))
+    joint, c = settings[36:CHANNELS], settings[CHANNELS:RAMP]
+    beta, spring, damper = joint[0], joint[1], joint[2]
+    force_limit, torque_limit = joint[3], joint[4]
+    c1, c2, c3, c4, c5, c6 = c[0], c[1], c[2], c[3], c[4], c[5]
+    x, p_c = shaped(rendered[X:], (6, 6)), shaped(rendered[P_C:], (6, 6))
+    share, free = shaped(rendered[SHARE:], (6, 6)), rendered[FREE : FREE + 6]
+    twist, contact = rendered[TWIST : TWIST + 6], rendered[CONTACT : CONTACT + 6]
+    room = shaped(local(30), (5, 6))
+    push, pull, coupling, drive, held = room[0], room[1], room[2], room[3], room[4]
     error = out[5]
     for i in range(6):
         error[i] *= task[i]
-        rate = task[i] * (device[7 + i] - twist[i])
-        hand = task[i] * device[13 + i]
+        rate = task[i] * (device[RATE + i] - twist[i])
+        hand = task[i] * device[PUSH + i]
         push[i] = hand + c2 * (task[i] * contact[i])
         drive[i] = push[i] + c6 * hand
         pull[i] = spring * error[i] + damper * rate
         coupling[i] = stiffness[i] * error[i] + damping[i] * rate
         held[i] = held_stiffness[i] * error[i] + held_damping[i] * rate
     for i in range(6):
-        hand, touch = task[i] * device[13 + i], task[i] * contact[i]
+        hand, touch = task[i] * device[PUSH + i], task[i] * contact[i]
         motion = inertia[i] * (dot(x[i], drive) + free[i])
         out[1, i] = c3 * hand + c5 * touch + c1 * coupling[i]
         out[2, i] = task[i] * (motion - push[i] + (1.0 - beta) * dot(share[i], push))
@@ -93,7 +104,7 @@ def control_wrenches(
     Args:
         settings: (58,) what the scene and the engagement fix.
         device: (19,) the device's measurement.
-        rendered: (133,) the analysis and the operational point's measurement.
+        rendered: (139,) the analysis and the operational point's measurement.
         time: s.
         ahead: s, for which the point's pose is carried on.
         out: to fill.
@@ -101,12 +112,13 @@ def control_wrenches(
     Returns:
         Whether the measurements have these sizes; nothing is computed otherwise.
     """
-    if device.size != DEVICE_SIZE or rendered.size != RENDERED_SIZE:
+    if device.size != DEVICE_SIZE or rendered.size != MODEL_SIZE:
         return False
-    place, twist = rendered[114:121], rendered[121:127]
+    place, twist = rendered[PLACE:TWIST], rendered[TWIST : TWIST + 6]
     tied_error(settings[ENGAGED + 1 :], device[:7], place, twist, ahead, out[5])
     parts(settings, device, rendered, out)
-    duration, force_limit, torque_limit = settings[RAMP:ENGAGED]
+    duration, force_limit = settings[RAMP], settings[RAMP + 1]
+    torque_limit = settings[RAMP + 2]
     ramp = let_through(time, settings[ENGAGED], duration)
     for i in range(6):
         out[0, i] = ramp * (out[2, i] + out[3, i] + out[4, i])

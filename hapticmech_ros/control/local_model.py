@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.mechanism.model import Array
 
-# Of a sample: position 3, quaternion 4, twist 6, F_h 6; see control/flat.py.
-TWIST, FORCE, SAMPLE_SIZE = slice(7, 13), slice(13, 19), 19
+TWIST, FORCE = DEVICE_SAMPLE.slice("twist"), DEVICE_SAMPLE.slice("hand_wrench")
 _NOTHING = np.zeros((6, 6))
 _NOTHING.flags.writeable = False
 

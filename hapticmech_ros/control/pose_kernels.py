@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, local, shaped
 from hapticmech_ros.mechanism.compiled.small_matrices import cross
 from hapticmech_ros.mechanism.model import Array
 
@@ -66,7 +66,7 @@ def log6(rotation: Array, translation: Array, out: Array) -> None:
         beta = 1.0 / 12.0 + square * (1.0 / 720.0 + square / 30240.0)
     else:
         beta = (1.0 - half * abs(cosine) / sine) / square
-    turned = np.empty((2, 3))
+    turned = shaped(local(2 * 3), (2, 3))
     cross(angle, translation, turned[0])
     cross(angle, turned[0], turned[1])
     for i in range(3):
@@ -83,7 +83,7 @@ def carry_on(place: Array, twist: Array, duration: float, out: Array) -> None:
         duration: s, may be negative.
         out: to fill, as ``place``.
     """
-    turn = np.empty(4)
+    turn = local(4)
     x, y, z = duration * twist[3], duration * twist[4], duration * twist[5]
     angle = np.sqrt(x * x + y * y + z * z)
     ratio = np.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
@@ -110,7 +110,7 @@ def tied_error(
         ahead: s, for which the point is carried on.
         error: to fill, m and rad.
     """
-    point, mapped, between, way = np.empty(7), np.empty(4), np.empty(4), np.empty(3)
+    point, mapped, between, way = local(7), local(4), local(4), local(3)
     carry_on(place, twist, ahead, point)
     follow(device[3:7], tie[3:7], mapped)
     turn_between(point[3:], mapped, between)

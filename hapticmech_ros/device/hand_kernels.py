@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, put, shaped
 from hapticmech_ros.device.grip import OPEN, START_TOLERANCE
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.rotation_kernels import (
@@ -73,7 +73,7 @@ def hand_wrench(
     if moving < -START_TOLERANCE:
         return
     if hand[KIND] == CONSTANT:
-        wrench[:] = hand[STIFFNESS:DAMPING]
+        put(wrench, hand[STIFFNESS:DAMPING])
     elif hand[KIND] == SPRING:
         _spring(hand, max(moving, 0.0), body, held, wrench, work)
     elif hand[KIND] != NOBODY:
@@ -87,7 +87,7 @@ def hand_wrench(
 @inner
 def _spring(hand: Array, time: float, body: Array, held: Array, wrench: Array, work: Array) -> None:
     offset, rate, stretch, spin = work[:6], work[6:12], work[12:15], work[15:18]
-    turn, goal = work[18:27].reshape(3, 3), work[27:36].reshape(3, 3)
+    turn, goal = shaped(work[18:27], (3, 3)), shaped(work[27:36], (3, 3))
     stiffness, damping = hand[STIFFNESS:DAMPING], hand[DAMPING:TREMBLING]
     _target(hand[TIMES + int(hand[SWITCHES]) :], time, offset, rate)
     if hand[SPEED] > 0.0:
@@ -96,8 +96,8 @@ def _spring(hand: Array, time: float, body: Array, held: Array, wrench: Array, w
             offset[i] += sine * hand[SWAY + i]
             rate[i] += hand[SPEED] * cosine * hand[SWAY + i]
     exp3(offset[3:], turn)
-    multiply(turn, held[3:12].reshape(3, 3), goal)
-    multiply_transposed(goal, body[3:12].reshape(3, 3), turn)
+    multiply(turn, shaped(held[3:12], (3, 3)), goal)
+    multiply_transposed(goal, shaped(body[3:12], (3, 3)), turn)
     log3(turn, stretch)
     angular_rate(offset[3:], rate[3:], spin)
     for i in range(3):
@@ -115,7 +115,7 @@ def _target(table: Array, time: float, offset: Array, rate: Array) -> None:
     while at < last and table[at + ROW_SIZE] <= time:
         at += ROW_SIZE
     if at == last:
-        offset[:] = table[at + 1 :]
+        put(offset, table[at + 1 :])
         rate[:] = 0.0
         return
     after = at + ROW_SIZE

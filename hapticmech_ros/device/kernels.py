@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.device.grip import OPEN
 from hapticmech_ros.device.hand_kernels import BODY_SIZE, WORK_SIZE, grip_window, hand_wrench
 from hapticmech_ros.device.resistance_kernels import rub, stop
@@ -56,7 +56,7 @@ STATE_SIZE = OWN + 6
 @inner
 def _move(data: Array, gain: Array, force: Array, home: Array, body: Array, work: Array) -> None:
     """Advance a body (18,) by one substep under hand and actuators: ``force`` (6,)."""
-    turn, turned = work[3:12].reshape(3, 3), work[12:21].reshape(3, 3)
+    turn, turned = shaped(work[3:12], (3, 3)), shaped(work[12:21], (3, 3))
     step, twist = data[STEP], body[12:]
     for i in range(6):
         net = force[i] - data[DAMPING + i] * twist[i]
@@ -66,8 +66,8 @@ def _move(data: Array, gain: Array, force: Array, home: Array, body: Array, work
         body[i] += step * twist[i]
         work[i] = step * twist[3 + i]
     exp3(work[:3], turn)
-    multiply(turn, body[3:12].reshape(3, 3), turned)
-    body[3:12] = work[12:21]
+    multiply(turn, shaped(body[3:12], (3, 3)), turned)
+    put(body[3:12], work[12:21])
 
 
 @inner
@@ -79,8 +79,8 @@ def _resist(data: Array, gain: Array, home: Array, body: Array, work: Array) -> 
             work[i] = body[i] - home[i]
         stop(data[STOP:TURN_STOP], work[:3], rate, gain[0], step)
     if data[TURN_STOP] > 0.0:
-        turn = work[3:12].reshape(3, 3)
-        multiply_transposed(body[3:12].reshape(3, 3), home[3:12].reshape(3, 3), turn)
+        turn = shaped(work[3:12], (3, 3))
+        multiply_transposed(shaped(body[3:12], (3, 3)), shaped(home[3:12], (3, 3)), turn)
         log3(turn, work[:3])
         stop(data[TURN_STOP:DAMPING], work[:3], spin, gain[5], step)
     if data[FRICTION] > 0.0:
@@ -93,8 +93,8 @@ def _resist(data: Array, gain: Array, home: Array, body: Array, work: Array) -> 
 def _give(data: Array, asked: Array, applied: Array, given: Array) -> None:
     """Advance what actuators apply by a substep, and fill its mean over that."""
     if data[LAG_MEAN] == 0.0:
-        given[:] = asked
-        applied[:] = asked
+        put(given, asked)
+        put(applied, asked)
         return
     for i in range(6):
         behind = applied[i] - asked[i]
@@ -108,9 +108,9 @@ def _hold(data: Array, elapsed: float, out: Array, work: Array) -> None:
     hand, body, anchor = data[HAND:], out[BODY:SEEN], out[ANCHOR:WINDOW]
     window = grip_window(hand, elapsed)
     if window == 0:
-        anchor[:] = data[HELD:HAND]
+        put(anchor, data[HELD:HAND])
     elif window > 0 and window != out[WINDOW]:
-        anchor[:] = body[:12]
+        put(anchor, body[:12])
     out[WINDOW] = window
     if window == OPEN:
         out[OWN:] = 0.0
@@ -125,19 +125,19 @@ def _quantise(data: Array, body: Array, position: Array, seen: Array, work: Arra
     for i in range(3):
         position[i] = fine * np.rint(body[i] / fine) if fine > 0.0 else body[i]
     if turn > 0.0:
-        log3(body[3:12].reshape(3, 3), work[:3])
+        log3(shaped(body[3:12], (3, 3)), work[:3])
         for i in range(3):
             work[i] = turn * np.rint(work[i] / turn)
-        exp3(work[:3], seen.reshape(3, 3))
+        exp3(work[:3], shaped(seen, (3, 3)))
     else:
-        seen[:] = body[3:12]
+        put(seen, body[3:12])
 
 
 @inner
 def _estimate(data: Array, before: Array, out: Array, work: Array) -> None:
     """Fill the measured twist from encoder differences, low-passed."""
-    turn = work[6:15].reshape(3, 3)
-    multiply_transposed(out[SEEN:HOME].reshape(3, 3), before[SEEN:HOME].reshape(3, 3), turn)
+    turn = shaped(work[6:15], (3, 3))
+    multiply_transposed(shaped(out[SEEN:HOME], (3, 3)), shaped(before[SEEN:HOME], (3, 3)), turn)
     log3(turn, work[3:6])
     for i in range(3):
         work[i] = out[i] - before[i]
@@ -151,12 +151,13 @@ def _measure(data: Array, before: Array, out: Array, work: Array) -> None:
     """Fill what the encoders say of the body in ``out``."""
     body, seen = out[BODY:SEEN], out[SEEN:HOME]
     if data[POSITION_STEP] == 0.0 and data[ANGLE_STEP] == 0.0:
-        out[:3], seen[:] = body[:3], body[3:12]
-        out[7:13] = body[12:]
+        put(out[:3], body[:3])
+        put(seen, body[3:12])
+        put(out[7:13], body[12:])
     else:
         _quantise(data, body, out[:3], seen, work)
         _estimate(data, before, out, work)
-    quaternion_of(seen.reshape(3, 3), out[3:7])
+    quaternion_of(shaped(seen, (3, 3)), out[3:7])
 
 
 @kernel("void(float64[::1], float64[::1], int64, float64[::1])")
@@ -169,14 +170,14 @@ def advance(data: Array, state: Array, ticks: int, out: Array) -> None:
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
         out: (83,) to fill.
     """
-    scratch = np.empty(24 + WORK_SIZE)
+    scratch = local(24 + WORK_SIZE)
     force, asked, given = scratch[:6], scratch[6:12], scratch[12:18]
     before, work = scratch[18:24], scratch[24:]
     own, applied, body = out[OWN:], out[APPLIED:PUBLISHED_SIZE], out[BODY:SEEN]
-    body[:] = state[BODY:SEEN]
-    out[HOME:OWN] = state[HOME:OWN]
-    applied[:] = state[APPLIED:PUBLISHED_SIZE]
-    asked[:] = data[COMMAND:PUSH]
+    put(body, state[BODY:SEEN])
+    put(out[HOME:OWN], state[HOME:OWN])
+    put(applied, state[APPLIED:PUBLISHED_SIZE])
+    put(asked, data[COMMAND:PUSH])
     limit(asked[:3], data[MOST_FORCE])
     limit(asked[3:], data[MOST_TORQUE])
     own[:] = 0.0
@@ -188,7 +189,7 @@ def advance(data: Array, state: Array, ticks: int, out: Array) -> None:
         _give(data, asked, applied, given)
         for i in range(6):
             force[i] = data[PUSH + i] + own[i] + given[i]
-        before[:] = body[12:]
+        put(before, body[12:])
         start = GAIN if out[WINDOW] == OPEN else HELD_GAIN
         _move(data, data[start : start + 6], force, out[HOME:ANCHOR], body, work)
     if ticks >= 0:
@@ -197,5 +198,5 @@ def advance(data: Array, state: Array, ticks: int, out: Array) -> None:
         if data[ARM] + data[ARM + 3] > 0.0 and carried and out[WINDOW] != OPEN:
             for i in range(6):
                 own[i] -= data[ARM + i] * ((body[12 + i] - before[i]) / data[STEP])
-    out[REPORTED:APPLIED] = own
+    put(out[REPORTED:APPLIED], own)
     _measure(data, state, out, work)

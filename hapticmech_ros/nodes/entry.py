@@ -12,6 +12,7 @@ import sys
 from collections.abc import Sequence
 
 from hapticmech_ros.discovery import choose_discovery
+from hapticmech_ros.errors import HapticMechError
 
 NODES = {
     "haptic_device": "simulated impedance-type haptic device and the hand that holds it",
@@ -54,8 +55,13 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
     # Looking for plugins of pydantic, of which none is wanted here, takes a node 40 ms.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     choose_discovery(os.environ)
-    runtime = importlib.import_module("hapticmech_ros.nodes.runtime")
-    return int(runtime.run(names, arguments))
+    try:
+        runtime = importlib.import_module("hapticmech_ros.nodes.runtime")
+        return int(runtime.run(names, arguments))
+    except HapticMechError as error:
+        # Kernels are loaded, or compiled, by whoever imports them first.
+        sys.stderr.write(f"{error}\n")
+        return 1
 
 
 def haptic_device() -> None:

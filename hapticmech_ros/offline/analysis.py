@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.evaluation import Active
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
@@ -23,7 +24,6 @@ from hapticmech_ros.times import NANOSECONDS
 
 # Told of the progress after so many states.
 TOLD = 1000
-_SEEN = 133
 
 Show = Callable[[int, int], None]
 
@@ -109,7 +109,7 @@ def felt_states(
     """
     analyser = Analyser(mechanism, point)
     total, t = len(active), analyser.rows.size
-    seen, wrenches = np.empty((total, _SEEN)), np.empty((total, t, t))
+    seen, wrenches = np.empty((total, OPERATIONAL_MODEL.size)), np.empty((total, t, t))
     places = None if grasps is None else grasps[:, analyser.index]
     start = analyser.point
     place = flat_grasp(mechanism.scene, start)
@@ -128,19 +128,22 @@ def felt_states(
     finally:
         mechanism.grasp(start)
     show(total, total)
-    squares = seen[:, 6:114].reshape(total, 3, 6, 6)
+
+    def part(name: str) -> Array:
+        return seen[:, OPERATIONAL_MODEL.slice(name)].copy()
+
     full = np.zeros((total, 6, t))
     full[:, analyser.rows] = wrenches
     return FeltStates(
-        s=seen[:, :t].copy(),
+        s=part("s")[:, :t].copy(),
         wrenches=full,
-        inverse_inertia=squares[:, 0].copy(),
-        constraint_projector=squares[:, 1].copy(),
-        balanced_share=squares[:, 2].copy(),
-        free_acceleration=seen[:, 114:120].copy(),
-        position=seen[:, 120:123].copy(),
-        quaternion=seen[:, 123:127].copy(),
-        twist=seen[:, 127:].copy(),
+        inverse_inertia=part("inverse_inertia").reshape(total, 6, 6),
+        constraint_projector=part("constraint_projector").reshape(total, 6, 6),
+        balanced_share=part("balanced_share").reshape(total, 6, 6),
+        free_acceleration=part("free_acceleration"),
+        position=part("position"),
+        quaternion=part("quaternion"),
+        twist=part("twist"),
     )
 
 

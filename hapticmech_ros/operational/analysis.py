@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.evaluation import Active, Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
@@ -25,6 +26,10 @@ from hapticmech_ros.quaternions import quaternion_of
 
 if TYPE_CHECKING:
     from hapticmech_ros.operational.compiled import CompiledAnalysis
+
+_SEEN = OPERATIONAL_MODEL.slice("s", "twist")
+_SQUARES = OPERATIONAL_MODEL.slice("inverse_inertia", "balanced_share")
+_FREE = OPERATIONAL_MODEL.slice("free_acceleration")
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,9 +142,9 @@ class Analyser:
             q: (nq,) configuration.
             v: (nv,) rates.
             active: which closures are closed.
-            seen: (133,) to fill: s (6,), X, P_c and Π (6, 6 each), a_0 (6,), zero in rows that the
-                task space does not have; the point's position (3,), m, quaternion (4,), x, y, z, w,
-                and twist (6,), m/s and rad/s. X and a_0 are those of :meth:`late`.
+            seen: an :data:`~hapticmech_ros.layout.OPERATIONAL_MODEL` to fill up to the point's
+                twist, (133,) or more: zero in rows that the task space does not have. X and a_0
+                are those of :meth:`late`.
             wrenches: (t, t) to fill with the columns n_i, in the order of s; or None.
 
         Raises:
@@ -159,7 +164,7 @@ class Analyser:
         squares = (inverse_inertia, found.constraint_projector, found.balanced_share)
         quaternion = quaternion_of(point.pose.rotation)
         place = (free, point.pose.translation, quaternion, point.twist)
-        seen[:] = np.concatenate((s, *(square.ravel() for square in squares), *place))
+        seen[_SEEN] = np.concatenate((s, *(square.ravel() for square in squares), *place))
         if wrenches is not None:
             wrenches[:] = found.spectrum.wrenches
 
@@ -174,9 +179,9 @@ class Analyser:
         analysis, details = kernel(terms)
         t = self.rows.size
         wrenches, duals = details[t:].reshape(2, t, t)
-        x, projector, share = analysis[6:114].reshape(3, 6, 6)
+        x, projector, share = analysis[_SQUARES].reshape(3, 6, 6)
         found = Spectrum(analysis[:t], wrenches, duals)
-        acceleration = analysis[114:]
+        acceleration = analysis[_FREE]
         return OperationalAnalysis(x, found, details[:t], projector, share, acceleration, self.rows)
 
 

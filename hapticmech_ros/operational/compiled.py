@@ -122,7 +122,7 @@ class CompiledAnalysis:
         return late
 
     def see(self, q: Array, v: Array, active: Active, seen: Array, lateness: float = 0.0) -> None:
-        """Fill ``seen`` (133,); see :meth:`Analyser.see`."""
+        """Fill ``seen``; see :meth:`Analyser.see`."""
         mechanism = self._mechanism
         self._position[:] = q
         self._rates[:] = v

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, local, shaped
 from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
 from hapticmech_ros.mechanism.compiled.kernels import factor
 from hapticmech_ros.mechanism.compiled.manifold_kernels import move
@@ -77,7 +77,7 @@ def foresee(
         free: (6,) a_0.
     """
     nv = tables.nv
-    change, place = np.empty(nv), np.empty(q.size)
+    change, place = local(nv), local(q.size)
     correction_of(tables, space, bias, change)
     for c in range(nv):
         change[c] = lateness * v[c] - 0.5 * lateness * lateness * change[c]
@@ -92,7 +92,7 @@ def foresee(
     element_forces(tables, later, place, v, passive, tables.forces[2])
     for c in range(nv):
         passive[c] += tables.effort[c]
-    jacobian, motion = np.empty((6, nv)), np.empty(12)
+    jacobian, motion = shaped(local(6 * nv), (6, nv)), local(12)
     move_point(tables, later, motions, index, jacobian, motion)
     own[:] = 0.0
     accelerate(tables, later, bias_force, passive, tables.bias, own)

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.compiled.metric_kernels import accelerate, free_part, to_metric
 from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
 from hapticmech_ros.mechanism.compiled.small_matrices import (
@@ -18,8 +19,10 @@ from hapticmech_ros.mechanism.compiled.small_matrices import (
 from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 
-# Length of an analysis; of it, squares are at 6:114.
-ANALYSIS_SIZE = 120
+# Where the analysis of an operational model has X, P_c and Π, and a_0; and its length.
+SQUARES, FREE, ANALYSIS_SIZE = OPERATIONAL_MODEL.starts(
+    "inverse_inertia", "free_acceleration", "position"
+)
 
 
 class Metric(NamedTuple):
@@ -47,8 +50,8 @@ def metric_of(constants: Array, t: int) -> Metric:
         constants[0],
         constants[1],
         constants[2],
-        constants[3:12].reshape(3, 3),
-        constants[12:].reshape(2, t, t),
+        shaped(constants[3:12], (3, 3)),
+        shaped(constants[12:], (2, t, t)),
     )
 
 
@@ -56,7 +59,8 @@ def metric_of(constants: Array, t: int) -> Metric:
 def _in_world(metric: Metric, rotation: Array, factors: Array) -> None:
     """Fill ``factors`` (2, t, t) with G and G⁻ᵀ in world axes."""
     t = factors.shape[1]
-    turn = np.zeros((t, t))
+    turn = shaped(local(36), (t, t))
+    turn[:] = 0.0
     block = 3 if t == 6 else 2
     turn[t - 1, t - 1] = 1.0
     for i in range(block):
@@ -93,15 +97,16 @@ def analyse_motion(
     """Analyse a point; see :func:`analyse_point`."""
     nv, m, t = tables.nv, tables.m, rows.size
     analysis[:] = 0.0
-    squares = analysis[6:114].reshape(3, 6, 6)
-    free = np.zeros(nv + m)
+    squares = shaped(analysis[SQUARES:], (3, 6, 6))
+    free = local(nv + m)
+    free[:] = 0.0
     accelerate(tables, space, bias_force, passive, bias, free)
     for i in range(6):
-        analysis[114 + i] = dot_with_row(jacobian, i, free) + drift[i]
+        analysis[FREE + i] = dot_with_row(jacobian, i, free) + drift[i]
     # Rows are the columns of S.
-    root = np.empty((t, nv))
+    root = shaped(local(t * nv), (t, nv))
     for i in range(t):
-        root[i] = jacobian[rows[i]]
+        put(root[i], jacobian[rows[i]])
         to_metric(tables, space, root[i])
         free_part(tables, space, root[i])
     for i in range(t):
@@ -109,16 +114,17 @@ def analyse_motion(
             product = dot_rows(root, i, j)
             squares[0, rows[i], rows[j]] = product
             squares[0, rows[j], rows[i]] = product
-    factors = np.empty((2, t, t))
+    factors = shaped(local(72), (2, t, t))
     _in_world(metric, rotation, factors)
-    measured, turn = np.zeros((t, nv)), np.empty((t, t))
+    measured, turn = shaped(local(t * nv), (t, nv)), shaped(local(36), (t, t))
+    measured[:] = 0.0
     for j in range(t):
         for i in range(t):
             for c in range(nv):
                 measured[j, c] += factors[0, i, j] * root[i, c]
     if not orthogonalise(measured, turn):
         return False
-    weights, directions = details[:t], details[t:].reshape(2, t, t)
+    weights, directions = details[:t], shaped(details[t:], (2, t, t))
     for i in range(t):
         s = np.sqrt(dot_rows(measured, i, i)) if i < nv else 0.0
         x = min(max((metric.s_off - s) / (metric.s_off - metric.s_on), 0.0), 1.0)
@@ -173,8 +179,8 @@ def analyse_point(
         rotation: (3, 3) of the point.
         constants: see :func:`metric_of`.
         rows: (t,) rows of a six-vector that the task space has.
-        analysis: (120,) to fill with s (6,), X, P_c, Π (6, 6 each) and a_0 (6,); zero in rows that
-            the task space does not have.
+        analysis: (120,) to fill: an operational model up to a_0; zero in rows that the task space
+            does not have.
         details: (t + 2 t²,) to fill with the weights and the columns n_i and I_ℓ⁻¹ n_i.
 
     Returns:

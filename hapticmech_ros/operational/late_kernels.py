@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.mechanism.compiled.element_kernels import element_resistance
 from hapticmech_ros.mechanism.compiled.metric_kernels import (
     accelerate,
@@ -23,6 +21,7 @@ from hapticmech_ros.mechanism.compiled.small_matrices import (
 from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.foresee_kernels import foresee
+from hapticmech_ros.operational.kernels import ANALYSIS_SIZE, FREE, SQUARES
 
 # As in :mod:`~hapticmech_ros.operational.spectrum`, which kernels do not see.
 LEAST_S = 1e-10
@@ -30,13 +29,20 @@ LEAST_S = 1e-10
 
 @inner
 def _unit_rates(
-    tables: Tables, space: Packed, jacobian: Array, rows: Array, s: Array, wrenches: Array
-) -> Array:
-    """Return ζ (t, nv); zero where X has nothing."""
+    tables: Tables,
+    space: Packed,
+    jacobian: Array,
+    rows: Array,
+    s: Array,
+    wrenches: Array,
+    rates: Array,
+) -> None:
+    """Fill ``rates`` with ζ (t, nv); zero where X has nothing."""
     t, nv = rows.size, tables.nv
-    along, rates = np.empty((t, nv)), np.zeros((t, nv))
+    along = shaped(local(t * nv), (t, nv))
+    rates[:] = 0.0
     for i in range(t):
-        along[i] = jacobian[rows[i]]
+        put(along[i], jacobian[rows[i]])
         to_metric(tables, space, along[i])
         free_part(tables, space, along[i])
         from_metric(tables, space, along[i])
@@ -46,7 +52,6 @@ def _unit_rates(
                 share = wrenches[k, i] / s[i]
                 for c in range(nv):
                     rates[i, c] += share * along[k, c]
-    return rates
 
 
 @inner
@@ -70,10 +75,11 @@ def _answer(
 ) -> None:
     """Fill X_τ, and turn a_0 into a_τ; see :func:`late_point`."""
     t, nv = rows.size, tables.nv
-    directions = details[t:].reshape(2, t, t)
-    rates = _unit_rates(tables, space, jacobian, rows, s, directions[0])
+    directions = shaped(details[t:], (2, t, t))
+    rates = shaped(local(t * nv), (t, nv))
+    _unit_rates(tables, space, jacobian, rows, s, directions[0], rates)
     square = lateness * lateness
-    force, resisted, shown = np.empty(nv), np.empty((t, t)), np.empty((t, t))
+    force, resisted, shown = local(nv), shaped(local(36), (t, t)), shaped(local(36), (t, t))
     for j in range(t):
         element_resistance(tables, space, q, v, rates[j], square, lateness, force)
         for i in range(t):
@@ -81,7 +87,8 @@ def _answer(
             # Rows are the columns of Zᵀ, each of which is solved with L.
             shown[j, i] = directions[1, j, i] * s[i] if s[i] > LEAST_S else 0.0
         resisted[j, j] += 1.0
-    own, met = np.zeros(nv + tables.m), np.empty(t)
+    own, met = local(nv + tables.m), local(6)[:t]
+    own[:] = 0.0
     accelerate(tables, space, bias_force, passive, bias, own)
     # From here on the tables' room to work in is of another configuration.
     foresee(tables, space, q, v, bias, index, length, lateness, ahead, own, late[36:])
@@ -93,7 +100,7 @@ def _answer(
         solve_lower(resisted, shown[j])
     solve_lower(resisted, met)
     late[:36] = 0.0
-    inverse_inertia = late[:36].reshape(6, 6)
+    inverse_inertia = shaped(late[:36], (6, 6))
     for i in range(t):
         for j in range(i + 1):
             product = dot_rows(shown, i, j)
@@ -200,13 +207,13 @@ def see_late(
         length: of the mechanism, m.
         lateness: τ, s.
         ahead: as long as ``packed``, to work in.
-        seen: (133,) as it filled them, to change.
+        seen: (133,) as it filled it, to change.
     """
     tables = Tables(numbers, values)
     space = unpack(packed, tables)
-    jacobian, motion, late = np.empty((6, tables.nv)), np.empty(12), np.empty(42)
+    jacobian, motion, late = shaped(local(6 * tables.nv), (6, tables.nv)), local(12), local(42)
     move_point(tables, space, tables.motions, index, jacobian, motion)
-    late[36:] = seen[114:120]
+    put(late[36:], seen[FREE:ANALYSIS_SIZE])
     _answer(
         tables,
         space,
@@ -225,5 +232,5 @@ def see_late(
         ahead,
         late,
     )
-    seen[6:42] = late[:36]
-    seen[114:120] = late[36:]
+    put(seen[SQUARES : SQUARES + 36], late[:36])
+    put(seen[FREE:ANALYSIS_SIZE], late[36:])

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from hapticmech_ros.compilation import kernel
+from hapticmech_ros.compilation import kernel, local, put, shaped
 from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
 from hapticmech_ros.mechanism.compiled.kernels import factor
 from hapticmech_ros.mechanism.compiled.motion_kernels import closure_bias, move_joints, move_point
@@ -47,8 +45,7 @@ def see_point(
         constants: of the analysis; see ``analyse_point`` for this and the next two.
         rows: (t,) rows of a six-vector that the task space has.
         details: (t + 2 t²,) to fill.
-        seen: (133,) to fill with the analysis (120,), and the point's position (3,), quaternion
-            (4,) and twist (6,).
+        seen: (133,) to fill: an operational model up to the point's twist.
 
     Returns:
         0; NO_SPECTRUM where the SVD of S does not converge; or a negative code.
@@ -67,10 +64,10 @@ def see_point(
     element_forces(tables, space, q, v, passive, dissipative)
     for c in range(nv):
         passive[c] += tables.effort[c]
-    jacobian, motion = np.empty((6, nv)), np.empty(12)
+    jacobian, motion = shaped(local(6 * nv), (6, nv)), local(12)
     move_point(tables, space, motions, index, jacobian, motion)
     pose = space.poses[tables.points[index]]
-    rotation = pose[:9].reshape(3, 3).T
+    rotation = shaped(pose[:9], (3, 3)).T
     metric = metric_of(constants, rows.size)
     converged = analyse_motion(
         tables,
@@ -89,7 +86,7 @@ def see_point(
     if not converged:
         return NO_SPECTRUM
     place = seen[ANALYSIS_SIZE:]
-    place[:3] = pose[9:]
+    put(place[:3], pose[9:])
     quaternion_of(rotation, place[3:7])
-    place[7:] = motion[:6]
+    put(place[7:13], motion[:6])
     return 0

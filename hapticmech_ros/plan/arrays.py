@@ -8,8 +8,8 @@ from typing import cast
 
 import numpy as np
 
-from hapticmech_ros.control.flat import DEVICE_SIZE, RENDERED_SIZE
 from hapticmech_ros.device.compiled_state import CompiledState
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
 from hapticmech_ros.mechanism.compiled.packed import PARTS, views_of
 from hapticmech_ros.mechanism.compiled.step_kernels import work_size
@@ -56,7 +56,7 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
     yield "Ẇv", terms.closure_bias
     yield "J_h of each point", np.empty((points, 6, mechanism.nv))
     yield "wrenches of the task space", np.empty((t, t))
-    yield "what the controllers need of the point", np.empty(RENDERED_SIZE)
-    yield "what they need of the device", np.empty(DEVICE_SIZE)
+    yield "what the controllers need of the point", np.empty(OPERATIONAL_MODEL.size)
+    yield "what they need of the device", np.empty(DEVICE_SAMPLE.size)
     held = run.device.at_rest(terms.points[run.analyser.index].pose)
     yield "state of the device", cast(CompiledState, held).flat

@@ -1,6 +1,6 @@
 """Bounds of the numbers in messages: what each of them is, and how large it may be.
 
-One table says which quantity every field holds; a scene's ``limits`` say how large it may be. What
+A layout says which quantity every number is; a scene's ``limits`` say how large it may be. What
 is read and what is sent is held to the same bounds, by one comparison of all numbers of a message,
 which no NaN and no infinity passes.
 """
@@ -8,54 +8,20 @@ which no NaN and no infinity passes.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from hapticmech_ros.errors import InvalidInputError, OutputError
+from hapticmech_ros.layout import ANY, Layout
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.kernels import UNSOUND, stamp_if_sound
 from hapticmech_ros.wire.stamps import LAST_SECOND, stamp_of
 
 QUATERNION_TOLERANCE = 1e-3
-_TWIST = ("linear_velocity",) * 3 + ("angular_velocity",) * 3
-_WRENCH = ("force",) * 3 + ("torque",) * 3
-# Field -> quantities of its numbers, over and over. What is named one by one, as the mechanism's
-# joints are, has a slash behind the field's name.
-QUANTITIES: dict[str, tuple[str, ...]] = {
-    "stamp": ("seconds", "nanoseconds"),
-    "answered": ("seconds", "nanoseconds"),
-    "position": ("position",),
-    "quaternion": ("quaternion",),
-    "twist": _TWIST,
-    "hand_wrench": _WRENCH,
-    "applied": _WRENCH,
-    "contact": _WRENCH,
-    "contact/": _WRENCH,
-    "count": ("count",),
-    "directions": ("count",),
-    "s": ("ratio",),
-    "inverse_inertia": ("inverse_inertia",),
-    "constraint_projector": ("ratio",),
-    "balanced_share": ("ratio",),
-    "free_acceleration": ("acceleration",),
-    "commanded": ("flags",),
-    "commanded/": ("flags",),
-    "closed/": ("flags",),
-    "position/": ("joint_position",),
-    "velocity/": ("joint_velocity",),
-    "grasp": ("link", *("position",) * 3, *("angle",) * 3),
-    "grasp/": ("link", *("position",) * 3, *("angle",) * 3),
-    "to_mechanism": ("energy",),
-    "force": ("ratio",),
-    "stiffness": ("stiffness",),
-    "damping": ("damping",),
-    "round_trip": ("duration",),
-    "obeys": ("flags",),
-}
 # Quantities that no scene says anything about.
 FIXED: dict[str, float] = {
     "seconds": float(LAST_SECOND),
@@ -67,7 +33,6 @@ FIXED: dict[str, float] = {
     "link": 1e6,
     "angle": 1e6,
 }
-ANY = "finite number"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -212,16 +177,16 @@ def pose_bounds(limits: Limits) -> SixBounds:
     return SixBounds("pose", ("position", ANY), limits.position)
 
 
-def bounds_of(what: str, fields: Mapping[str, int], limits: Limits | None = None) -> Bounds:
+def bounds_of(what: str, layout: Layout, limits: Limits | None = None) -> Bounds:
     """Return the bounds of a flat message.
 
     Args:
         what: its name, for errors.
-        fields: field -> size, the stamp first.
+        layout: its fields, the stamp first.
         limits: of the scene; None, where no scene is known, bounds nothing but stamps, flags and
             counts.
     """
-    quantities = tuple(_quantities(fields))
+    quantities = tuple(layout.quantities())
     most = np.array([_most(quantity, limits) for quantity in quantities])
     most.flags.writeable = False
     quaternion = quantities.index("quaternion") if "quaternion" in quantities else -1
@@ -239,14 +204,6 @@ def check_unit(quaternion: Array) -> None:
     if not abs(length - 1.0) <= QUATERNION_TOLERANCE:
         rule = f"quaternion must have unit length within {QUATERNION_TOLERANCE:g}"
         raise InvalidInputError("length of quaternion", length, rule)
-
-
-def _quantities(fields: Mapping[str, int]) -> Iterator[str]:
-    for name, size in fields.items():
-        head, slash, _ = name.partition("/")
-        pattern = QUANTITIES.get(head + slash, (ANY,))
-        for index in range(size):
-            yield pattern[index % len(pattern)]
 
 
 def _most(quantity: str, limits: Limits | None) -> float:

@@ -11,16 +11,23 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.layout import Field, Layout
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import checked_values
+from hapticmech_ros.wire.layouts import STAMP, checked_values
 from hapticmech_ros.wire.stamps import seconds_of
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.touching import Touching
 
-STAMP, PER_POINT = 2, 11
+# Of each point: index of its pair among the scene's contacts, where it is, m, the unit normal from
+# b to a, depth, m, and force by b on a, N.
+POINT = Layout(
+    {"pair": Field(1), "point": Field(3), "normal": Field(3), "depth": Field(1), "force": Field(3)}
+)
+_PAIR, _DEPTH = POINT.start("pair"), POINT.start("depth")
+_PLACE, _NORMAL, _FORCE = POINT.slice("point"), POINT.slice("normal"), POINT.slice("force")
 
 
 class ContactPoints(NamedTuple):
@@ -58,13 +65,13 @@ class ContactLayout:
     def encode(self, touching: Touching | None, time_ns: int) -> bytes:
         """Return the serialized message of what touches; None: nothing does."""
         count = 0 if touching is None else touching.pairs.size
-        values = np.zeros(STAMP + PER_POINT * count)
-        values[:STAMP] = seconds_of(time_ns)
+        values = np.zeros(STAMP.size + POINT.size * count)
+        values[: STAMP.size] = seconds_of(time_ns)
         if touching is not None and count:
-            rows = values[STAMP:].reshape(count, PER_POINT)
-            rows[:, 0], rows[:, 7] = touching.pairs, touching.depths
-            rows[:, 1:4], rows[:, 4:7] = touching.points, touching.normals
-            rows[:, 8:] = touching.forces
+            rows = values[STAMP.size :].reshape(count, POINT.size)
+            rows[:, _PAIR], rows[:, _DEPTH] = touching.pairs, touching.depths
+            rows[:, _PLACE], rows[:, _NORMAL] = touching.points, touching.normals
+            rows[:, _FORCE] = touching.forces
         flat = self._flat.get(count)
         if flat is None:
             flat = self._flat[count] = FlatArray(self._fields(count))
@@ -76,16 +83,18 @@ class ContactLayout:
         Raises:
             InvalidInputError: wrong length, not finite, or a pair that the scene has not.
         """
-        count = max(0, (len(data) - STAMP) // PER_POINT)
+        count = max(0, (len(data) - STAMP.size) // POINT.size)
         bounds = bounds_of("contacts", self._fields(count))
         stamp_ns, values = checked_values(data, bounds)
-        rows = values[STAMP:].reshape(count, PER_POINT)
-        pairs = np.clip(rows[:, 0], -1.0, self._pairs).astype(np.int64)
-        wrong = (pairs != rows[:, 0]) | (pairs < 0) | (pairs >= self._pairs)
+        rows = values[STAMP.size :].reshape(count, POINT.size)
+        told = rows[:, _PAIR]
+        pairs = np.clip(told, -1.0, self._pairs).astype(np.int64)
+        wrong = (pairs != told) | (pairs < 0) | (pairs >= self._pairs)
         if wrong.any():
             rule = f"must be an index of the scene's {self._pairs} contacts"
-            raise InvalidInputError("pair", float(rows[np.argmax(wrong), 0]), rule)
-        return ContactPoints(stamp_ns, pairs, rows[:, 1:4], rows[:, 4:7], rows[:, 7], rows[:, 8:])
+            raise InvalidInputError("pair", float(told[np.argmax(wrong)]), rule)
+        places, normals, depths = rows[:, _PLACE], rows[:, _NORMAL], rows[:, _DEPTH]
+        return ContactPoints(stamp_ns, pairs, places, normals, depths, rows[:, _FORCE])
 
-    def _fields(self, count: int) -> dict[str, int]:
-        return {"stamp": STAMP, self._label: PER_POINT * count}
+    def _fields(self, count: int) -> Layout:
+        return Layout({"stamp": STAMP, self._label: Field(POINT.size * count)})

@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticmech_ros.device import NO_WRENCH, DeviceState
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OBEYS, ROUND_TRIP
 from hapticmech_ros.wire.stamps import seconds_of
 
 
@@ -21,11 +21,9 @@ class DeviceWriter:
     """
 
     def __init__(self) -> None:
-        self.values: Array = np.zeros(sum(DEVICE_FIELDS.values()))
-        last = DEVICE_MEASURED.stop
-        self.hand_wrench: Array = self.values[last - DEVICE_FIELDS["hand_wrench"] : last]
-        first, last = DEVICE_FIELDS["stamp"], last + DEVICE_FIELDS["applied"]
-        self._published = self.values[first:last]
+        self.values: Array = np.zeros(DEVICE_FIELDS.size)
+        self.hand_wrench: Array = self.values[DEVICE_FIELDS.slice("hand_wrench")]
+        self._published = self.values[DEVICE_FIELDS.slice("position", "applied")]
 
     def see(
         self,
@@ -46,6 +44,6 @@ class DeviceWriter:
         """
         self.values[0], self.values[1] = seconds_of(stamp_ns)
         self._published[:] = state.published
-        self.values[-2:] = round_trip, obeys
+        self.values[ROUND_TRIP], self.values[OBEYS] = round_trip, obeys
         if push is not NO_WRENCH:
             self.hand_wrench += push

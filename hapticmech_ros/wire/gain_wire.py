@@ -7,22 +7,25 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.control.local_model import LocalModel
+from hapticmech_ros.layout import Field, Layout
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.bounds import Bounds, bounds_of
-from hapticmech_ros.wire.layouts import checked_values
+from hapticmech_ros.wire.layouts import STAMP, checked_values
 from hapticmech_ros.wire.stamps import seconds_of, stamp_of
 
-# Field -> size; ``stamp`` and ``answered`` are seconds and nanoseconds.
-GAIN_FIELDS: dict[str, int] = {
-    "stamp": 2,
-    "answered": 2,
-    "to_mechanism": 1,
-    "force": 36,
-    "stiffness": 36,
-    "damping": 36,
-}
-_MODEL = 5
+GAIN_FIELDS = Layout(
+    {
+        "stamp": STAMP,
+        "answered": STAMP,
+        "to_mechanism": Field(1, ("energy",)),
+        "force": Field(36, ("ratio",)),
+        "stiffness": Field(36, ("stiffness",)),
+        "damping": Field(36, ("damping",)),
+    }
+)
+_ANSWERED, _MODEL = GAIN_FIELDS.slice("answered"), GAIN_FIELDS.slice("force", "damping")
+_TO_MECHANISM = GAIN_FIELDS.start("to_mechanism")
 
 
 class ServoGain(NamedTuple):
@@ -63,6 +66,6 @@ def unpack_gain(data: object, bounds: Bounds = _ANY) -> ServoGain:
         InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
     stamp, values = checked_values(data, bounds)
-    answered = stamp_of(*values[2:4].tolist())
-    model = LocalModel(*values[_MODEL:].reshape(3, 6, 6))
-    return ServoGain(stamp, answered, float(values[4]), model)
+    answered = stamp_of(*values[_ANSWERED].tolist())
+    model = LocalModel(*values[_MODEL].reshape(3, 6, 6))
+    return ServoGain(stamp, answered, float(values[_TO_MECHANISM]), model)

@@ -1,7 +1,7 @@
 """Layouts of the Float64MultiArray messages that carry more than one matrix.
 
-Each layout is a sequence of named fields with sizes; the same text goes into the message's layout
-labels, so that a bag can be read without this package.
+Names and sizes of the fields go into the messages' layout labels, so that a bag can be read without
+this package.
 """
 
 from __future__ import annotations
@@ -21,53 +21,61 @@ from hapticmech_ros.control.flat import (
     place_of,
     point_of,
 )
+from hapticmech_ros.layout import (
+    DEVICE_SAMPLE,
+    OPERATIONAL_MODEL,
+    SECONDS,
+    WRENCH,
+    Field,
+    Layout,
+)
 from hapticmech_ros.mechanism.grasp import GRASP_SIZE
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.bounds import Bounds, bounds_of, check_unit
 from hapticmech_ros.wire.stamps import seconds_of
 
-# Field -> size. ``stamp`` is seconds and nanoseconds, as two numbers, to lose no bit.
-RENDERING_FIELDS: dict[str, int] = {
-    "stamp": 2,
-    "count": 1,
-    "directions": 1,
-    "s": 6,
-    "inverse_inertia": 36,
-    "constraint_projector": 36,
-    "balanced_share": 36,
-    "free_acceleration": 6,
-    "position": 3,
-    "quaternion": 4,
-    "twist": 6,
-    "contact": 6,
-    "commanded": 1,
-    "grasp": GRASP_SIZE,
-}
-DEVICE_FIELDS: dict[str, int] = {
-    "stamp": 2,
-    "position": 3,
-    "quaternion": 4,
-    "twist": 6,
-    "hand_wrench": 6,
-    "applied": 6,
-    "round_trip": 1,
-    "obeys": 1,
-}
-# Of what older versions wrote, which ends before ``round_trip``; and what is to be read there.
-_OLD_DEVICE_SIZE, _NOT_TOLD = 27, (0.0, 1.0)
-# What control/flat.py describes, inside these messages.
-DEVICE_MEASURED = slice(2, 21)
-RENDERED, COMMANDED, GRASP = slice(10, 143), 143, slice(144, 151)
-ENERGY_FIELDS: dict[str, int] = {
-    "stamp": 2,
-    "kinetic": 1,
-    "potential": 1,
-    "work_in": 1,
-    "damping_loss": 1,
-    "latch_loss": 1,
-    "closure_error": 1,
-}
+# Seconds and nanoseconds, as two numbers, to lose no bit.
+STAMP = Field(2, SECONDS)
+GRASP_FIELD = Field(GRASP_SIZE, ("link", *("position",) * 3, *("angle",) * 3))
+FLAG = Field(1, ("flags",))
+RENDERING_FIELDS = Layout(
+    {
+        "stamp": STAMP,
+        "count": Field(1, ("count",)),
+        "directions": Field(1, ("count",)),
+        **OPERATIONAL_MODEL.fields,
+        "commanded": FLAG,
+        "grasp": GRASP_FIELD,
+    }
+)
+DEVICE_FIELDS = Layout(
+    {
+        "stamp": STAMP,
+        **DEVICE_SAMPLE.fields,
+        "applied": Field(6, WRENCH),
+        "round_trip": Field(1, ("duration",)),
+        "obeys": FLAG,
+    }
+)
+# Older versions ended before ``round_trip``; what is to be read there.
+_OLD_DEVICE_SIZE, _NOT_TOLD = DEVICE_FIELDS.start("round_trip"), (0.0, 1.0)
+DEVICE_MEASURED = DEVICE_FIELDS.slice("position", "hand_wrench")
+_APPLIED = DEVICE_FIELDS.slice("applied")
+ROUND_TRIP, OBEYS = DEVICE_FIELDS.start("round_trip"), DEVICE_FIELDS.start("obeys")
+RENDERED, GRASP = RENDERING_FIELDS.slice("s", "contact"), RENDERING_FIELDS.slice("grasp")
+COMMANDED = RENDERING_FIELDS.start("commanded")
+_COUNT, _DIRECTIONS = RENDERING_FIELDS.start("count"), RENDERING_FIELDS.start("directions")
+_S = RENDERING_FIELDS.start("s")
+ENERGY_FIELDS = Layout(
+    {
+        "stamp": STAMP,
+        **dict.fromkeys(
+            ("kinetic", "potential", "work_in", "damping_loss", "latch_loss", "closure_error"),
+            Field(1),
+        ),
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,8 +153,8 @@ def unpack_device(data: object) -> DeviceSample:
         InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
     stamp_ns, values = checked_values(whole_device(np.array(data, dtype=float)), _DEVICE)
-    measured, obeys = device_of(values[DEVICE_MEASURED]), bool(values[28])
-    return DeviceSample(stamp_ns, measured, values[21:27], float(values[27]), obeys)
+    measured, obeys = device_of(values[DEVICE_MEASURED]), bool(values[OBEYS])
+    return DeviceSample(stamp_ns, measured, values[_APPLIED], float(values[ROUND_TRIP]), obeys)
 
 
 def whole_device(values: Array) -> Array:
@@ -156,11 +164,10 @@ def whole_device(values: Array) -> Array:
 
 def pack_rendering(rendering: Rendering) -> Array:
     """Return the message's data (151,)."""
-    s = np.zeros(6)
-    s[: rendering.s.size] = rendering.s
     head = (*seconds_of(rendering.stamp_ns), rendering.count, rendering.s.size)
     rendered = flat_rendered(rendering.model, rendering.point)
-    return np.concatenate((head, s, rendered, (rendering.commanded,), rendering.grasp))
+    rendered[: rendering.s.size] = rendering.s
+    return np.concatenate((head, rendered, (rendering.commanded,), rendering.grasp))
 
 
 def unpack_rendering(data: object) -> Rendering:
@@ -173,8 +180,8 @@ def unpack_rendering(data: object) -> Rendering:
     rendered = values[RENDERED]
     return Rendering(
         stamp_ns,
-        int(values[2]),
-        values[4 : 4 + int(values[3])],
+        int(values[_COUNT]),
+        values[_S : _S + int(values[_DIRECTIONS])],
         model_of(rendered),
         point_of(rendered),
         bool(values[COMMANDED]),

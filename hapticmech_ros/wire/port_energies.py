@@ -7,29 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.control.energy_ledger import LedgerEntry
+from hapticmech_ros.layout import Field, Layout
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.wire.bounds import bounds_of
-from hapticmech_ros.wire.layouts import checked_values
+from hapticmech_ros.wire.layouts import STAMP, checked_values
 from hapticmech_ros.wire.stamps import seconds_of
 
-# Field -> size; ``stamp`` is seconds and nanoseconds, the rest J.
-CONTROLLER_ENERGY_FIELDS: dict[str, int] = {
-    "stamp": 2,
-    "to_mechanism": 1,
-    "stored": 1,
-    "injected": 1,
-    "dissipated": 1,
-}
-DEVICE_ENERGY_FIELDS: dict[str, int] = {
-    "stamp": 2,
-    "from_hand": 1,
-    "taken_by_actuators": 1,
-    "to_mechanism": 1,
-    "available": 1,
-    "dissipated": 1,
-}
-_CONTROLLER = bounds_of("controller energy", CONTROLLER_ENERGY_FIELDS)
-_DEVICE = bounds_of("device energy", DEVICE_ENERGY_FIELDS)
+# J. What passivity control makes available may be infinite: told as finite, and bounded by that.
+_ENERGY = Field(1)
+CONTROLLER_ENERGY_FIELDS = Layout({"stamp": STAMP, **dict.fromkeys(LedgerEntry._fields, _ENERGY)})
 # Told as available where nothing is held back.
 UNLIMITED = 1e30
 
@@ -54,6 +40,13 @@ class DeviceEnergy(NamedTuple):
     dissipated: float
 
 
+_NAMES = tuple(name for name in DeviceEnergy._fields if name != "stamp_ns")
+DEVICE_ENERGY_FIELDS = Layout({"stamp": STAMP, **dict.fromkeys(_NAMES, _ENERGY)})
+_CONTROLLER = bounds_of("controller energy", CONTROLLER_ENERGY_FIELDS)
+_DEVICE = bounds_of("device energy", DEVICE_ENERGY_FIELDS)
+_AVAILABLE = _NAMES.index("available")
+
+
 def pack_controller_energy(entry: LedgerEntry, stamp_ns: int) -> Array:
     """Return the data (6,) of a ``controller/energy`` message."""
     return np.array((*seconds_of(stamp_ns), *entry))
@@ -72,7 +65,7 @@ def unpack_controller_energy(data: object) -> tuple[int, LedgerEntry]:
 def pack_device_energy(energy: DeviceEnergy) -> Array:
     """Return the data (7,) of a ``device/energy`` message."""
     stamp_ns, *energies = energy
-    energies[3] = min(energies[3], UNLIMITED)
+    energies[_AVAILABLE] = min(energies[_AVAILABLE], UNLIMITED)
     return np.array((*seconds_of(stamp_ns), *energies))
 
 

@@ -15,7 +15,9 @@ from hapticmech_ros.wire.layouts import (
     COMMANDED,
     DEVICE_MEASURED,
     GRASP,
+    OBEYS,
     RENDERED,
+    ROUND_TRIP,
     device_bounds,
     rendering_bounds,
     whole_device,
@@ -37,7 +39,7 @@ class DeviceReading(NamedTuple):
 
     Attributes:
         stamp_ns: its time, ns.
-        measured: (19,) as control/flat.py describes it.
+        measured: (19,) a device's sample; see :mod:`~hapticmech_ros.layout`.
         round_trip: s, from a sample to its answer, as the device finds it; 0: not known.
         obeys: whether the device obeys servo_cf.
     """
@@ -53,7 +55,7 @@ class RenderingReading(NamedTuple):
 
     Attributes:
         stamp_ns: time it stands for, ns.
-        rendered: (133,) analysis and operational point, as control/flat.py describes them.
+        rendered: (139,) an operational model; see :mod:`~hapticmech_ros.layout`.
         commanded: whether the mechanism heard the controller's commands then.
         grasp: bytes of where the operational point is: others, where it is elsewhere.
     """
@@ -78,7 +80,8 @@ def read_device(values: Array, bounds: Bounds = _DEVICE) -> DeviceReading:
     # Numbers inside a message's bytes need not lie as kernels expect.
     values = whole_device(values.copy())
     stamp = bounds.stamp(values)
-    return DeviceReading(stamp, values[DEVICE_MEASURED], values.item(-2), values.item(-1) != 0.0)
+    obeys = values.item(OBEYS) != 0.0
+    return DeviceReading(stamp, values[DEVICE_MEASURED], values.item(ROUND_TRIP), obeys)
 
 
 def read_rendering(values: Array, bounds: Bounds = _RENDERING) -> RenderingReading:

@@ -6,13 +6,11 @@ import numpy as np
 
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.wire.layouts import COMMANDED, GRASP, RENDERING_FIELDS
+from hapticmech_ros.wire.layouts import COMMANDED, GRASP, RENDERED, RENDERING_FIELDS
 from hapticmech_ros.wire.stamps import seconds_of
 from hapticmech_ros.wire.state import WireState
 
-_START = dict(
-    zip(RENDERING_FIELDS, np.cumsum([0, *RENDERING_FIELDS.values()]).tolist(), strict=False)
-)
+_COUNT, _DIRECTIONS = RENDERING_FIELDS.start("count"), RENDERING_FIELDS.start("directions")
 
 
 class RenderingWriter:
@@ -28,13 +26,11 @@ class RenderingWriter:
     def __init__(self, analyser: Analyser) -> None:
         self._analyser = analyser
         self._index = analyser.index
-        self.values: Array = np.zeros(sum(RENDERING_FIELDS.values()))
-        first, contact = _START["s"], _START["contact"]
-        directions = analyser.rows.size
-        self.values[_START["directions"]] = directions
-        self.s: Array = self.values[first : first + directions]
-        self._seen = self.values[first:contact]
-        self._contact = self.values[contact : contact + RENDERING_FIELDS["contact"]]
+        self.values: Array = np.zeros(RENDERING_FIELDS.size)
+        self.values[_DIRECTIONS] = analyser.rows.size
+        self._seen = self.values[RENDERED]
+        self.s: Array = self._seen[: analyser.rows.size]
+        self._contact = self.values[RENDERING_FIELDS.slice("contact")]
 
     def see(self, state: WireState) -> None:
         """Write all but the count.
@@ -51,4 +47,4 @@ class RenderingWriter:
 
     def count(self, count: int) -> None:
         """Write the number of joint constraints reported."""
-        self.values[_START["count"]] = count
+        self.values[_COUNT] = count

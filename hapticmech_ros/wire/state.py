@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.layout import WRENCH, Field, Layout
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.evaluation import Active
 from hapticmech_ros.mechanism.grasp import GRASP_SIZE
@@ -19,7 +20,7 @@ from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.joints import coordinate_names
-from hapticmech_ros.wire.layouts import checked_values
+from hapticmech_ros.wire.layouts import FLAG, GRASP_FIELD, STAMP, checked_values
 from hapticmech_ros.wire.stamps import seconds_of
 
 _FLAGS = frozenset((0.0, 1.0))
@@ -79,17 +80,23 @@ class StateLayout:
         self._closures = len(mechanism.closures)
         self._points = len(mechanism.point_names)
         names = coordinate_names(mechanism)
-        self.fields = {
-            "stamp": 2,
-            "/".join(["closed", *(loop.name for loop in mechanism.closures)]): self._closures,
-            "/".join(["position", *names]): mechanism.nv,
-            "/".join(["velocity", *names]): mechanism.nv,
-            "/".join(["contact", *mechanism.point_names]): 6 * self._points,
-            "/".join(["grasp", *mechanism.point_names]): GRASP_SIZE * self._points,
-            "/".join(["commanded", *mechanism.point_names]): self._points,
+        points, loops = mechanism.point_names, [loop.name for loop in mechanism.closures]
+        parts = (
+            ("closed", loops, FLAG),
+            ("position", names, Field(1, ("joint_position",))),
+            ("velocity", names, Field(1, ("joint_velocity",))),
+            ("contact", points, Field(6, WRENCH)),
+            ("grasp", points, GRASP_FIELD),
+            ("commanded", points, FLAG),
+        )
+        # Each field is named after all that it has numbers of.
+        labels = {part: "/".join([part, *of]) for part, of, _ in parts}
+        fields = {
+            labels[part]: Field(each.size * len(of), each.quantities) for part, of, each in parts
         }
+        self.fields = Layout({"stamp": STAMP, **fields})
+        self._at = {part: self.fields.slice(label) for part, label in labels.items()}
         self.bounds = bounds_of("state", self.fields, mechanism.scene.limits)
-        self._size = sum(self.fields.values())
 
     def pack(self, state: WireState) -> Array:
         """Return the message's data."""
@@ -115,20 +122,19 @@ class StateLayout:
                 :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
         """
         stamp_ns, values = checked_values(data, self.bounds)
-        nv, first, points = self._mechanism.nv, 2 + self._closures, self._points
-        contacts = first + 2 * nv
+        at, points = self._at, self._points
         numbers = values.tolist()
-        flags = (*numbers[2:first], *numbers[-points:])
+        flags = (*numbers[at["closed"]], *numbers[at["commanded"]])
         if not _FLAGS.issuperset(flags):
             raise InvalidInputError("flags", list(flags), "must be 0 or 1")
-        q = self._mechanism.configuration(values[first : first + nv])
+        q = self._mechanism.configuration(values[at["position"]])
         return WireState(
             stamp_ns,
             tuple(map(bool, flags[: self._closures])),
             q,
-            values[first + nv : contacts],
-            values[contacts : contacts + 6 * points].reshape(points, 6),
-            values[contacts + 6 * points : -points].reshape(points, GRASP_SIZE),
+            values[at["velocity"]],
+            values[at["contact"]].reshape(points, 6),
+            values[at["grasp"]].reshape(points, GRASP_SIZE),
             tuple(map(bool, flags[self._closures :])),
         )
 
@@ -138,28 +144,27 @@ class StateLayout:
         Raises:
             InvalidInputError: as :meth:`unpack`, for the first message that it refuses.
         """
-        nv, first = self._mechanism.nv, 2 + self._closures
-        if data.ndim != 2 or data.shape[1] != self._size:
-            raise InvalidInputError("states", data.shape, f"must have shape (n, {self._size})")
-        flags = np.hstack((data[:, 2:first], data[:, -self._points :]))
+        at, size = self._at, self.fields.size
+        if data.ndim != 2 or data.shape[1] != size:
+            raise InvalidInputError("states", data.shape, f"must have shape (n, {size})")
+        closed = data[:, at["closed"]]
+        flags = np.hstack((closed, data[:, at["commanded"]]))
         well = self.bounds.keeps(data) & ((flags == 0.0) | (flags == 1.0)).all(axis=1)
         if not well.all():
             self.unpack(data[int(np.argmin(well))])
-        positions = data[:, first : first + nv]
-        if self._mechanism.nq == nv:
+        positions = data[:, at["position"]]
+        if self._mechanism.nq == self._mechanism.nv:
             q = positions.copy()
         else:
             q = np.array([self._mechanism.configuration(row) for row in positions])
             q = q.reshape(len(data), self._mechanism.nq)
         seconds, rest = data[:, 0].astype(np.int64), data[:, 1].astype(np.int64)
-        rates = data[:, first + nv : first + 2 * nv].copy()
-        held = data[:, first + 2 * nv + 6 * self._points : -self._points]
         return StateColumns(
             seconds * NANOSECONDS + rest,
-            data[:, 2:first] == 1.0,
+            closed == 1.0,
             q,
-            rates,
-            held.reshape(len(data), self._points, GRASP_SIZE).copy(),
+            data[:, at["velocity"]].copy(),
+            data[:, at["grasp"]].reshape(len(data), self._points, GRASP_SIZE).copy(),
         )
 
     def coordinates(self, q: Array) -> Array:

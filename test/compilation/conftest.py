@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import subprocess
 
 import pytest
 
@@ -26,8 +25,6 @@ def alone(tmp_path, monkeypatch):
 def good():
     """Return the library as it was built, in the user's own folder."""
     library.compile_ahead()
-    if library.library() is None:
-        pytest.skip("no compiler or headers here: the library cannot be built")
     return library.library_path()
 
 
@@ -46,12 +43,11 @@ def builds(good, monkeypatch):
     """Let a build take no time: it copies the good library. Return what was built so far."""
     built = []
 
-    def run(command, **options):
-        built.append(command[-2])
-        shutil.copyfile(good, command[-2])
-        return subprocess.CompletedProcess(command, 0, "", "")
+    def made():
+        built.append(library.library_path())
+        return good.read_bytes()
 
-    monkeypatch.setattr(library.subprocess, "run", run)
+    monkeypatch.setattr(library, "_made", made)
     return built
 
 

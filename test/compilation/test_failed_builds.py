@@ -1,108 +1,65 @@
-"""A build that failed is remembered no longer than its cause lasts."""
+"""A build that fails is told in a sentence; what cannot be kept is used all the same."""
 
 import errno
-import json
-import subprocess
-from collections import namedtuple
 
 import pytest
 
-from hapticmech_ros.compilation import attempt, library
-
-Usage = namedtuple("Usage", "total used free")
+from hapticmech_ros.compilation import library
+from hapticmech_ros.compilation.library import LibraryError
 
 
 @pytest.fixture
-def failing(monkeypatch, alone):
-    """Let builds fail with what is said here; return those that were begun."""
-    begun = []
+def builder(monkeypatch, tmp_path):
+    """Return what replaces the builder by a few lines of Python."""
 
-    def run(command, **options):
-        begun.append(command)
-        code, words = failing_with[-1]
-        return subprocess.CompletedProcess(command, code, "", words)
+    def replace(lines):
+        folder = tmp_path / "modules"
+        folder.mkdir()
+        (folder / "another_builder.py").write_text(f"import os, sys, time\n{lines}\n")
+        monkeypatch.setenv("PYTHONPATH", str(folder))
+        monkeypatch.setattr(library, "BUILDER", "another_builder")
 
-    failing_with = [(1, "error: no such instruction")]
-    begun_and_reasons = begun, failing_with
-    monkeypatch.setattr(library.subprocess, "run", run)
-    return begun_and_reasons
+    return replace
 
 
-def asked():
-    library.library.cache_clear()
-    return library.library()
+def test_what_a_builder_says_last_is_the_reason(builder, alone):
+    builder("print('1 of 2'); print('no such instruction'); sys.exit(1)")
+    with pytest.raises(LibraryError, match=r"cannot be compiled: no such instruction$"):
+        library.library()
 
 
-def mark():
-    return library.library_path().with_suffix(".failed")
+def test_a_builder_that_writes_nothing(builder, alone):
+    builder("")
+    with pytest.raises(LibraryError, match="nothing was written"):
+        library.library()
 
 
-def test_a_compiler_that_refuses_is_asked_once(failing, capfd):
-    begun, _ = failing
-    assert asked() is None
-    assert json.loads(mark().read_text())["reason"] == "error: no such instruction"
-    assert str(mark()) in capfd.readouterr().err
-    assert asked() is None
-    assert len(begun) == 1
+def test_a_builder_that_is_killed(builder, alone):
+    builder("os.kill(os.getpid(), 9)")
+    with pytest.raises(LibraryError, match="ended by signal 9"):
+        library.library()
 
 
-@pytest.mark.parametrize("changed", ["numba", "compiler", "time", "clock", "nonsense"])
-def test_with_another_compiler_or_later_it_is_tried_again(changed, failing, monkeypatch, tmp_path):
-    begun, _ = failing
-    asked()
-    told = json.loads(mark().read_text())
-    if changed == "numba":
-        mark().write_text(json.dumps({**told, "with": {**told["with"], "numba": "0.1"}}))
-    elif changed == "compiler":
-        other = tmp_path / "another-cc"
-        other.write_text("#!/bin/sh\n")
-        other.chmod(0o755)
-        monkeypatch.setenv("CC", str(other))
-    elif changed == "time":
-        mark().write_text(json.dumps({**told, "time": told["time"] - attempt.REFUSED_S - 1.0}))
-    elif changed == "clock":
-        mark().write_text(json.dumps({**told, "time": told["time"] + 3600.0}))
-    else:
-        mark().write_text("no JSON")
-    asked()
-    assert len(begun) == 2
+def test_a_builder_that_hangs_is_given_up(builder, alone, monkeypatch):
+    monkeypatch.setattr(library, "COMPILE_TIMEOUT_S", 0.5)
+    builder("time.sleep(600)")
+    with pytest.raises(LibraryError, match=r"not done after 0\.5 s"):
+        library.library()
 
 
-def test_a_build_that_succeeds_forgets(failing, good, monkeypatch, builds):
-    library.library_path().parent.mkdir()
-    mark().write_text("no JSON")
-    assert asked() is not None
-    assert not mark().exists()
+def test_how_far_a_build_is_can_be_seen(builder, alone, monkeypatch, capfd):
+    monkeypatch.setattr(library, "PROGRESS_S", 0.0)
+    builder("print('1 of 2'); print('2 of 2'); open(sys.argv[2], 'wb').write(b'made')")
+    assert library._made() == b"made"
+    told = capfd.readouterr().err.splitlines()
+    assert [line.rpartition(": ")[2] for line in told[1:]] == ["1 of 2", "2 of 2"]
+    assert "once" in told[0]
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        "OSError: [Errno 28] No space left on device: '/x'",
-        "ld: final link failed: No space left on device",
-        "OSError: [Errno 122] Disk quota exceeded",
-    ],
-)
-def test_a_disk_that_was_full_is_not_remembered(words, failing, capfd):
-    begun, reasons = failing
-    reasons.append((1, f"Traceback\n{words}"))
-    assert asked() is None
-    told = capfd.readouterr().err.splitlines()[-1]
-    assert words in told
-    assert not mark().exists()
-    asked()
-    assert len(begun) == 2
-
-
-def test_a_builder_that_was_killed_is_remembered_for_minutes(failing):
-    begun, reasons = failing
-    reasons.append((-9, ""))
-    asked()
-    told = json.loads(mark().read_text())
-    assert "signal 9" in told["reason"]
-    assert told["counts_s"] == attempt.BUSY_S
-    asked()
-    assert len(begun) == 1
+def test_what_is_no_library_cannot_be_loaded(alone, builds, monkeypatch):
+    monkeypatch.setattr(library, "_made", lambda: b"this is no library")
+    with pytest.raises(LibraryError, match="cannot be loaded"):
+        library.library()
 
 
 def test_a_disk_that_fills_while_the_library_is_put_in_its_place(alone, builds, monkeypatch, capfd):
@@ -111,41 +68,44 @@ def test_a_disk_that_fills_while_the_library_is_put_in_its_place(alone, builds, 
 
     with monkeypatch.context() as patched:
         patched.setattr("hapticmech_ros.compilation.sealed.os.fsync", full)
-        assert asked() is None
+        assert library.library().addresses
     told = capfd.readouterr().err.splitlines()[-1]
+    assert "not kept" in told
     assert "No space left on device" in told
     left = {path.name for path in library.library_path().parent.iterdir()}
     assert left == {"lock"}
     # There is room again.
-    assert asked() is not None
+    library.library.cache_clear()
+    library.library()
+    assert library.library_path().exists()
+    assert len(builds) == 2
 
 
-def test_without_room_nothing_is_begun(alone, builds, monkeypatch, capfd):
-    with monkeypatch.context() as patched:
-        patched.setattr(attempt.shutil, "disk_usage", lambda place: Usage(10**9, 10**9, 5 << 20))
-        assert asked() is None
-    assert "5 MB left" in capfd.readouterr().err
-    assert builds == []
-    assert asked() is not None
-    assert len(builds) == 1
+def test_a_folder_that_cannot_be_written_is_no_error(alone, builds, monkeypatch, capfd):
+    (alone / "file").write_text("")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(alone / "file"))
+    assert library.library().addresses
+    assert "for this process alone" in capfd.readouterr().err
 
 
 def test_the_rest_of_builders_that_were_killed_is_removed(alone, builds):
     folder = library.library_path().parent
     folder.mkdir()
-    (folder / "being-built-hapticmech_kernels-x.so").write_bytes(bytes(1000))
-    assert asked() is not None
+    (folder / "being-built-hapticmech_kernels-x.zip").write_bytes(bytes(1000))
+    library.library()
     assert not list(folder.glob("being-built-*"))
 
 
-@pytest.mark.parametrize("missing", ["compiler", "headers"])
-def test_what_is_missing_is_told_and_not_remembered(missing, alone, builds, monkeypatch, capfd):
-    with monkeypatch.context() as patched:
-        if missing == "compiler":
-            patched.setenv("CC", "no-such-compiler")
-        else:
-            patched.setattr(attempt.sysconfig, "get_path", lambda name: str(alone))
-        assert asked() is None
-    assert missing in capfd.readouterr().err
+def test_who_waited_for_a_build_does_not_repeat_it(place, builds, monkeypatch):
+    """Another process holds the lock, and puts the library in its place meanwhile."""
+    aside = place.with_name("aside")
+    place.rename(aside)
+    monkeypatch.setattr(library.fcntl, "flock", lambda lock, kind: aside.rename(place))
+    assert library.library().addresses
     assert builds == []
-    assert asked() is not None
+
+
+def test_arrays_that_are_not_as_numpy_keeps_them_are_told(monkeypatch, good):
+    monkeypatch.setattr(library, "DATA_AT", 0)
+    with pytest.raises(LibraryError, match="keeps arrays"):
+        library._loaded(good.read_bytes())

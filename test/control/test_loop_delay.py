@@ -18,6 +18,7 @@ from hapticmech_ros.control.loop_delay import (
     borne_round_trip,
     made_for,
 )
+from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.scene.controller import Connection
@@ -53,8 +54,8 @@ def test_the_rule_softens_springs_that_cross_a_declared_network(tmp_path):
 def answers_at_once(connection):
     scene = over(connection)
     side = ControllerSide(control_for(scene), scene.simulation.period, connection)
-    reading = Reading(0.0, 0, np.eye(19)[6], np.zeros(133), 0.0, 0.001)
-    reading.rendered[120] = 1.0
+    reading = Reading(0.0, 0, np.eye(19)[6], np.zeros(OPERATIONAL_MODEL.size), 0.0, 0.001)
+    reading.rendered[OPERATIONAL_MODEL.slice("quaternion").stop - 1] = 1.0
     engagement = side.control.engage_flat(0.0, reading.device, reading.rendered, 0.0)
     return side.tick(reading, engagement, corrects=True) is not None
 

@@ -112,19 +112,23 @@ def test_factors_of_a_matrix_of_any_rank(size, count, rank):
     matrix = rng.normal(size=(size, rank)) @ rng.normal(size=(rank, count))
     upper, most = matrix.copy(), min(size, count)
     order, reflectors = np.empty(count, dtype=np.int64), np.empty((most, size))
-    assert triangularise(upper, most, 1e-10, order, reflectors) == rank
-    directions = first_directions(reflectors, rank, size)
+    sums = np.empty((2, max(size, count)))
+    assert triangularise(upper, most, 1e-10, order, reflectors, sums) == rank
+    directions = np.empty((size, rank))
+    first_directions(reflectors, rank, size, sums[0], directions)
     kept = np.triu(upper[:rank])
     assert apart(directions.T @ directions, np.eye(rank)) < 1e-14
     assert apart(directions @ kept, matrix[:, order]) < 1e-14
-    inverse = pseudo_inverse_transposed(upper, rank)
+    inverse = np.empty((rank, count))
+    pseudo_inverse_transposed(upper, rank, np.empty((3, rank * count)), sums, inverse)
     assert apart(inverse, np.linalg.pinv(kept.T)) < 1e-14 * np.linalg.cond(kept)
 
 
 def test_diagonal_of_r_never_grows():
     rng = np.random.default_rng(5)
     upper = rng.normal(size=(20, 12)) * np.logspace(0, -6, 12)[rng.permutation(12)]
-    triangularise(upper, 12, 1e-12, np.empty(12, dtype=np.int64), np.empty((12, 20)))
+    order, reflectors = np.empty(12, dtype=np.int64), np.empty((12, 20))
+    triangularise(upper, 12, 1e-12, order, reflectors, np.empty((2, 12)))
     diagonal = np.abs(np.diag(upper))
     assert (np.diff(diagonal) <= 0.0).all()
 

@@ -6,6 +6,7 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.constraint_space import SingularInertiaError
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document, shipped_scenes
@@ -15,7 +16,10 @@ from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, chain
 
 # Sums of some ten products in another order, and what D's condition (up to 1e3) takes.
 ROUNDING = 1e-12
-SIZE = 133
+SIZE = OPERATIONAL_MODEL.slice("s", "twist").stop
+X, FREE, MOVES = (
+    OPERATIONAL_MODEL.slice(name) for name in ("inverse_inertia", "free_acceleration", "twist")
+)
 
 
 def pairs():
@@ -44,13 +48,13 @@ def test_both_see_the_same(pair):
             alone = readable.analyse(free)
             inertia, falls = np.abs(alone.inverse_inertia).max(), falling(terms, readable.index)
             assert apart(other[:6], one[:6], 1.0) < magnified
-            assert apart(other[6:42], one[6:42], inertia) < magnified
+            assert apart(other[X], one[X], inertia) < magnified
             # Slope of w, and products of wrenches of different units.
             assert apart(other[42:78], one[42:78]) < 100.0 * magnified
             assert apart(other[78:114], one[78:114], 1.0) < 100.0 * magnified
-            assert apart(other[114:120], one[114:120], falls) < magnified
+            assert apart(other[FREE], one[FREE], falls) < magnified
             assert apart(other[120:127], one[120:127], 1.0) < ROUNDING
-            assert apart(other[127:], one[127:], np.abs(pair.v).max()) < ROUNDING
+            assert apart(other[MOVES], one[MOVES], np.abs(pair.v).max()) < ROUNDING
 
 
 @pytest.mark.parametrize("pair", list(pairs())[::3])
@@ -66,9 +70,9 @@ def test_in_one_go_or_not_is_the_same_to_the_bit(pair):
         assert (squares[0] == found.inverse_inertia).all()
         assert (squares[1] == found.constraint_projector).all()
         assert (squares[2] == found.balanced_share).all()
-        assert (filled[114:120] == found.free_acceleration).all()
+        assert (filled[FREE] == found.free_acceleration).all()
         assert (filled[120:123] == point.pose.translation).all()
-        assert (filled[127:] == point.twist).all()
+        assert (filled[MOVES] == point.twist).all()
 
 
 def test_quaternions_of_all_orientations_are_eigens():

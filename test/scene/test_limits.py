@@ -3,10 +3,14 @@
 import pytest
 
 from hapticmech_ros.errors import SceneError
+from hapticmech_ros.mechanism.build import build
 from hapticmech_ros.scene import document_of, load_scene, scene_from_document, shipped_scenes
 from hapticmech_ros.scene.limit_rules import check_limits
 from hapticmech_ros.scene.limits import Limits
-from hapticmech_ros.wire.bounds import FIXED, QUANTITIES
+from hapticmech_ros.wire.bounds import FIXED
+from hapticmech_ros.wire.gain_wire import GAIN_FIELDS
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
+from hapticmech_ros.wire.state import StateLayout
 
 
 def scene(**limits):
@@ -60,5 +64,7 @@ def test_shipped_scenes_are_far_from_their_limits(name):
 
 
 def test_every_quantity_in_messages_has_a_limit_and_every_limit_a_quantity():
-    used = {name for quantities in QUANTITIES.values() for name in quantities}
+    state = StateLayout(build(load_scene("five_bar"))).fields
+    layouts = (DEVICE_FIELDS, RENDERING_FIELDS, GAIN_FIELDS, state)
+    used = {name for layout in layouts for name in layout.quantities()}
     assert used == {*Limits.model_fields, *FIXED}

@@ -11,7 +11,7 @@ from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import shipped_scenes
-from hapticmech_ros.wire.layouts import Rendering, pack_rendering
+from hapticmech_ros.wire.layouts import RENDERING_FIELDS, Rendering, pack_rendering
 from hapticmech_ros.wire.rendering_wire import RenderingWriter
 from hapticmech_ros.wire.state import WireState
 
@@ -52,6 +52,7 @@ def test_both_ways_write_the_same(name):
         )
         assert (writer.s == s).all()
         # The quaternion by a kernel and by Eigen, which rounds it once less or more.
-        assert np.abs(writer.values[127:131] - expected[127:131]).max() < 1e-15
-        writer.values[127:131] = expected[127:131]
+        turn = RENDERING_FIELDS.slice("quaternion")
+        assert np.abs(writer.values[turn] - expected[turn]).max() < 1e-15
+        writer.values[turn] = expected[turn]
         assert writer.values.tobytes() == expected.tobytes()

@@ -11,6 +11,7 @@ import numpy as np
 
 from hapticmech_ros.bench.speed.contender import initial_state
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import Scene, load_scene
@@ -22,7 +23,7 @@ STATES, PUSH = 200, (-0.5, 0.0, 0.0, 0.0, 0.0, -0.0025)
 AGREEMENT = 1e-9
 SEE, BOTH, READABLE = "see", "evaluate, analyse", "evaluate, analyse in NumPy"
 MJ_STEP, MJ_LOOP = "mj_step", "mj_step, in its own loop"
-SEEN_SIZE, X_SLICE = 133, slice(6, 42)
+_X = OPERATIONAL_MODEL.slice("inverse_inertia")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,14 +78,14 @@ def check_agreement(scene: Scene, states: Sequence[MechanismState]) -> float:
     """
     fast, slow = (Simulator(scene, compiled) for compiled in (True, False))
     quick, plain = Analyser(fast.mechanism), Analyser(slow.mechanism)
-    seen, apart = np.zeros(SEEN_SIZE), 0.0
+    seen, apart = np.zeros(OPERATIONAL_MODEL.size), 0.0
     for state in states:
         expected = plain.analyse(slow.evaluate(state)).inverse_inertia
         scale = float(np.abs(expected).max())
         quick.see(state.q, state.v, state.active, seen)
         both = (
             quick.analyse(fast.evaluate(state)).inverse_inertia,
-            seen[X_SLICE].reshape(6, 6),
+            seen[_X].reshape(6, 6),
         )
         apart = max(apart, *(float(np.abs(one - expected).max()) / scale for one in both))
     if not apart <= AGREEMENT:
@@ -103,7 +104,7 @@ def _states(scene: Scene) -> list[MechanismState]:
 
 
 def _see(scene: Scene, states: Sequence[MechanismState]) -> Callable[[], None]:
-    analyser, seen = Analyser(Simulator(scene).mechanism), np.zeros(SEEN_SIZE)
+    analyser, seen = Analyser(Simulator(scene).mechanism), np.zeros(OPERATIONAL_MODEL.size)
 
     def call() -> None:
         for state in states:

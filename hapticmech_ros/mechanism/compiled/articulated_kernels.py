@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, leaf
+from hapticmech_ros.compilation import inner, leaf, shaped
 from hapticmech_ros.mechanism.compiled.packed import Packed
 from hapticmech_ros.mechanism.compiled.small_matrices import clear, dot6
 from hapticmech_ros.mechanism.compiled.tables import Tables
@@ -24,7 +24,7 @@ def articulate(tables: Tables, space: Packed) -> int:
     joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
     sweep, bodies = tables.sweep, space.bodies
     clear(sweep, 36)
-    carried = sweep.reshape(joints.shape[0], 6, 6)
+    carried = shaped(sweep, (joints.shape[0], 6, 6))
     for joint in range(joints.shape[0] - 1, 0, -1):
         inertia = carried[joint]
         _add_body(bodies[joint], inertia)

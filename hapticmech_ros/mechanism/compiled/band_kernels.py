@@ -42,7 +42,8 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
     sequence, pairs, lengths, width = tables.sequence, space.pairs, tables.lengths, tables.width
     free, hit, rank, longest, largest = 0, 0, 0, 0.0, 0.0
     for j in range(tables.m):
-        row, low, last, a, b = sequence[j]
+        at = sequence[j]
+        row, low, last, a, b = at[0], at[1], at[2], at[3], at[4]
         while hit < j and places[hit, LAST] < low:
             hit += 1
         begin = low

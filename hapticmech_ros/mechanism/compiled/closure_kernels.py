@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from hapticmech_ros.compilation import inner, leaf
+from hapticmech_ros.compilation import inner, leaf, shaped
 from hapticmech_ros.mechanism.compiled.pair_kernels import pull_between
 from hapticmech_ros.mechanism.compiled.small_matrices import cross, dot
 from hapticmech_ros.mechanism.model import Array
@@ -140,7 +140,7 @@ def bias_of(
 def _bias_of_axes(
     kind: int, a: Array, b: Array, motion_a: Array, motion_b: Array, out: Array, work: Array
 ) -> None:
-    rates, turn = work[0].reshape(4, 3), work[1].reshape(4, 3)
+    rates, turn = shaped(work[0], (4, 3)), shaped(work[1], (4, 3))
     if kind == REVOLUTE:
         z = a[6:9]
         _axis_rates(z, motion_a, rates[0], rates[1], turn[3])

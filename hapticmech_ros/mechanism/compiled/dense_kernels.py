@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, local_whole
 from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
 from hapticmech_ros.mechanism.compiled.closure_kernels import COUPLING, end_of_rows
 from hapticmech_ros.mechanism.compiled.coupling_kernels import add_gear
@@ -34,7 +34,8 @@ def factor_dense(tables: Tables, space: Packed, tolerance: float) -> int:
         return 0
     closures, carriers, joints = tables.closures, tables.carriers, tables.joints
     for index in range(closures.shape[0]):
-        kind, a, b, first = closures[index]
+        row_of = closures[index]
+        kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
         for row in range(first, end_of_rows(closures, index, m)):
             for c in range(jacobian.shape[1]):
                 jacobian[row, c] = 0.0
@@ -43,7 +44,7 @@ def factor_dense(tables: Tables, space: Packed, tolerance: float) -> int:
             add_gear(tables, a, b, jacobian[first])
     rank = UNDECIDED
     if m > FEW_ROWS:
-        rank = _resolve_many(tables.lengths, tolerance, space)
+        rank = _resolve_many(tables, tolerance, space)
     if rank == UNDECIDED:
         rank = _resolve_few(tables, tolerance, space)
     return rank
@@ -65,7 +66,7 @@ def _resolve_few(tables: Tables, tolerance: float, space: Packed) -> int:
 
 
 @inner
-def _resolve_many(lengths: Array, tolerance: float, space: Packed) -> int:
+def _resolve_many(tables: Tables, tolerance: float, space: Packed) -> int:
     """Fill basis and rows as an SVD does, but for a rotation of both; σ are R's diagonal.
 
     Return the rank; NO_SVD; or UNDECIDED where more than rounding has to be cut, off the closures
@@ -73,23 +74,23 @@ def _resolve_many(lengths: Array, tolerance: float, space: Packed) -> int:
     """
     jacobian, basis, rows, sigmas = space.jacobian, space.basis, space.rows, space.sigma
     m, nv = jacobian.shape
-    most = sigmas.size
-    scaled = np.empty((nv, m))
+    most, lengths, sums = sigmas.size, tables.lengths, tables.sums
+    scaled, directions, inverse = tables.columns, tables.directions, tables.inverse
     for c in range(nv):
         for i in range(m):
             scaled[c, i] = jacobian[i, c] / lengths[i]
             if not np.isfinite(scaled[c, i]):
                 return NO_SVD
     solve_lower_columns(space.factor, scaled)
-    order, reflectors = np.empty(m, dtype=np.int64), np.empty((most, nv))
-    resolved = triangularise(scaled, most, RESOLVED, order, reflectors)
+    order, reflectors = local_whole(m), tables.reflectors
+    resolved = triangularise(scaled, most, RESOLVED, order, reflectors, sums)
     if resolved > 0 and not abs(scaled[resolved - 1, resolved - 1]) > tolerance * abs(scaled[0, 0]):
         return UNDECIDED
     if resolved > 0:
         space.tail[2] = abs(scaled[resolved - 1, resolved - 1] / scaled[0, 0])
     space.tail[3] = resolved
-    directions = first_directions(reflectors, resolved, nv)
-    inverse = pseudo_inverse_transposed(scaled, resolved)
+    first_directions(reflectors, resolved, nv, sums[0], directions)
+    pseudo_inverse_transposed(scaled, resolved, tables.inverting, sums, inverse)
     for i in range(resolved):
         sigma = abs(scaled[i, i])
         sigmas[i] = sigma

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, shaped
 from hapticmech_ros.mechanism.compiled.element_kernels import element_slopes
 from hapticmech_ros.mechanism.compiled.packed import Packed
 from hapticmech_ros.mechanism.compiled.small_matrices import (
@@ -53,8 +53,8 @@ def springs_size(nv: int) -> int:
 def springs_of(work: Array, nv: int) -> Springs:
     """Return the parts of an array of springs, as views."""
     at = 4 * nv * nv
-    squares = work[:at].reshape(4, nv, nv)
-    rows = work[at : at + 2 * MOST_STAGES * nv].reshape(2, MOST_STAGES, nv)
+    squares = shaped(work[:at], (4, nv, nv))
+    rows = shaped(work[at : at + 2 * MOST_STAGES * nv], (2, MOST_STAGES, nv))
     at += 2 * MOST_STAGES * nv
     return Springs(
         squares[0],

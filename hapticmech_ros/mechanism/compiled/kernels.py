@@ -43,7 +43,8 @@ def factor(tables: Tables, q: Array, space: Packed) -> int:
     residual, pairs, tail = space.residual, space.pairs, space.tail
     place_tree(tables, q, space)
     for index in range(closures.shape[0]):
-        kind, a, b, first = closures[index]
+        row_of = closures[index]
+        kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
         if kind == COUPLING:
             residual[first] = gear_error(tables, a, b, q)
             pairs[first, :] = 0.0

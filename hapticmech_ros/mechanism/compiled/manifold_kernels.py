@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, shaped
 from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.compiled.tree_kernels import (
     FREE,
@@ -40,7 +40,7 @@ def move(tables: Tables, start: Array, theta: Array, q: Array) -> None:
     """Fill ``q`` (nq,) with start ⊕ theta; it may be ``start`` itself."""
     joints, handful = tables.joints, tables.handful
     turn, moved, along = handful[0, :3], handful[0, 3:6], handful[0, 6:9]
-    rotation = handful[1, :9].reshape(3, 3)
+    rotation = shaped(handful[1, :9], (3, 3))
     for joint in range(1, joints.shape[0]):
         first, kind, at = joints[joint, 1], joints[joint, 3], joints[joint, 4]
         if kind in (REVOLUTE, PRISMATIC):

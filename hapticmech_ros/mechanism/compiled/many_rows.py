@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, local_whole, shaped
 from hapticmech_ros.mechanism.model import Array
 
 # QR takes less time from some eight rows on. Up to this many the SVD is worth its time: what it
@@ -36,7 +36,7 @@ def solve_lower_columns(factor: Array, columns: Array) -> None:
 
 @inner
 def triangularise(
-    matrix: Array, most: int, tolerance: float, order: Array, reflectors: Array
+    matrix: Array, most: int, tolerance: float, order: Array, reflectors: Array, sums: Array
 ) -> int:
     """Replace (n, m) A by R of A P = Q R, rows below the rank left undefined; return the rank.
 
@@ -47,9 +47,10 @@ def triangularise(
             columns keep their order, and all count.
         order: (m,) to fill: column j of A P is column order[j] of A.
         reflectors: (most, n) to fill: the unit vectors w of Q = (1 - 2 w₁w₁ᵀ)(1 - 2 w₂w₂ᵀ)...
+        sums: (2, m or more) to work in.
     """
     size, count = matrix.shape
-    squares, along = np.empty(count), np.empty(count)
+    squares, along = sums[0], sums[1]
     for j in range(count):
         order[j] = j
     first = 0.0
@@ -119,21 +120,27 @@ def mirror(matrix: Array, row: int, start: int, end: int, normal: Array, along: 
 
 
 @inner
-def first_directions(reflectors: Array, rank: int, size: int) -> Array:
-    """Return (size, rank) the first columns of Q."""
-    found, along = np.zeros((size, rank)), np.empty(rank)
+def first_directions(reflectors: Array, rank: int, size: int, along: Array, found: Array) -> None:
+    """Fill the first ``rank`` columns of ``found`` (size, ...) with those of Q.
+
+    ``along`` (rank or more,) is to work in.
+    """
+    for i in range(size):
+        for j in range(rank):
+            found[i, j] = 0.0
     for i in range(rank):
         found[i, i] = 1.0
     for r in range(rank - 1, -1, -1):
         # Columns before r are still those of the identity, which this mirror leaves alone.
         mirror(found, r, r, rank, reflectors[r], along)
-    return found
 
 
 @inner
-def inverse_transposed(upper: Array, size: int) -> Array:
-    """Return (size, size) R⁻ᵀ of an upper triangular R, which may have more columns."""
-    found = np.zeros((size, size))
+def inverse_transposed(upper: Array, size: int, found: Array) -> None:
+    """Fill ``found`` (size, size) with R⁻ᵀ of an upper triangular R, which may be wider."""
+    for i in range(size):
+        for j in range(size):
+            found[i, j] = 0.0
     for i in range(size):
         found[i, i] = 1.0
         for k in range(i):
@@ -144,24 +151,33 @@ def inverse_transposed(upper: Array, size: int) -> Array:
         pivot = upper[i, i]
         for j in range(i + 1):
             found[i, j] /= pivot
-    return found
 
 
 @inner
-def pseudo_inverse_transposed(upper: Array, rank: int) -> Array:
-    """Return (rank, m) (Rᵀ)⁺ of the first ``rank`` rows of R (n, m), upper trapezoidal."""
+def pseudo_inverse_transposed(
+    upper: Array, rank: int, room: Array, sums: Array, found: Array
+) -> None:
+    """Fill the first rows of ``found`` with (Rᵀ)⁺ (rank, m), R (n, m) upper trapezoidal.
+
+    Args:
+        upper: R.
+        rank: number of its rows that count.
+        room: (3, rank m or more) to work in.
+        sums: (2, m or more) to work in.
+        found: (rank or more, m) to fill.
+    """
     count = upper.shape[1]
     if rank == count:
-        return inverse_transposed(upper, rank)
-    turned, order = np.empty((count, rank)), np.empty(rank, dtype=np.int64)
+        inverse_transposed(upper, rank, found)
+        return
+    turned, order = shaped(room[0], (count, rank)), local_whole(rank)
     for i in range(rank):
         for j in range(count):
             turned[j, i] = upper[i, j] if j >= i else 0.0
-    reflectors = np.empty((rank, count))
-    triangularise(turned, rank, -1.0, order, reflectors)
+    reflectors, basis = shaped(room[1], (rank, count)), shaped(room[2], (count, rank))
+    triangularise(turned, rank, -1.0, order, reflectors, sums)
     # Rᵀ = Y T, so that its pseudo-inverse is T⁻¹ Yᵀ: solve T Z = Yᵀ from below.
-    basis = first_directions(reflectors, rank, count)
-    found = np.empty((rank, count))
+    first_directions(reflectors, rank, count, sums[0], basis)
     for i in range(rank - 1, -1, -1):
         for j in range(count):
             found[i, j] = basis[j, i]
@@ -173,4 +189,3 @@ def pseudo_inverse_transposed(upper: Array, rank: int) -> Array:
         pivot = turned[i, i]
         for j in range(count):
             found[i, j] /= pivot
-    return found

@@ -6,7 +6,7 @@ body is its parent's and its joint's, and so is the derivative of it.
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation import inner, kernel, leaf
+from hapticmech_ros.compilation import inner, kernel, leaf, put, shaped
 from hapticmech_ros.mechanism.compiled.closure_kernels import COUPLING, bias_of
 from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
 from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
@@ -72,7 +72,8 @@ def closure_bias(tables: Tables, space: Packed, motions: Array, bias: Array) -> 
     handful, closures, poses = tables.handful, tables.closures, space.poses
     motion_a, motion_b = handful[0], handful[1]
     for index in range(closures.shape[0]):
-        kind, a, b, first = closures[index]
+        row_of = closures[index]
+        kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
         if kind == COUPLING:
             bias[first] = 0.0
             continue
@@ -190,8 +191,8 @@ def move_frames(
     closure_bias(tables, space, motions, terms[3 * nv : 3 * nv + m])
     at = 3 * nv + m
     for index in range(tables.points.size):
-        jacobian = terms[at : at + 6 * nv].reshape(6, nv)
+        jacobian = shaped(terms[at : at + 6 * nv], (6, nv))
         at += 6 * nv
         move_point(tables, space, motions, index, jacobian, terms[at : at + 12])
         at += 12
-        poses[index] = space.poses[tables.points[index]]
+        put(poses[index], space.poses[tables.points[index]])

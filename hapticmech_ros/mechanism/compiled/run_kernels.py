@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.mechanism.compiled.implicit_kernels import aim_implicitly, linearise
 from hapticmech_ros.mechanism.compiled.kernels import SINGULAR, factor
 from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
@@ -180,5 +180,5 @@ def advance(
                 samples[sampled, i] = state[i]
             sampled += 1
     if steps % 2 == 0:
-        end[:] = start
+        put(end, start)
     return SETTLED

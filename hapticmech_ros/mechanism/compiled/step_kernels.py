@@ -131,7 +131,8 @@ def _pull(tables: Tables, space: Packed, parts: Work, bias: Array) -> None:
     carriers, joints, pairs = tables.carriers, tables.joints, space.pairs
     residual, v = space.residual, parts.v
     for index in range(closures.shape[0]):
-        kind, a, b, first = closures[index]
+        row_of = closures[index]
+        kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
         for i in range(first, end_of_rows(closures, index, tables.m)):
             speed = pair_power(joints, axes, carriers[a], carriers[b], pairs[i], v)
             if kind == COUPLING:

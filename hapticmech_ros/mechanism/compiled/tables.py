@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation import SIZES, Part, Size, Structure, structure
+from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
 from hapticmech_ros.mechanism.model import Array
 
 # Path of a factorisation: see ``packed.Packed``.
@@ -107,7 +108,7 @@ _COLUMNS = {
     "spring_values": 4,
     "joint_values": JOINT_COLUMNS,
 }
-_PARTS = 55
+_PARTS = 61
 # Rows of ``Tables.handful``.
 _HANDFUL = 4
 
@@ -167,7 +168,10 @@ def _room(constants: Constants) -> list[tuple[int, int]]:
     nv, m, joints = constants.nv, constants.m, len(constants.joints)
     shapes = [(joints, 36), (joints, 12), (3, nv), (m, 1), (nv + m, 1), (nv, 1), (m, 1)]
     of_dense = m if constants.path == DENSE else 0
-    return [*shapes, (of_dense, nv), (of_dense, of_dense), (_HANDFUL, FRAME_COLUMNS)]
+    many, most = (m, min(m, nv)) if of_dense > FEW_ROWS else (0, 0)
+    shapes += [(of_dense, nv), (of_dense, of_dense), (_HANDFUL, FRAME_COLUMNS)]
+    shapes += [(nv if many else 0, many), (most, nv), (nv if many else 0, most), (most, many)]
+    return [*shapes, (3, most * many), (2, max(many, nv) if many else 0)]
 
 
 def _stacked(shapes: Sequence[tuple[int, int]], start: int = 0) -> tuple[list[int], int]:
@@ -197,6 +201,12 @@ class Tables(Structure):
         scaled: (m, nv) rows to be made orthogonal; dense.
         turn: (m, m) what that takes; dense.
         handful: (4, 12) rows for a frame, a pair of wrenches, or less.
+        columns: (nv, m) closure rows as columns, to be made triangular; dense, of many rows.
+        reflectors: (k, nv) what that takes; likewise, as what follows.
+        directions: (nv, k) columns of Q.
+        inverse: (k, m) (Rᵀ)⁺.
+        inverting: (3, k m) what that takes.
+        sums: (2, max(m, nv)) numbers along columns.
     """
 
     __slots__ = ()
@@ -233,3 +243,9 @@ class Tables(Structure):
     scaled = Part(52, 2)
     turn = Part(53, 2)
     handful = Part(54, 2)
+    columns = Part(55, 2)
+    reflectors = Part(56, 2)
+    directions = Part(57, 2)
+    inverse = Part(58, 2)
+    inverting = Part(59, 2)
+    sums = Part(60, 2)

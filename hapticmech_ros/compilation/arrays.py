@@ -1,0 +1,35 @@
+"""Room for kernels to work in, and other shapes of the same numbers.
+
+Here as plain NumPy, for functions of kernels that are called as they are; in a kernel they are what
+:mod:`~hapticmech_ros.compilation.numba_types` makes of them: no kernel allocates memory.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+
+
+def local(size: int) -> Array:
+    """Return room for so many numbers (size,), which is gone when the function that asks returns.
+
+    It is on the stack: not for more than some thousands, and in a loop with a number that is
+    written out only.
+    """
+    return np.empty(size)
+
+
+def local_whole(size: int) -> Array:
+    """Return room for whole numbers (size,); see :func:`local`."""
+    return np.empty(size, dtype=np.int64)
+
+
+def shaped(numbers: Array, shape: tuple[int, ...]) -> Array:
+    """Return the first numbers of an array in C order as a view of another shape."""
+    return numbers.ravel()[: int(np.prod(shape))].reshape(shape)
+
+
+def put(target: Array, source: Array) -> None:
+    """Copy an array (n,) into another one of the same size."""
+    target[:] = source

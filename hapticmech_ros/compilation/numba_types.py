@@ -1,0 +1,205 @@
+"""What Numba has to be taught to compile kernels: structures, room on the stack, arrays of callers.
+
+Only the processes that build the library import this. It uses what Numba documents for extensions
+(``numba.extending``) and the builder of LLVM instructions that these hand over.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+from hapticmech_ros.compilation import arrays
+from hapticmech_ros.compilation.library import DATA_AT, SHAPE_AT
+from hapticmech_ros.compilation.structures import Part, Size
+
+# Which have no types of their own.
+numba: Any = importlib.import_module("numba")
+extending: Any = importlib.import_module("numba.extending")
+ir: Any = importlib.import_module("llvmlite.ir")
+types, carray, farray = numba.types, numba.carray, numba.farray
+_NUMBERS, _WHOLE = types.CPointer(types.float64), types.CPointer(types.int64)
+_WORD = ir.IntType(64)
+
+
+def _shift(_context: Any, pointer: Any, _count: Any) -> Any:
+    """Return a pointer so many numbers further on."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.gep(arguments[0], [arguments[1]])
+
+    return pointer(pointer, types.int64), generate
+
+
+def _find_start(_context: Any, array: Any) -> Any:
+    """Return the pointer to an array's first number."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _start(context, builder, signature.args[0], arguments[0])
+
+    return types.CPointer(array.dtype)(array), generate
+
+
+def _start(context: Any, builder: Any, typed: Any, value: Any) -> Any:
+    """Return the pointer to an array's first number; a pointer as it is."""
+    if isinstance(typed, types.Array):
+        return context.make_array(typed)(context, builder, value).data
+    return value
+
+
+def _room(dtype: Any) -> Any:
+    """Return an intrinsic that reserves numbers of a type on the stack of the function it is in."""
+
+    def reserve(_context: Any, size: Any) -> Any:
+        written_out = isinstance(size, types.IntegerLiteral)
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            kind = context.get_data_type(dtype)
+            if not written_out:
+                return builder.alloca(kind, size=arguments[0])
+            # Once, whatever loop it is in.
+            with builder.goto_entry_block():
+                count = ir.Constant(_WORD, signature.args[0].literal_value)
+                return builder.alloca(kind, size=count)
+
+        return types.CPointer(dtype)(size), generate
+
+    return extending.intrinsic(prefer_literal=True)(reserve)
+
+
+_shifted, _start_of = extending.intrinsic(_shift), extending.intrinsic(_find_start)
+_numbers_on_stack, _whole_on_stack = _room(types.float64), _room(types.int64)
+
+
+def _local(size: Any) -> Any:
+    return lambda size: carray(_numbers_on_stack(size), (size,))
+
+
+def _local_whole(size: Any) -> Any:
+    return lambda size: carray(_whole_on_stack(size), (size,))
+
+
+def _shaped(numbers: Any, shape: Any) -> Any:
+    return lambda numbers, shape: carray(_start_of(numbers), shape)
+
+
+def _put(target: Any, source: Any) -> Any:
+    def copy(target, source):  # type: ignore[no-untyped-def]
+        for i in range(target.size):
+            target[i] = source[i]
+
+    return copy
+
+
+# Into the function that asks, whose stack it is.
+_IN_PLACE: dict[str, Any] = {"inline": "always", "prefer_literal": True, "strict": False}
+extending.overload(arrays.local, **_IN_PLACE)(_local)
+extending.overload(arrays.local_whole, **_IN_PLACE)(_local_whole)
+extending.overload(arrays.shaped, inline="always", strict=False)(_shaped)
+extending.overload(arrays.put, strict=False)(_put)
+
+
+def teach_structure(kind: type) -> None:
+    """Let kernels make a kind of structure of two arrays, and ask it for sizes and parts."""
+    members = {"numbers": _WHOLE, "data": _NUMBERS}
+
+    class StructureType(types.Type):  # type: ignore[misc, name-defined]
+        def __init__(self) -> None:
+            super().__init__(name=kind.__name__)
+
+    class Model(extending.models.StructModel):  # type: ignore[misc]
+        def __init__(self, manager: Any, typed: Any) -> None:
+            super().__init__(manager, typed, list(members.items()))
+
+    extending.register_model(StructureType)(Model)
+    made = StructureType()
+
+    def construct(_context: Any) -> Any:
+        return lambda numbers, data: made
+
+    def make(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        held = ir.Constant(context.get_value_type(signature.return_type), ir.Undefined)
+        for index, (typed, value) in enumerate(zip(signature.args, values, strict=True)):
+            start = _start(context, builder, typed, value)
+            held = builder.insert_value(held, start, index)
+        return held
+
+    extending.type_callable(kind)(construct)
+    extending.lower_builtin(kind, types.Any, types.Any)(make)
+    for name in members:
+        extending.make_attribute_wrapper(StructureType, name, name)
+    for name, part in vars(kind).items():
+        if isinstance(part, Size):
+            extending.overload_attribute(StructureType, name)(_size_getter(part.index))
+        elif isinstance(part, Part):
+            extending.overload_attribute(StructureType, name)(_part_getter(part))
+
+
+def _size_getter(index: int) -> Callable[[Any], Any]:
+    def get(held):  # type: ignore[no-untyped-def]
+        return lambda held: held.numbers[index]
+
+    return get
+
+
+def _part_getter(part: Part) -> Callable[[Any], Any]:
+    at, rows, columns = part.at, part.at + 1, part.at + 2
+
+    def whole_vector(held):  # type: ignore[no-untyped-def]
+        return lambda held: carray(_shifted(held.numbers, held.numbers[at]), (held.numbers[rows],))
+
+    def whole_matrix(held):  # type: ignore[no-untyped-def]
+        return lambda held: carray(
+            _shifted(held.numbers, held.numbers[at]), (held.numbers[rows], held.numbers[columns])
+        )
+
+    def vector(held):  # type: ignore[no-untyped-def]
+        return lambda held: carray(_shifted(held.data, held.numbers[at]), (held.numbers[rows],))
+
+    def matrix(held):  # type: ignore[no-untyped-def]
+        return lambda held: carray(
+            _shifted(held.data, held.numbers[at]), (held.numbers[rows], held.numbers[columns])
+        )
+
+    if part.whole:
+        return whole_vector if part.dimensions == 1 else whole_matrix
+    return vector if part.dimensions == 1 else matrix
+
+
+def array_of(typed: Any) -> Any:
+    """Return a function that makes an array of a type from the address of NumPy's object."""
+    start = _reader(DATA_AT, types.CPointer(typed.dtype))
+    sizes = [_reader(SHAPE_AT, types.int64, index) for index in range(typed.ndim)]
+    if typed.ndim == 1:
+        (n,) = sizes
+        return numba.njit(lambda address: carray(start(address), (n(address),)))
+    n, m = sizes
+    make = farray if typed.layout == "F" else carray
+    return numba.njit(lambda address: make(start(address), (n(address), m(address))))
+
+
+def _reader(at: int, kind: Any, index: int = -1) -> Any:
+    """Return an intrinsic that reads a pointer from an object, or one of the numbers it points to.
+
+    Args:
+        at: where in the object the pointer is, bytes.
+        kind: what is read.
+        index: of the number; below 0 for the pointer itself.
+    """
+
+    def read(_context: Any, _address: Any) -> Any:
+        def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+            found = _word_at(builder, arguments[0], at)
+            if index >= 0:
+                return _word_at(builder, found, 8 * index)
+            return builder.inttoptr(found, context.get_value_type(kind))
+
+        return kind(types.int64), generate
+
+    return extending.intrinsic(read)
+
+
+def _word_at(builder: Any, address: Any, at: int) -> Any:
+    place = builder.add(address, ir.Constant(_WORD, at))
+    return builder.load(builder.inttoptr(place, _WORD.as_pointer()))
