@@ -29,6 +29,8 @@ from hapticmech_ros.wire.topic import MECHANISM as MECHANISM_NODE
 PART = "doubles"
 TRIALS, QUICK_TRIALS = 50, 2
 STAYS_S, JOINS_WITHIN_S = 1.5, 8.0
+# A log line is with the watcher by then, ns.
+LOGGED_NS = 2_000_000
 # By so much less urgent is a second node than the graph.
 LATER = 10
 # A publisher counts its messages up, and reliable subscribers get them in order.
@@ -221,7 +223,12 @@ def _to_the_device(firsts: Sequence[int], heard_ns: np.ndarray) -> int | None:
 def _cause(rig: Rig, kind: Kind, since: int, asked_ns: int, first_ns: int | None) -> int:
     """Return when the newcomer was first heard; if never, when force ended, or it was asked."""
     if first_ns is not None:
-        return first_ns
+        # The node that has to act may meet the newcomer up to a second after the watcher did: it
+        # says so in the callback of the first message that it hears.
+        names = (kind.name, kind.original)
+        logs = [event for event in rig.said(asked_ns) if event["by"] == "log"]
+        told = [event["at_ns"] for event in logs if _names(event["text"], names)]
+        return max(first_ns, min(told, default=first_ns) - LOGGED_NS)
     found = rig.samples(since, *kind.outputs)
     found = found[found["arrived_ns"] > asked_ns]
     off = found["arrived_ns"][~pushing(found)]
