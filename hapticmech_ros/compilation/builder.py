@@ -12,11 +12,13 @@ printed for each kernel that is done.
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import io
 import multiprocessing
 import os
 import re
+import signal
 import sys
 import warnings
 import zipfile
@@ -41,6 +43,7 @@ _COUNTING = re.compile(r"^ *(?:tail )?call void @NRT_(?:in|de)cref\(.*\n", re.MU
 _CALLBACK = re.compile(r"^define [^@]*@(cfunc\.[^( ]+)\(", re.MULTILINE)
 # Those that take longest begin first.
 _LONG = ("run_kernels", "late_kernels", "mechanism_compiled_kernels_factor", "contact_solver")
+_PR_SET_PDEATHSIG = 1
 _kernels: dict[str, Kernel] = {}
 
 
@@ -166,6 +169,12 @@ def _some(names: Iterable[str]) -> str:
 
 
 def _begin() -> None:
+    # Whoever reads what the builder says waits until nobody can say more, and helpers would outlive
+    # a builder that is killed.
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     warnings.simplefilter("ignore")
     _kernels.update(import_all())
 

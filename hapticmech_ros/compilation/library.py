@@ -7,6 +7,7 @@ and some tens of nanoseconds for each array.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import fcntl
 import functools
@@ -14,6 +15,7 @@ import hashlib
 import io
 import os
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -108,7 +110,7 @@ def library() -> Library:
 
 
 def compile_ahead() -> None:
-    """Compile all kernels, unless that was done before; takes a minute or less.
+    """Compile all kernels, unless that was done before; takes a minute or two.
 
     Nodes that start together would otherwise wait for each other.
 
@@ -119,7 +121,7 @@ def compile_ahead() -> None:
 
 
 def library_path() -> Path:
-    """Return where the library is for this Python, LLVM and processor, whether built or not."""
+    """Return where the library is for this Python and processor, whether built or not."""
     tag = sys.implementation.cache_tag or "python"
     return folder() / f"{NAME}-{_processor()[1]}-{tag}.zip"
 
@@ -199,17 +201,24 @@ def _made() -> bytes:
             stderr=subprocess.STDOUT,
             text=True,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+            # A group of its own, which ends as a whole: the builder has helpers.
+            start_new_session=True,
         ) as process:
             late = threading.Event()
 
             def give_up() -> None:
                 late.set()
-                process.kill()
+                _kill_group(process.pid)
 
             timer = threading.Timer(COMPILE_TIMEOUT_S, give_up)
             timer.start()
-            last = _followed(process.stdout or ())
-            timer.cancel()
+            try:
+                last = _followed(process.stdout or ())
+            except BaseException:
+                _kill_group(process.pid)
+                raise
+            finally:
+                timer.cancel()
         if late.is_set():
             raise LibraryError(f"kernels: not done after {COMPILE_TIMEOUT_S:g} s")
         if process.returncode < 0:
@@ -219,10 +228,16 @@ def _made() -> bytes:
         return made.read_bytes()
 
 
+def _kill_group(leader: int) -> None:
+    """End a process and all that it started, at once."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(leader, signal.SIGKILL)
+
+
 def _followed(lines: Iterable[str]) -> str:
     """Show how far a build is, as it says in lines "3 of 18"; return the last other line."""
     last, shown_at = "", time.monotonic()
-    warn("compiling kernels, once: a minute or less")
+    warn("compiling kernels, once: a minute or two")
     for line in lines:
         done, of, total = line.strip().partition(" of ")
         if not (of and done.isdigit() and total.isdigit()):

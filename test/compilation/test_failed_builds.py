@@ -1,6 +1,7 @@
 """A build that fails is told in a sentence; what cannot be kept is used all the same."""
 
 import errno
+from pathlib import Path
 
 import pytest
 
@@ -45,6 +46,23 @@ def test_a_builder_that_hangs_is_given_up(builder, alone, monkeypatch):
     builder("time.sleep(600)")
     with pytest.raises(LibraryError, match=r"not done after 0\.5 s"):
         library.library()
+
+
+def test_what_a_builder_has_started_ends_with_it(builder, alone, monkeypatch, tmp_path):
+    """A helper that would go on for minutes, and holds what is read until its end."""
+    monkeypatch.setattr(library, "COMPILE_TIMEOUT_S", 2.0)
+    told = tmp_path / "helper"
+    builder(
+        "import subprocess\n"
+        "helper = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
+        f"open({str(told)!r}, 'w').write(str(helper.pid))\n"
+        "os.kill(os.getpid(), 9)"
+    )
+    with pytest.raises(LibraryError, match=r"not done after 2 s"):
+        library.library()
+    helper = Path(f"/proc/{told.read_text()}/stat")
+    # Gone, or waiting for whoever collects it.
+    assert not helper.exists() or helper.read_text().rpartition(")")[2].split()[0] == "Z"
 
 
 def test_how_far_a_build_is_can_be_seen(builder, alone, monkeypatch, capfd):
