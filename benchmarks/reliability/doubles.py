@@ -7,7 +7,6 @@ renders again. Doubles leave in order, and by SIGKILL.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -31,8 +30,6 @@ TRIALS, QUICK_TRIALS = 50, 2
 STAYS_S, JOINS_WITHIN_S = 1.5, 8.0
 # A log line is with the watcher by then, ns.
 LOGGED_NS = 2_000_000
-# By so much less urgent is a second node than the graph.
-LATER = 10
 # A publisher counts its messages up, and reliable subscribers get them in order.
 NEWER_BY = 16
 # N and N m, far from what the scene's gains command. A commander that is alone holds the device:
@@ -84,9 +81,6 @@ class Double:
         else:
             self._graph = rig.another(kind.original)
             self._process = self._graph.processes[kind.original]
-            # One that starts takes a processor for a second or two: the graph comes first. Not much
-            # less than that: its discovery would be late as well, on one side before the other.
-            os.setpriority(os.PRIO_PROCESS, self._process.pid, min(os.nice(0) + LATER, 19))
 
     def leave(self, killed: bool) -> int:
         """End it; return when it had ended, ns of the monotonic clock."""

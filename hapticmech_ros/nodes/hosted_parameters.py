@@ -7,7 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -118,11 +123,15 @@ def descriptor_of(model: type[NodeParameters], name: str) -> ParameterDescriptor
     if changes == "unconfigured":
         rules.append("can change only while the node is unconfigured")
     bounds = range_of(model, name)
+    whole = isinstance(model.model_fields[name].default, int)
     return ParameterDescriptor(
         description=model.model_fields[name].description or "",
         additional_constraints="; ".join(rules),
         read_only=changes == "never",
         floating_point_range=[FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
-        if bounds
+        if bounds and not whole
+        else [],
+        integer_range=[IntegerRange(from_value=int(bounds[0]), to_value=int(bounds[1]))]
+        if bounds and whole
         else [],
     )

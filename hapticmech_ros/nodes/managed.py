@@ -23,6 +23,7 @@ from hapticmech_ros.nodes.node_time import NodeTime, said_of_step
 from hapticmech_ros.nodes.parameters import NodeParameters, ParameterError
 from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
+from hapticmech_ros.nodes.scheduling import scheduling
 from hapticmech_ros.nodes.transitions import refuse_impossible_transitions
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.stamps import LAST_NS
@@ -47,6 +48,7 @@ class ManagedNode(LifecycleNode):
         actor: what it does; None while unconfigured.
         active: whether it does it.
         refused: messages refused so far.
+        in_sim_time: whether its time is what /clock says.
     """
 
     def __init__(self, actor_type: type[Actor[Any]], exchange: Exchange) -> None:
@@ -56,7 +58,7 @@ class ManagedNode(LifecycleNode):
         self._listeners: list[tuple[str, Listener]] = []
         self.actor: Actor[Any] | None = None
         self.active = False
-        self._in_sim_time = False
+        self.in_sim_time = False
         self.failure: HapticMechError | None = None
         self.refused = 0
         self.last_refusal = ""
@@ -100,7 +102,7 @@ class ManagedNode(LifecycleNode):
     def next_deadline_ns(self) -> int | None:
         """Return when the node wants to act next by its own time; None: never, or by /clock."""
         actor = self.actor
-        if not (self.active and isinstance(actor, ClockedActor)) or self._in_sim_time:
+        if not (self.active and isinstance(actor, ClockedActor)) or self.in_sim_time:
             return None
         return None if actor.clock is None else actor.clock.next_ns
 
@@ -112,7 +114,7 @@ class ManagedNode(LifecycleNode):
 
     def now_ns(self) -> int:
         """Return the node's time, ns."""
-        if self._in_sim_time:
+        if self.in_sim_time:
             return int(self.get_clock().now().nanoseconds)
         # What ROS's clock says then, without its objects: asked for with every message.
         return self._time.now_ns()
@@ -120,7 +122,7 @@ class ManagedNode(LifecycleNode):
     def look_at_clock(self) -> None:
         """Begin anew if the machine's clock was set; asked for with every message and deadline."""
         step = self._time.step_ns()
-        if step and not self._in_sim_time:
+        if step and not self.in_sim_time:
             self._begin_anew(f"the machine's {said_of_step(step)}")
 
     def keep(self, entity: E) -> E:
@@ -169,7 +171,7 @@ class ManagedNode(LifecycleNode):
         self.failure = None
         self._look_for_clock()
         try:
-            if self.parameters.lockstep and not self._in_sim_time:
+            if self.parameters.lockstep and not self.in_sim_time:
                 raise ParameterError("lockstep: needs use_sim_time:=true (got false)")
             self.actor = self._actor_type(self, self.parameters)
         except Exception as error:  # noqa: BLE001 - the middleware's too: a name may be too long
@@ -186,7 +188,7 @@ class ManagedNode(LifecycleNode):
             return FAILURE
         self._look_for_clock()
         self._activate(actor)
-        if self._in_sim_time:
+        if self.in_sim_time:
             self._follow_clock()
         self.active = True
         return super().on_activate(state)
@@ -195,7 +197,7 @@ class ManagedNode(LifecycleNode):
         actor.activate()
         if isinstance(actor, ClockedActor):
             actor.backlog = Backlog()
-            if self._in_sim_time:
+            if self.in_sim_time:
                 # /clock does not wait for whoever is late: a step's periods are owed all at once.
                 actor.backlog.per_tick = actor.backlog.limit
                 actor.clock = None
@@ -264,7 +266,7 @@ class ManagedNode(LifecycleNode):
 
     def _look_for_clock(self) -> None:
         """Look whether time is what /clock says; asked for once, since now_ns() is asked often."""
-        self._in_sim_time = bool(self.get_parameter("use_sim_time").value)
+        self.in_sim_time = bool(self.get_parameter("use_sim_time").value)
 
     def _follow_clock(self) -> None:
         clocked = isinstance(self.actor, ClockedActor)
@@ -308,6 +310,7 @@ class ManagedNode(LifecycleNode):
             return False, f"unconfigured{reason}", {}
         well, sentence, figures = actor.failures.status(actor.status)
         figures = {**figures, **actor.ages.summary("message_age")}
+        figures["scheduling"] = scheduling()
         figures["clock_steps"] = str(self._clock_steps)
         figures["last_clock_step"] = self._last_step
         figures["refused_messages"] = str(self.refused)

@@ -33,9 +33,15 @@ def markdown() -> str:
     common = list(NodeParameters.model_fields)
     lines += [_row("every node", NodeParameters, name) for name in common]
     for node, model in MODELS.items():
-        own = [name for name in model.model_fields if name not in common]
+        own = [name for name in model.model_fields if _differs(model, name)]
         lines += [_row(node, model, name) for name in own]
     return "\n".join(lines) + "\n"
+
+
+def _differs(model: type[NodeParameters], name: str) -> bool:
+    """Return whether a node has a parameter alone, or with another default than all the others."""
+    common = NodeParameters.model_fields.get(name)
+    return common is None or common.default != model.model_fields[name].default
 
 
 def _row(node: str, model: type[NodeParameters], name: str) -> str:

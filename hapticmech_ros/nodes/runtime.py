@@ -21,6 +21,7 @@ from hapticmech_ros.errors import HapticMechError, as_ours
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import StopRequest, run_until, wake_up_in_time
+from hapticmech_ros.nodes.scheduling import ask_for_real_time, priority_of
 
 if TYPE_CHECKING:
     from hapticmech_ros.nodes.actor import Actor
@@ -66,6 +67,7 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
             nodes.append(ManagedNode(actor_type(name), exchange))
             nodes[-1].start()
         herald.destroy_node()
+        _schedule(nodes)
         run_until(stop, nodes)
         for node in nodes:
             print(node.final_report(), flush=True)
@@ -91,6 +93,15 @@ def _check_parameter_files(arguments: Sequence[str]) -> None:
     for option, path in pairwise(arguments):
         if option == "--params-file":
             check_file(path, PARAMETER_FILE_LIMIT)
+
+
+def _schedule(nodes: Sequence[ManagedNode]) -> None:
+    """Ask for the real-time priority of nodes that are made: importing them was not urgent."""
+    in_sim_time = any(node.in_sim_time for node in nodes)
+    priority = priority_of([node.parameters for node in nodes], in_sim_time)
+    refusal = ask_for_real_time(priority) if priority else ""
+    if refusal:
+        get_logger("scheduling").info(f"{refusal}: see docs/nodes.md, Scheduling")
 
 
 def _herald() -> Node:

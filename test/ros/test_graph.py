@@ -14,6 +14,7 @@ from hapticmech_ros.graph import Graph, private_environment, stop_process
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.messages import stamp_ns
 from hapticmech_ros.wire.layouts import unpack_rendering
+from real_time import grants_real_time
 from ros.harness import Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
@@ -69,6 +70,8 @@ def test_composed_nodes_hear_each_other_once_and_others_too(domain: int, peer: P
         assert len(set(stamps)) == len(stamps)
         heard = figures(statuses["haptic_device"])
         assert int(heard["loop_latency_count"]) <= int(heard["periods"])
+        expected = "SCHED_FIFO 50" if grants_real_time(50) else "SCHED_OTHER"
+        assert {figures(status)["scheduling"] for status in statuses.values()} == {expected}
         publish = peer.publisher("mechanism/handle/external_cf", WrenchStamped)
 
         def pushed() -> bool:

@@ -78,6 +78,7 @@ def test_simulated_time_is_the_clocks(domain: int, peer: Peer) -> None:
             message.wrench.force.x = 0.03
             push.publish(message)
             clock.step()
+        assert figures(statuses["haptic_device"])["scheduling"] == "SCHED_OTHER"
         # The push has run out, by the clock: the device coasts.
         for _ in range(40):
             clock.step()
