@@ -20,6 +20,8 @@ import sys
 import time
 from dataclasses import dataclass, field
 
+from benchmarks.reliability.ahead import run_ahead_of_nodes
+
 ETH_P_IP = 0x0800
 LARGEST_FRAME = 65_536
 BUFFER_BYTES = 8 << 20
@@ -126,4 +128,5 @@ def _send(target: socket.socket, frame: bytes) -> None:
 
 
 if __name__ == "__main__":
+    run_ahead_of_nodes()
     forward((sys.argv[1], sys.argv[2]))

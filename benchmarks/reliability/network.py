@@ -1,7 +1,4 @@
-"""The graph over a real path: delay, jitter, loss, reordering, outages, clocks that differ.
-
-Real time: on a machine that is busy otherwise, run it with ``chrt -r 5``, as root.
-"""
+"""The graph over a real path: delay, jitter, loss, reordering, outages, clocks that differ."""
 
 from __future__ import annotations
 
