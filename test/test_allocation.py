@@ -21,7 +21,7 @@ from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Simulator, build
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.plan import plan_scene
+from hapticmech_ros.plan.scene_plan import plan_scene
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.wire.cdr import FlatArray

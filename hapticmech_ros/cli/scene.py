@@ -29,7 +29,7 @@ def plan(
 ) -> None:
     """Print the plan compiled from SCENE: what a tick computes, what it leaves out, and why."""
     from hapticmech_ros.cli.scene_tables import show_plan
-    from hapticmech_ros.plan import plan_scene
+    from hapticmech_ros.plan.scene_plan import plan_scene
     from hapticmech_ros.scene import load_scene
 
     found = plan_scene(load_scene(scene), point)
@@ -61,7 +61,7 @@ def check(
     """Load SCENE, say what it is, what of its model's file it leaves out, and what to look at."""
     from hapticmech_ros.cli.scene_tables import show_check
     from hapticmech_ros.formats import left_out
-    from hapticmech_ros.plan import check_scene
+    from hapticmech_ros.plan.scene_check import check_scene
     from hapticmech_ros.scene import load_scene
     from hapticmech_ros.scene.loader import find_scene
 

@@ -11,7 +11,8 @@ from rich.table import Table
 
 from hapticmech_ros.cli.console import console
 from hapticmech_ros.formats import LeftOut
-from hapticmech_ros.plan import ClosurePlan, SceneCheck, ScenePlan
+from hapticmech_ros.plan.scene_check import SceneCheck
+from hapticmech_ros.plan.scene_plan import ClosurePlan, ScenePlan
 
 SHAPES_SHOWN = 60
 NUMBERS = {"rows", "times", "bytes"}

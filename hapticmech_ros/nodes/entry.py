@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.nodes.scheduling import QuickStart
 
 NODES = {
     "haptic_device": "simulated impedance-type haptic device and the hand that holds it",
@@ -55,9 +56,10 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
     # Looking for plugins of pydantic, of which none is wanted here, takes a node 40 ms.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     choose_discovery(os.environ)
+    starting = QuickStart(arguments)
     try:
         runtime = importlib.import_module("hapticmech_ros.nodes.runtime")
-        return int(runtime.run(names, arguments))
+        return int(runtime.run(names, arguments, starting))
     except HapticMechError as error:
         # Kernels are loaded, or compiled, by whoever imports them first.
         sys.stderr.write(f"{error}\n")

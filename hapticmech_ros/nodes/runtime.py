@@ -21,7 +21,7 @@ from hapticmech_ros.errors import HapticMechError, as_ours
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import StopRequest, run_until, wake_up_in_time
-from hapticmech_ros.nodes.scheduling import ask_for_real_time, priority_of
+from hapticmech_ros.nodes.scheduling import QuickStart, ask_for_real_time, priority_of
 
 if TYPE_CHECKING:
     from hapticmech_ros.nodes.actor import Actor
@@ -43,8 +43,14 @@ _ACTORS = {
 }
 
 
-def run(names: Sequence[str], arguments: Sequence[str]) -> int:
-    """Create the named nodes and run them in this thread until a signal; return the exit code."""
+def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) -> int:
+    """Create the named nodes and run them in this thread until a signal; return the exit code.
+
+    Args:
+        names: of the nodes.
+        arguments: for ROS.
+        starting: ends when they are made.
+    """
     stop = StopRequest()
     wake_up_in_time()
     try:
@@ -67,6 +73,7 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
             nodes.append(ManagedNode(actor_type(name), exchange))
             nodes[-1].start()
         herald.destroy_node()
+        starting.end()
         _schedule(nodes)
         run_until(stop, nodes)
         for node in nodes:

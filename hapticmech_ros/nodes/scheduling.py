@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from hapticmech_ros.nodes.parameters import NodeParameters
+if TYPE_CHECKING:
+    from hapticmech_ros.nodes.parameters import NodeParameters
 
+_IN_REAL_TIME = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
 _NAMES = {
     number: name
     for name in ("SCHED_OTHER", "SCHED_FIFO", "SCHED_RR", "SCHED_BATCH", "SCHED_IDLE")
@@ -23,6 +27,31 @@ def priority_of(nodes: Iterable[NodeParameters], in_sim_time: bool) -> int:
     return 0 if in_sim_time else max((node.thread_priority for node in nodes), default=0)
 
 
+class QuickStart:
+    """Runs what makes a node before everything ordinary, and after every node that acts.
+
+    Beside nodes in real time an ordinary thread gets what they leave of the processor that it is
+    on, though another one may be free: a restart would take seconds. Nothing changes where the
+    priority is not granted, or whoever started the process has chosen its scheduling.
+
+    Args:
+        arguments: of the process; ``thread_priority:=0`` among them asks for no real time at all.
+    """
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        asked = not any(argument.endswith("thread_priority:=0") for argument in arguments)
+        self._begun = asked and os.sched_getscheduler(0) == os.SCHED_OTHER
+        if self._begun:
+            with contextlib.suppress(OSError):
+                os.sched_setscheduler(0, _IN_REAL_TIME, os.sched_param(1))
+
+    def end(self) -> None:
+        """Make this thread an ordinary one again."""
+        if self._begun:
+            with contextlib.suppress(OSError):
+                os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 def ask_for_real_time(priority: int) -> str:
     """Ask for real-time scheduling of all threads of this process; say why not, if it is refused.
 
@@ -32,10 +61,9 @@ def ask_for_real_time(priority: int) -> str:
     Args:
         priority: 1 to 99.
     """
-    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
     try:
         for thread in Path("/proc/self/task").iterdir():
-            os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
+            os.sched_setscheduler(int(thread.name), _IN_REAL_TIME, os.sched_param(priority))
     except PermissionError:
         return f"real-time priority {priority} is not granted to this user"
     except OSError as error:

@@ -8,7 +8,7 @@ from hapticmech_ros.bench.feel.impedance import _alone
 from hapticmech_ros.control import control_for
 from hapticmech_ros.control.loop_stability import LoopTerms, loop_margins, spectral_radius
 from hapticmech_ros.control.rendering_model import rendering_model
-from hapticmech_ros.plan import check_scene
+from hapticmech_ros.plan.scene_check import check_scene
 
 T = 1e-3
 MANY = 10**9  # substeps: the device moves as under a held force

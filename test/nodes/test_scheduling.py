@@ -39,6 +39,36 @@ def test_all_threads_are_in_real_time_and_children_are_not():
         assert (told, threads) == ("SCHED_OTHER", {os.SCHED_OTHER})
 
 
+STARTING = """
+import os, subprocess, sys
+from hapticmech_ros.nodes.scheduling import QuickStart, scheduling
+starting = QuickStart(sys.argv[1:])
+show = "import os; print(os.sched_getscheduler(0))"
+child = int(subprocess.run([sys.executable, "-c", show], stdout=subprocess.PIPE).stdout)
+quick = scheduling()
+starting.end()
+print(repr((quick, child, scheduling())))
+"""
+
+
+@pytest.mark.parametrize("argument", ["thread_priority:=20", "device.thread_priority:=0"])
+def test_a_start_comes_before_what_is_ordinary_and_after_nodes(argument):
+    command = [sys.executable, "-c", STARTING, "-p", argument]
+    said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+    wanted = grants_real_time(1) and not argument.endswith("=0")
+    quick = "SCHED_FIFO 1" if wanted else "SCHED_OTHER"
+    assert eval(said) == (quick, os.SCHED_OTHER, "SCHED_OTHER")
+
+
+def test_a_start_leaves_alone_what_somebody_has_chosen():
+    if not grants_real_time(5):
+        pytest.skip("no real-time priority here")
+    code = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(5))" + STARTING
+    command = [sys.executable, "-c", code]
+    said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+    assert eval(said) == ("SCHED_FIFO 5", os.SCHED_FIFO, "SCHED_FIFO 5")
+
+
 @pytest.mark.parametrize(
     ("error", "sentence"),
     [

@@ -17,7 +17,7 @@ from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism, Simulator
 from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
-from hapticmech_ros.plan import ScenePlan, plan_scene
+from hapticmech_ros.plan.scene_plan import ScenePlan, plan_scene
 from hapticmech_ros.scene import (
     Scene,
     document_of,

@@ -5,7 +5,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hapticmech_ros.cli import app
-from hapticmech_ros.plan import check_scene
+from hapticmech_ros.plan.scene_check import check_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.arm_impedances import ARM_IMPEDANCES
 from hapticmech_ros.scene.device import Device

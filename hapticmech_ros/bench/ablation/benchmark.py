@@ -15,7 +15,7 @@ from hapticmech_ros.bench.ablation.timing import Show, time_in_turn, time_pair
 from hapticmech_ros.bench.ablation.variant import Variant
 from hapticmech_ros.bench.machine import machine
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.plan import plan_scene
+from hapticmech_ros.plan.scene_plan import plan_scene
 
 JSON_NAME, PLOT_NAME = "bench_ablation.json", "bench_ablation.png"
 

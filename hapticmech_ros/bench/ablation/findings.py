@@ -13,7 +13,7 @@ from hapticmech_ros.bench.ablation.loop import PARTS
 from hapticmech_ros.bench.ablation.pairs import Pair
 from hapticmech_ros.bench.ablation.timing import Times
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.plan import ScenePlan
+from hapticmech_ros.plan.scene_plan import ScenePlan
 
 # A difference is seen from so many of its standard errors on, and counts from this share of a tick.
 ERRORS, SHARE = 3.0, 0.01

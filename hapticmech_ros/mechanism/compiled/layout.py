@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from hapticmech_ros.mechanism.compiled.band_kernels import BEGIN, FIRST, LAST
 from hapticmech_ros.mechanism.compiled.chosen import Chosen
@@ -107,6 +105,10 @@ def _order(tables: Constants, reaches: Array) -> Array:
     natural = np.arange(tables.nv)
     if not tables.m:
         return natural
+    # Here, so that a mechanism of few rates does not wait for SciPy.
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
     pattern = reaches.astype(np.int64)
     sequence = reverse_cuthill_mckee(csr_matrix(pattern.T @ pattern), symmetric_mode=True)
     places = np.empty(tables.nv, dtype=np.int64)
