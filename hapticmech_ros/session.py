@@ -9,32 +9,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.control import (
-    ControlOutput,
-    DeviceMeasurement,
-    Engagement,
-    PointMeasurement,
-    RenderingModel,
-    control_for,
-)
+from hapticmech_ros.control import ControlOutput, Engagement, RenderingModel, control_for
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.energy_ledger import LedgerEntry
+from hapticmech_ros.control.controller_side import LedgerEntry
+from hapticmech_ros.control.flat import model_of
 from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.passivity import PassivityController
 from hapticmech_ros.control.rendering_loop import RenderingLoop
-from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.device.impedance_device import ImpedanceDevice
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
 from hapticmech_ros.mechanism.grasp import grasped
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.contact_wrench import touching_wrench
 from hapticmech_ros.operational.counter import CountState, first_count, next_count
+from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Origin
+
+_CONTACT = OPERATIONAL_MODEL.slice("contact")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,27 +41,43 @@ class Sample:
     Attributes:
         time: s since the session's start; the device is engaged at time 0.
         device, mechanism: states at ``time``.
-        point: the operational point's kinematics.
+        seen: the operational point there: its motion, Λ_h⁻¹ and what follows.
         hand_wrench: (6,) F_h on the device, by the hand and by others, as the device reports it.
         external_wrench: (6,) on the mechanism at the operational point, by others.
         contact_wrench: (6,) F_c of virtual objects there, of the step that led here; zero without.
-        analysis: Λ_h⁻¹ and what follows.
         count: joint constraints reported.
-        output: the controllers' wrenches computed from these measurements.
-        model: what of the analysis they were computed with: X and a_0 as late as the loop is.
+        wrenches: (6, 6) of the controllers, from these measurements; rows as in ``output``.
     """
 
     time: float
     device: DeviceState
     mechanism: MechanismState
-    point: PointKinematics
+    seen: Observation
     hand_wrench: Array
     external_wrench: Array
     contact_wrench: Array
-    analysis: OperationalAnalysis
     count: int
-    output: ControlOutput
-    model: RenderingModel
+    wrenches: Array
+
+    @property
+    def point(self) -> PointKinematics:
+        """The operational point's kinematics."""
+        return self.seen.point
+
+    @property
+    def analysis(self) -> OperationalAnalysis:
+        """Λ_h⁻¹ and what follows from it."""
+        return self.seen.analysis
+
+    @property
+    def output(self) -> ControlOutput:
+        """The controllers' wrenches."""
+        return ControlOutput(*self.wrenches)
+
+    @property
+    def model(self) -> RenderingModel:
+        """What of the analysis they were computed with: X and a_0 as late as the loop is."""
+        return model_of(self.seen.model)
 
 
 class Session:
@@ -115,8 +128,8 @@ class Session:
 
     @property
     def energies(self) -> LedgerEntry:
-        """The controllers' account; see :mod:`~hapticmech_ros.control.energy_ledger`."""
-        return self._loop.side.ledger.entry
+        """The controllers' account; see :mod:`~hapticmech_ros.control.account_kernels`."""
+        return self._loop.side.entry
 
     @property
     def passivity(self) -> PassivityController:
@@ -147,46 +160,39 @@ class Session:
             ClosureError: a closed loop came apart.
             InvalidInputError: the state is no longer finite.
         """
-        time = self.time
+        time, index = self.time, self._index
         external = np.zeros(6) if external_wrench is None else np.asarray(external_wrench, float)
         push = NO_WRENCH if hand_wrench is None else np.asarray(hand_wrench, float)
         device, mechanism = self._device_state, self._mechanism_state
         held = device.reported + self._device.sensed(push)
-        terms = self.simulator.evaluate(mechanism)
-        point = terms.points[self._index]
-        analysis = self._analyser.analyse(terms)
-        self._count = self._next_count(analysis.spectrum.s, time)
-        contact = touching_wrench(terms, analysis, mechanism.touching, self._index)
-        measured = DeviceMeasurement(device.measured_pose, device.measured_twist, held)
-        late = self._analyser.late(terms, mechanism.q, mechanism.v, mechanism.active, analysis)
-        model = rendering_model(analysis, late)
-        seen = PointMeasurement(point.pose, point.twist, external + contact)
-        engagement = self._tie(time, measured, seen, model)
-        numbers = np.concatenate((device.published[:13], held))
+        closing = self.simulator.closing(mechanism)
+        seen = self._analyser.observe(mechanism.q, mechanism.v, mechanism.active, closing)
+        self._count = self._next_count(seen.s, time)
+        contact = self._touching(mechanism, seen)
+        model = seen.model
+        model[_CONTACT] = external + contact
+        measured = np.concatenate((device.published[:13], held))
+        engagement = self._tie(time, measured, model)
         added = self._device.compensation(device)
-        applied = device.applied
-        acting = self._loop.tick(time, engagement, numbers, applied, seen, model, added)
-        output = self._loop.output
+        acting = self._loop.tick(time, engagement, measured, device.applied, model, added)
+        rows = self._loop.wrenches
         sample = Sample(
-            time,
-            device,
-            mechanism,
-            point,
-            held,
-            external,
-            contact,
-            analysis,
-            self._count.count,
-            output,
-            model,
+            time, device, mechanism, seen, held, external, contact, self._count.count, rows
         )
-        self._sent = output.device
+        self._sent = rows[0]
         wrenches = np.zeros((self._points, 6))
-        wrenches[self._index] = acting.mechanism + external
+        wrenches[index] = acting.mechanism + external
         self._mechanism_state = self.simulator.step(mechanism, wrenches)
         self._device_state = self._device.step(device, acting.device, self._held, self._tick, push)
         self._tick += 1
         return sample
+
+    def _touching(self, state: MechanismState, seen: Observation) -> Array:
+        """Return F_c (6,) of what touches; zero where nothing does."""
+        if state.touching is None or not state.touching.pairs.size:
+            return np.zeros(6)
+        terms = self.simulator.evaluate(state)
+        return touching_wrench(terms, seen.analysis, state.touching, self._index)
 
     def switch_closure(self, name: str, closed: bool) -> None:
         """Open or close a loop between two ticks.
@@ -217,19 +223,19 @@ class Session:
         self._carried = self._sent
         self._count = None
 
-    def _tie(
-        self,
-        time: float,
-        device: DeviceMeasurement,
-        point: PointMeasurement,
-        model: RenderingModel,
-    ) -> Engagement:
-        """Return the tie, made anew at the start and if the mechanism is held elsewhere."""
-        tie = self._engagement
+    def _tie(self, time: float, device: Array, model: Array) -> Engagement:
+        """Return the tie, made anew at the start and if the mechanism is held elsewhere.
+
+        Args:
+            time: s.
+            device: (19,) its sample.
+            model: (139,) operational model.
+        """
+        tie, control = self._engagement, self._control
         if tie is None or self._carried is not None:
-            tie = self._control.engage(time, device, point, model, self._carried)
+            tie = control.engage_flat(time, device, model, 0.0, self._carried)
             self._carried = None
-        self._engagement = self._control.slipped(time, tie, device, point.twist)
+        self._engagement = control.slipped_flat(time, tie, device, model)
         return self._engagement
 
     def _next_count(self, s: Array, time: float) -> CountState:

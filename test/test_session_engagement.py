@@ -5,6 +5,7 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control.engagement import engage
+from hapticmech_ros.scene.mechanism import Origin
 
 
 def arm_that_moves(rate):
@@ -45,3 +46,17 @@ def test_two_that_hardly_move_apart_are_tied_at_once(rate):
     slipping, _ = felt(scene, ticks=400)
     at_once, _ = felt(scene, at_once=True, ticks=400)
     assert np.array_equal(slipping, at_once)
+
+
+def test_a_tie_that_has_slipped_lets_all_through_whatever_the_first_ramp_was():
+    """The ramp of a start is longer than that of a grasp: nothing falls back to it."""
+    scene = load_scene("five_bar")
+    slow = scene.controller.model_copy(update={"engagement_ramp": 2.0, "grasp_ramp": 0.1})
+    session = Session(scene.model_copy(update={"controller": slow}))
+    for _ in range(2200):
+        session.tick()
+    link = session.simulator.scene.operational_points[0].link
+    session.grasp(link, Origin(xyz=(0.0, 0.0, 0.0)))
+    forces = [np.linalg.norm(session.tick().output.device[:3]) for _ in range(400)]
+    assert max(forces) > 0.05
+    assert np.abs(np.diff(forces)).max() < 0.1 * max(forces)

@@ -33,7 +33,10 @@ from hapticmech_ros.errors import HapticMechError
 
 # Import every kernel, directly or not.
 _HOMES = ("mechanism.compiled.stepping", "operational.compiled", "control.compiled")
-_MORE_HOMES = ("device.compiled", "wire.readings", "contact.search", "contact.stepping")
+_MORE_HOMES = (
+    *("device.compiled", "wire.readings", "contact.search", "contact.stepping"),
+    "control.rendering_loop",
+)
 # Of the C library, which every process has.
 _C_LIBRARY = frozenset(
     ("sqrt", "sin", "cos", "tan", "tanh", "atan2", "exp", "log", "pow", "memset", "memcpy")
@@ -42,7 +45,7 @@ _C_LIBRARY = frozenset(
 _COUNTING = re.compile(r"^ *(?:tail )?call void @NRT_(?:in|de)cref\(.*\n", re.MULTILINE)
 _CALLBACK = re.compile(r"^define [^@]*@(cfunc\.[^( ]+)\(", re.MULTILINE)
 # Those that take longest begin first.
-_LONG = ("run_kernels", "late_kernels", "mechanism_compiled_kernels_factor", "contact_solver")
+_LONG = ("run_kernels", "observe_kernels", "mechanism_compiled_kernels_factor", "contact_solver")
 _PR_SET_PDEATHSIG = 1
 _kernels: dict[str, Kernel] = {}
 

@@ -51,9 +51,9 @@ _SOURCES = (
     "contact/effect_kernels.py",
     "saturation_kernels.py",
     "operational/kernels.py",
-    "operational/point_kernels.py",
     "operational/foresee_kernels.py",
     "operational/late_kernels.py",
+    "operational/observe_kernels.py",
     "rotation_kernels.py",
     "device/grip.py",
     "device/hand_kernels.py",
@@ -61,6 +61,9 @@ _SOURCES = (
     "device/kernels.py",
     "control/pose_kernels.py",
     "control/kernels.py",
+    "control/loop_layout.py",
+    "control/account_kernels.py",
+    "control/device_side_kernels.py",
     "wire/kernels.py",
 )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+import pinocchio as pin
 
 from hapticmech_ros.control.engagement import Engagement, engage, pose_error
 from hapticmech_ros.control.flat import device_of, model_of, point_of
@@ -14,6 +15,7 @@ from hapticmech_ros.control.gain_passage import Passage
 from hapticmech_ros.control.impedance import impedance_wrench
 from hapticmech_ros.control.joint_constraint import joint_constraint_wrench
 from hapticmech_ros.control.local_model import NO_MODEL, LocalModel
+from hapticmech_ros.control.loop_layout import SETTINGS
 from hapticmech_ros.control.measurements import (
     ControlOutput,
     DeviceMeasurement,
@@ -22,6 +24,7 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.control.prediction import InFlight, carried_on, foreseen
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.device import Device
@@ -29,6 +32,10 @@ from hapticmech_ros.scene.document import Scene
 
 # Share of the device's limits from which the dampers' wrench makes a new tie slip.
 SLIPS_FROM = 0.05
+_GAINS, _RAMP = SETTINGS.slice("task", "c6"), SETTINGS.start("ramp")
+_LIMITS = SETTINGS.slice("force_limit", "torque_limit")
+_ENGAGED = SETTINGS.slice("engaged_at", "turn")
+_NOTHING = np.zeros(6)
 
 
 class ControlArchitecture:
@@ -58,6 +65,9 @@ class ControlArchitecture:
             self._task[2:5] = 0.0
         self._through = np.outer(self._task, self._task)
         self._passage: Passage | None = None
+        self._settings = np.zeros(SETTINGS.size)
+        self._settings[_LIMITS] = self.limits
+        self._tied: Engagement | None = None
         self.adopt(scene.controller)
 
     def adopt(self, gains: Controller, delay: float | None = None) -> None:
@@ -65,9 +75,40 @@ class ControlArchitecture:
         self.delay = self.delay if delay is None else delay
         self.gains = gains
         lag = 2.0 * self.delay + 1.5 * self._period
-        self.channels = FourChannel(
-            gains.position_channel, gains.force_channel, np.diag(self.device_inertia), lag
+        joint, force, position = gains.joint_constraint, gains.force_channel, gains.position_channel
+        inertia = np.diag(self.device_inertia)
+        self.channels = channels = FourChannel(position, force, inertia, lag)
+        sixes = (self._task, inertia, channels.stiffness, channels.damping)
+        scalars = (
+            *(joint.feedforward, joint.stiffness, joint.damping),
+            *(joint.force_limit, joint.torque_limit),
+            *(position.to_mechanism, force.contact, force.hand, position.to_device),
+            *(force.mechanism_feedback, force.device_feedback),
         )
+        held = (channels.held_stiffness, channels.held_damping)
+        self._settings[_GAINS] = np.concatenate((*sixes, *held, scalars))
+
+    def settings_at(self, time: float, engagement: Engagement) -> Array:
+        """Return what fixes the controllers at ``time`` (s) as an array (58,) for kernels.
+
+        It is the same one each time, laid out as
+        :data:`~hapticmech_ros.control.loop_layout.SETTINGS`.
+        """
+        self.pass_on_to(time)
+        if engagement is not self._tied:
+            self._tied = engagement
+            turn = pin.Quaternion(quaternion_of(engagement.turn))
+            # So that no turn is exactly none.
+            turn.normalize()
+            self._settings[_RAMP] = self.ramp_of(engagement)
+            place = (engagement.time,), engagement.displacement, turn.coeffs()
+            self._settings[_ENGAGED] = np.concatenate(place)
+        return self._settings
+
+    def carried_at(self, time: float, engagement: Engagement) -> Array:
+        """Return what is left (6,) of a wrench that is carried on, at ``time`` (s)."""
+        faded = engagement.faded(time, self.ramp_of(engagement))
+        return _NOTHING if faded is None else faded
 
     def tune(self, time: float, gains: Controller, delay: float | None = None) -> None:
         """Pass to other gains from ``time`` (s) on, in a straight line over their ``gain_ramp``.

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.control.account_kernels import (
+    account_for_answer,
+    answer_sample,
+    move_point_on,
+    tell,
+)
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.energy_ledger import EnergyLedger
 from hapticmech_ros.control.engagement import Engagement
-from hapticmech_ros.control.flat import model_of
 from hapticmech_ros.control.link import DelayLine
-from hapticmech_ros.control.local_model import NO_MODEL, LocalModel
-from hapticmech_ros.control.mechanism_port import MechanismPort
+from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
 from hapticmech_ros.control.prediction import InFlight
-from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.controller import Connection
 
-_NO_WRENCH = np.zeros(6)
-_TWIST = OPERATIONAL_MODEL.slice("twist")
+_WRENCHES, _SAMPLE = ANSWER.slice("wrenches"), ANSWER.slice("sample")
+_MODEL = ANSWER.slice("force", "damping")
+_MODELLED, _TO_MECHANISM = ANSWER.starts("modelled", "to_mechanism")
+_ENERGIES = CONTROLLER_ACCOUNT.slice("to_mechanism", "dissipated")
+_FROM_HAND, _CHANGED, _HEARD = CONTROLLER_ACCOUNT.starts("from_hand", "changed", "sample_known")
+_ACTING, _PASSIVE = CONTROLLER_ACCOUNT.slice("acting"), CONTROLLER_ACCOUNT.start("passive")
+_SLACK = CONTROLLER_ACCOUNT.start("slack")
+_MOVING, _STRETCHED = CONTROLLER_ACCOUNT.starts("twist_known", "error_known")
 
 
 class Reading(NamedTuple):
@@ -47,23 +54,58 @@ class Answer(NamedTuple):
     """An answer to a sample of the device.
 
     Attributes:
-        wrenches: (6, 6) as :class:`~hapticmech_ros.control.measurements.ControlOutput` has them.
-        model: how the first of them depends on the device.
-        answered: (19,) the sample.
-        answered_ns: its stamp.
-        to_mechanism: E_m when it was given, J.
+        numbers: an :data:`~hapticmech_ros.control.loop_layout.ANSWER`.
+        answered_ns: stamp of the sample.
     """
 
-    wrenches: Array
-    model: LocalModel
-    answered: Array
+    numbers: Array
     answered_ns: int
-    to_mechanism: float
+
+    @property
+    def wrenches(self) -> Array:
+        """(6, 6) as :class:`~hapticmech_ros.control.measurements.ControlOutput` has them."""
+        return self.numbers[_WRENCHES].reshape(6, 6)
+
+    @property
+    def is_modelled(self) -> bool:
+        """Whether it says how its first wrench depends on the device."""
+        return bool(self.numbers[_MODELLED] != 0.0)
+
+    @property
+    def model(self) -> Array:
+        """(108,) G, K and B: how its first wrench depends on the device; zero if it is not said."""
+        return self.numbers[_MODEL]
+
+    @property
+    def answered(self) -> Array:
+        """(19,) the sample."""
+        return self.numbers[_SAMPLE]
+
+    @property
+    def to_mechanism(self) -> float:
+        """E_m when it was given, J."""
+        return float(self.numbers[_TO_MECHANISM])
 
     @classmethod
     def nothing(cls, stamp_ns: int) -> Answer:
         """Return what stands for an answer before there is one."""
-        return cls(np.zeros((6, 6)), NO_MODEL, np.zeros(DEVICE_SAMPLE.size), stamp_ns, 0.0)
+        return cls(np.zeros(ANSWER.size), stamp_ns)
+
+
+class LedgerEntry(NamedTuple):
+    """Energies of the controllers since rendering started, J; see :mod:`.account_kernels`.
+
+    Attributes:
+        to_mechanism: E_m.
+        stored: S, now.
+        injected: E_inj.
+        dissipated: E_b.
+    """
+
+    to_mechanism: float
+    stored: float
+    injected: float
+    dissipated: float
 
 
 class ControllerSide:
@@ -77,7 +119,8 @@ class ControllerSide:
         before: what answered until now, whose account goes on.
 
     Attributes:
-        ledger: the account.
+        account: a :data:`~hapticmech_ros.control.loop_layout.CONTROLLER_ACCOUNT`.
+        queue: (delay, 6) what the mechanism was told and does not act yet.
         last: last answer that was given, whether it has arrived or not; None before the first.
     """
 
@@ -90,34 +133,61 @@ class ControllerSide:
         before: ControllerSide | None = None,
     ) -> None:
         self.control = control
-        self.ledger: EnergyLedger = EnergyLedger() if before is None else before.ledger
-        self.ledger.held_elsewhere()
+        if before is None:
+            self.account: Array = np.zeros(CONTROLLER_ACCOUNT.size)
+            inertia = np.diag(control.device_inertia)
+            self.account[CONTROLLER_ACCOUNT.start("period")] = period
+            self.account[CONTROLLER_ACCOUNT.slice("inertia")] = inertia
+        else:
+            self.account = before.account
+        self.account[_HEARD] = 0.0
+        self.queue = np.zeros((delay, 6))
+        self.held_elsewhere()
         self.last: Answer | None = None
-        self._period = period
-        self._told: deque[Array] = deque([_NO_WRENCH] * delay)
-        inertia = np.diag(control.device_inertia).copy()
-        self.port: MechanismPort = MechanismPort(inertia) if before is None else before.port
-        self.port.pause()
-        self._twist: Array = _NO_WRENCH
+        self._locality = np.zeros(3)
+        self._nothing = np.zeros(ANSWER.size)
         self._lines: tuple[DelayLine[Reading], DelayLine[Answer]] | None = None
         if not connection.ideal:
             self._lines = DelayLine(connection, 0), DelayLine(connection, 1)
 
-    def _paid(self) -> Array:
-        """Return what the mechanism is told (6,): the last answer, as far as the hand pays."""
-        if self.last is None:
-            return _NO_WRENCH
-        wrench = self.last.wrenches[1]
-        passivity = self.control.gains.passivity
-        if not passivity.control:
-            return np.asarray(wrench)
-        short = self.ledger.entry.to_mechanism - self.port.from_hand - passivity.slack
-        return self.port.hold(wrench, self._twist) if short > 0.0 else wrench
+    @property
+    def entry(self) -> LedgerEntry:
+        """Energies as of the last sample."""
+        return LedgerEntry(*self.account[_ENERGIES].tolist())
+
+    @property
+    def from_hand(self) -> float:
+        """E_h, J, that the hand has put in, as the controller knows it."""
+        return float(self.account[_FROM_HAND])
+
+    @property
+    def changed(self) -> int:
+        """Wrenches to the mechanism that passivity control has changed."""
+        return int(self.account[_CHANGED])
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether answers arrive at once."""
+        return self._lines is None
 
     @property
     def lost(self) -> int:
         """Messages that the connection lost."""
         return 0 if self._lines is None else self._lines[0].lost + self._lines[1].lost
+
+    def locality(self, corrects: bool, with_model: bool) -> Array:
+        """Return what the device closes (3,); see ``account_kernels.answer_sample``.
+
+        Args:
+            corrects: whether the device corrects commands by itself.
+            with_model: whether answers are to say how.
+        """
+        gains, passivity = self.control.gains, self.control.gains.passivity
+        self.account[_PASSIVE], self.account[_SLACK] = passivity.control, passivity.slack
+        self._locality[0] = corrects and gains.force_channel.local
+        self._locality[1] = corrects and gains.joint_constraint.local
+        self._locality[2] = with_model
+        return self._locality
 
     def tick(
         self, reading: Reading, engagement: Engagement, corrects: bool, with_model: bool = True
@@ -130,17 +200,15 @@ class ControllerSide:
             corrects: whether the device corrects commands by itself.
             with_model: whether the answer is to say how.
         """
-        self.ledger.moved(reading.rendered[_TWIST], reading.elapsed)
+        move_point_on(self.account, reading.rendered, reading.elapsed)
         seen: Reading | None = reading
         if self._lines is not None:
             self._lines[0].put(reading.stamp_ns, reading)
             seen = self._lines[0].take(reading.stamp_ns)
         answer = None
-        self._twist = reading.rendered[_TWIST]
         if seen is not None:
-            self.port.see(seen.device)
-            answer = self._answered(seen, reading, engagement, corrects, with_model)
-            self.last = answer
+            locality = self.locality(corrects, with_model)
+            answer = self.last = self._answered(seen, reading, engagement, locality)
         if self._lines is None:
             return answer
         if answer is not None:
@@ -149,42 +217,39 @@ class ControllerSide:
 
     def tell(self) -> tuple[Array, Array]:
         """Return what the mechanism is told, and what acts on it from now on, (6,) each."""
-        told = self._paid()
-        self._told.append(told)
-        acting = self._told.popleft()
-        self.ledger.acts(acting)
-        return told, acting
+        last = self._nothing if self.last is None else self.last.numbers
+        told = np.empty((2, 6))
+        tell(self.account, self.queue, last, told)
+        return told[0], told[1]
 
     def held_elsewhere(self) -> None:
-        """Take back what the mechanism was told at the place where it was held."""
-        self._told = deque([_NO_WRENCH] * len(self._told))
-        self.ledger.held_elsewhere()
+        """Take back what the mechanism was told at the place where it was held.
+
+        Springs and motion begin anew there; what has flowed stays in the account.
+        """
+        self.queue[:] = 0.0
+        self.account[_ACTING] = 0.0
+        self.account[_MOVING] = self.account[_STRETCHED] = 0.0
 
     def _answered(
-        self,
-        seen: Reading,
-        reading: Reading,
-        engagement: Engagement,
-        corrects: bool,
-        with_model: bool,
+        self, seen: Reading, reading: Reading, engagement: Engagement, locality: Array
     ) -> Answer:
-        control, rendered = self.control, reading.rendered
-        flying = self._in_flight() if corrects and control.gains.force_channel.local else None
-        wrenches = control.answer(
-            reading.time, engagement, seen.device, rendered, reading.ahead, flying
-        )
-        gains, seen_model = control.gains.joint_constraint, model_of(rendered)
-        projector = seen_model.constraint_projector
-        self.ledger.answered(wrenches[5], projector, gains, control.channels, self._period)
-        model = NO_MODEL
-        if corrects and with_model and control.gains.local:
-            model = control.local_model(reading.time, engagement, seen_model)
-        given = self.ledger.entry.to_mechanism
-        return Answer(wrenches, model, seen.device, seen.stamp_ns, given)
+        control, time, rendered = self.control, reading.time, reading.rendered
+        numbers, device = np.zeros(ANSWER.size), seen.device
+        if control.compiled:
+            settings = control.settings_at(time, engagement)
+            carried, ahead = control.carried_at(time, engagement), reading.ahead
+            known = (settings, carried, self.queue, device, rendered, time, ahead)
+            answer_sample(self.account, *known, locality, numbers)
+        else:
+            flying = self._in_flight() if locality[0] != 0.0 else None
+            found = control.answer(time, engagement, device, rendered, reading.ahead, flying)
+            numbers[_WRENCHES] = found.ravel()
+            settings = control.settings_at(time, engagement)
+            account_for_answer(self.account, settings, device, rendered, time, locality, numbers)
+        return Answer(numbers, seen.stamp_ns)
 
     def _in_flight(self) -> InFlight | None:
         """Return what the mechanism was told, and a device that corrects commands has done."""
-        if not self._told:
-            return None
-        impulse = self._period * np.sum(self._told, axis=0)
-        return InFlight(len(self._told) * self._period, impulse)
+        delay, period = len(self.queue), float(self.account[0])
+        return InFlight(delay * period, period * self.queue.sum(axis=0)) if delay else None

@@ -13,6 +13,7 @@ hold them.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +27,7 @@ class Engagement:
     """The tie between the device's pose and the operational point's.
 
     Attributes:
-        time: s, when rendering started.
+        time: s, when rendering started; -inf once a tie has slipped and holds.
         displacement: (3,) m, from device to operational point at that time.
         turn: (3, 3) rotation, R_device R_turn = R_point at that time.
         carried: (6,) wrench of the device at that time, which fades as the ramp rises; None when
@@ -70,7 +71,7 @@ class Engagement:
             return self
         share = self.ramp(time, duration)
         if share >= 1.0:
-            return replace(self, carried=None)
+            return replace(self, carried=None, time=-math.inf)
         away = (1.0 - share**3) * (time - self.slipped_at) * (twist - device_twist)
         rotation = device.rotation
         return replace(

@@ -4,7 +4,7 @@
 
 P_c is smooth (see operational/projector.py), so u_jc has no step when a constraint comes or goes.
 Its spring does store 1/2 k eᵀ P_c e, so switching a direction on with an error there adds energy,
-which :mod:`~hapticmech_ros.control.energy_ledger` accounts for.
+which :mod:`~hapticmech_ros.control.account_kernels` accounts for.
 """
 
 from __future__ import annotations

@@ -1,17 +1,8 @@
 """The controllers of Fig. 3 as one kernel, from flat measurements to wrenches.
 
-What a scene and an engagement fix is in one array, ``settings`` (58,):
-
-    :6    1 in the scene's task space, else 0
-    :12   diagonal of Λ_d
-    :24   stiffnesses 6 and dampings 6 of C_m
-    :36   the same of C as it acts on the device
-    :41   β, stiffness, damping, force limit and torque limit of the joint constraint
-    :47   C1 to C6
-    :50   duration of the ramp, force limit and torque limit of the device
-    :58   time 1, displacement 3 and turn, as a quaternion of length 1, of the engagement
-
-Measurements are laid out as :mod:`~hapticmech_ros.layout` says.
+What a scene and an engagement fix is laid out as
+:data:`~hapticmech_ros.control.loop_layout.SETTINGS`, measurements as
+:mod:`~hapticmech_ros.layout` says.
 """
 
 from __future__ import annotations
@@ -19,14 +10,19 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, shaped
+from hapticmech_ros.control.loop_layout import SETTINGS
 from hapticmech_ros.control.pose_kernels import tied_error
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.compiled.small_matrices import dot
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation_kernels import limit
 
-CHANNELS, RAMP, ENGAGED = 41, 47, 50
-SETTINGS_SIZE = 58
+INERTIA, STIFFNESS, DAMPING, HELD_STIFFNESS, HELD_DAMPING, JOINT, CHANNELS = SETTINGS.starts(
+    *("inertia", "stiffness", "damping", "held_stiffness", "held_damping", "feedforward", "c1")
+)
+RAMP, FORCE_LIMIT, TORQUE_LIMIT, ENGAGED, TIE = SETTINGS.starts(
+    "ramp", "force_limit", "torque_limit", "engaged_at", "displacement"
+)
 DEVICE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
 RATE, PUSH = DEVICE_SAMPLE.starts("twist", "hand_wrench")
 X, P_C, SHARE = OPERATIONAL_MODEL.starts(
@@ -59,10 +55,11 @@ def let_through(time: float, start: float, duration: float) -> float:
 @inner
 def parts(settings: Array, device: Array, rendered: Array, out: Array) -> None:
     """Fill rows 1 to 4 of ``out`` (6, 6), without ramp and limits, given e in row 5."""
-    task, inertia = settings[:6], settings[6:12]
-    stiffness, damping = settings[12:18], settings[18:24]
-    held_stiffness, held_damping = settings[24:30], settings[30:36]
-    joint, c = settings[36:CHANNELS], settings[CHANNELS:RAMP]
+    task, inertia = settings[:INERTIA], settings[INERTIA:STIFFNESS]
+    stiffness, damping = settings[STIFFNESS:DAMPING], settings[DAMPING:HELD_STIFFNESS]
+    held_stiffness = settings[HELD_STIFFNESS:HELD_DAMPING]
+    held_damping = settings[HELD_DAMPING:JOINT]
+    joint, c = settings[JOINT:CHANNELS], settings[CHANNELS:RAMP]
     beta, spring, damper = joint[0], joint[1], joint[2]
     force_limit, torque_limit = joint[3], joint[4]
     c1, c2, c3, c4, c5, c6 = c[0], c[1], c[2], c[3], c[4], c[5]
@@ -92,6 +89,24 @@ def parts(settings: Array, device: Array, rendered: Array, out: Array) -> None:
     scale_within(out[3], force_limit, torque_limit)
 
 
+@inner
+def answer_measurements(
+    settings: Array, device: Array, rendered: Array, time: float, ahead: float, out: Array
+) -> None:
+    """Fill a control period's wrenches; see :func:`control_wrenches`."""
+    place, twist = rendered[PLACE:TWIST], rendered[TWIST : TWIST + 6]
+    tied_error(settings[TIE:], device[:7], place, twist, ahead, out[5])
+    parts(settings, device, rendered, out)
+    ramp = let_through(time, settings[ENGAGED], settings[RAMP])
+    for i in range(6):
+        out[0, i] = ramp * (out[2, i] + out[3, i] + out[4, i])
+        for row in range(1, 5):
+            out[row, i] *= ramp
+    for row in range(2):
+        limit(out[row, :3], settings[FORCE_LIMIT])
+        limit(out[row, 3:], settings[TORQUE_LIMIT])
+
+
 @kernel(
     "boolean(float64[::1], Array(float64, 1, 'C', readonly=True),"
     " Array(float64, 1, 'C', readonly=True), float64, float64, float64[:,::1])"
@@ -114,17 +129,5 @@ def control_wrenches(
     """
     if device.size != DEVICE_SIZE or rendered.size != MODEL_SIZE:
         return False
-    place, twist = rendered[PLACE:TWIST], rendered[TWIST : TWIST + 6]
-    tied_error(settings[ENGAGED + 1 :], device[:7], place, twist, ahead, out[5])
-    parts(settings, device, rendered, out)
-    duration, force_limit = settings[RAMP], settings[RAMP + 1]
-    torque_limit = settings[RAMP + 2]
-    ramp = let_through(time, settings[ENGAGED], duration)
-    for i in range(6):
-        out[0, i] = ramp * (out[2, i] + out[3, i] + out[4, i])
-        for row in range(1, 5):
-            out[row, i] *= ramp
-    for row in range(2):
-        limit(out[row, :3], force_limit)
-        limit(out[row, 3:], torque_limit)
+    answer_measurements(settings, device, rendered, time, ahead, out)
     return True

@@ -26,9 +26,16 @@ import math
 
 import numpy as np
 
-from hapticmech_ros.control.local_model import FORCE, TWIST, displacement
+from hapticmech_ros.control.device_side_kernels import (
+    available_energy,
+    correct_command,
+    enforce_passivity,
+    see_sample,
+    take_energy,
+)
+from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
+from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.controller import Passivity
 from hapticmech_ros.scene.document import Scene
 
@@ -36,6 +43,9 @@ NO_WRENCH = np.zeros(6)
 NO_WRENCH.flags.writeable = False
 # Most damping, as a share of what stops the device within a sample.
 MOST_DAMPING = 0.4
+_TWIST = DEVICE_SAMPLE.slice("twist")
+_STARTS = {name: DEVICE_ACCOUNT.start(name) for name in DEVICE_ACCOUNT}
+_MEMORY = DEVICE_ACCOUNT.slice("pose_known", "applied")
 
 
 class PassivityController:
@@ -54,10 +64,7 @@ class PassivityController:
             and go on with what they are told for as long.
 
     Attributes:
-        actuators: W, J, since E_m was told first; before that, since the last :meth:`begin`.
-        mechanism: E_m as it was told last, J; None until it is, and nothing is held back.
-        dissipated: J, that the controller's damping has taken in excess of the commands.
-        changed: samples in which a command was changed.
+        account: all that it knows; a :data:`~hapticmech_ros.control.loop_layout.DEVICE_ACCOUNT`.
     """
 
     def __init__(
@@ -71,26 +78,65 @@ class PassivityController:
         filtered: bool = False,
         lag: float = 0.0,
     ) -> None:
-        self.bounds = bounds
-        self.changed = 0
-        self._limits, self._filtered = limits, filtered
-        # Mean share, over a period, of what actuators gave before.
-        self._kept = lag / period * -math.expm1(-period / lag) if lag > 0.0 else 0.0
-        self._acts = np.ones(6) if acts is None else acts
-        self._inertia, self._period = inertia, period
-        # What is foreseen, s, and what a held wrench moves in it, per acceleration, over
-        # semi-implicit steps.
-        self._ahead = period + lag
-        self._moved = 0.5 * self._ahead**2 * (1.0 + 1.0 / substeps)
-        self._most = MOST_DAMPING / period
-        self.begin()
+        ahead = period + lag
+        constants = {
+            "inertia": inertia,
+            "acts": np.ones(6) if acts is None else acts,
+            "force_limit": limits[0],
+            "torque_limit": limits[1],
+            "period": period,
+            # Mean share, over a period, of what actuators gave before.
+            "kept": lag / period * -math.expm1(-period / lag) if lag > 0.0 else 0.0,
+            # What is predicted, s, and what a held wrench moves in it, per acceleration, over
+            # semi-implicit steps.
+            "ahead": ahead,
+            "moved": 0.5 * ahead**2 * (1.0 + 1.0 / substeps),
+            "most_damping": MOST_DAMPING / period,
+            "filtered": filtered,
+            "passive": bounds.control,
+            "allowance": bounds.allowance,
+            "slack": bounds.slack,
+        }
+        self.account: Array = np.zeros(DEVICE_ACCOUNT.size)
+        for name, value in constants.items():
+            self.account[DEVICE_ACCOUNT.slice(name)] = value
 
     def begin(self) -> None:
         """Start anew: the hand takes hold, or nobody holds."""
-        self.actuators = self.dissipated = 0.0
-        self.mechanism: float | None = None
-        self._place: Array | None = None
-        self._added = self._rate = self._applied = NO_WRENCH
+        for name in ("actuators", "mechanism", "told", "dissipated"):
+            self.account[_STARTS[name]] = 0.0
+        self.account[_MEMORY] = 0.0
+
+    @property
+    def actuators(self) -> float:
+        """W, J, since E_m was told first; before that, since the last :meth:`begin`."""
+        return float(self.account[_STARTS["actuators"]])
+
+    @property
+    def mechanism(self) -> float | None:
+        """E_m as it was told last, J; None until it is, and nothing is held back."""
+        told = self.account[_STARTS["told"]] != 0.0
+        return float(self.account[_STARTS["mechanism"]]) if told else None
+
+    @property
+    def dissipated(self) -> float:
+        """J that the controller's damping has taken in excess of the commands."""
+        return float(self.account[_STARTS["dissipated"]])
+
+    @property
+    def changed(self) -> int:
+        """Samples in which a command was changed."""
+        return int(self.account[_STARTS["changed"]])
+
+    def hand(self, sample: Array) -> float:
+        """Return E_h at a sample (19,), J, without what friction took."""
+        twist = sample[_TWIST]
+        return self.actuators + 0.5 * float(twist @ (self.account[:6] * twist))
+
+    @property
+    def available(self) -> float:
+        """J that the actuators may give now; infinite while E_m is not known."""
+        return available_energy(self.account)
 
     def tell(self, mechanism: float | None) -> None:
         """Take E_m, J; None while nobody tells it.
@@ -98,22 +144,7 @@ class PassivityController:
         When it is told first, the account begins: what a commander without one gave before, be it
         of his own, is no debt that the next one's damping has to collect.
         """
-        if self.mechanism is None and mechanism is not None:
-            self.actuators = self.dissipated = 0.0
-        self.mechanism = mechanism
-
-    def hand(self, sample: Array) -> float:
-        """Return E_h at a sample (19,), J, without what friction took."""
-        twist = sample[TWIST]
-        return self.actuators + 0.5 * float(twist @ (self._inertia * twist))
-
-    @property
-    def available(self) -> float:
-        """J that the actuators may give now; infinite while E_m is not known."""
-        if self.mechanism is None or not self.bounds.control:
-            return math.inf
-        least = min(0.0, self.mechanism) - self.bounds.allowance
-        return self.actuators - max(least, self.mechanism - self.bounds.slack)
+        take_energy(self.account, math.nan if mechanism is None else mechanism)
 
     def see(self, sample: Array, applied: Array) -> None:
         """Account for the last period.
@@ -122,12 +153,7 @@ class PassivityController:
             sample: (19,) of the device now.
             applied: (6,) by the actuators on the device, held until now.
         """
-        if self._place is not None:
-            way = displacement(self._place, sample)
-            self._rate = way / self._period
-            self.actuators -= float(applied @ way) - float(self._added @ way)
-        self._place = sample[:7].copy()
-        self._applied = applied - self._added if self._kept else NO_WRENCH
+        see_sample(self.account, sample, applied)
 
     def hold(self, command: Array, sample: Array, added: Array = NO_WRENCH) -> Array:
         """Return the command (6,), changed where it would give more than there is.
@@ -138,57 +164,23 @@ class PassivityController:
             added: (6,) by the device's driver, for its weight and friction: what it gives stays in
                 the device, and does not count.
         """
-        self._added = added
-        available = self.available
-        if available == math.inf:
-            return command
-        twist, hand = sample[TWIST], sample[FORCE]
-        asked = limited(self._acts * command, *self._limits)
-        acting = asked + self._kept * (self._applied - asked) if self._kept else asked
-        given = self._given(acting, twist, hand)
-        if self._filtered:
-            seen = self._given(acting, self._rate, hand)
-            if seen > given:
-                twist, given = self._rate, seen
-        if given <= available:
-            return command
-        self.changed += 1
-        held = self._within(acting, twist, hand, available)
-        self.dissipated += given - self._given(held, twist, hand)
-        # Actuators that lag do it a little later: undoing their lag would shake the device.
+        held = np.array(command, dtype=float)
+        enforce_passivity(self.account, held, sample, added)
         return held
 
-    def _given(self, command: Array, twist: Array, hand: Array) -> float:
-        """Return what a command gives in the next period, J, as far as can be foreseen."""
-        way = self._ahead * twist + self._moved * (command + hand) / self._inertia
-        return float(command @ way)
 
-    def _within(self, command: Array, twist: Array, hand: Array, available: float) -> Array:
-        momentum = self._inertia * twist
-        # Given by command - λ momentum: square λ² - slope λ + given.
-        given = self._given(command, twist, hand)
-        square = self._moved * float(momentum @ twist)
-        way = self._ahead * twist + self._moved * (command + hand) / self._inertia
-        slope = float(momentum @ way) + self._moved * float(twist @ command)
-        damping = _least_root(square, -slope, given - available)
-        if damping <= self._most:
-            return np.asarray(command - damping * momentum)
-        best = 0.5 * slope / square if square > 0.0 else 0.0
-        damped = command - min(max(best, 0.0), self._most) * momentum
-        return np.asarray(self._share(damped, twist, hand, available) * damped)
+def corrected(command: Array, model: Array, answered: Array, now: Array) -> Array:
+    """Return a command (6,) for the device as it is now, u = u' + G ΔF_h - K ξ - B Δv.
 
-    def _share(self, command: Array, twist: Array, hand: Array, available: float) -> float:
-        """Return the largest share of a command in [0, 1] that gives no more than available."""
-        # Given by share · command: square share² + slope share.
-        square = self._moved * float(command @ (command / self._inertia))
-        slope = float(command @ (self._ahead * twist + self._moved * hand / self._inertia))
-        if square <= 0.0 or square + slope <= available:
-            return 1.0
-        if available <= 0.0:
-            # The share that gives least.
-            return min(max(-0.5 * slope / square, 0.0), 1.0)
-        root = (-slope + math.sqrt(slope * slope + 4.0 * square * available)) / (2.0 * square)
-        return min(max(root, 0.0), 1.0)
+    Args:
+        command: (6,) of the controller, N and N m, world axes.
+        model: (108,) G, K and B row by row: how it depends on the device.
+        answered: (19,) the device's sample that the command answers.
+        now: (19,) its newest sample.
+    """
+    found = np.empty(6)
+    correct_command(command, model, answered, now, found)
+    return found
 
 
 def passivity_for(scene: Scene) -> PassivityController:
@@ -204,15 +196,3 @@ def passivity_for(scene: Scene) -> PassivityController:
     return PassivityController(
         bounds, inertia, period, device.substeps, limits, acts, filtered, lag
     )
-
-
-def _least_root(square: float, slope: float, constant: float) -> float:
-    """Return the least root above 0 of square λ² + slope λ + constant; infinite if there is none.
-
-    ``constant`` is above 0.
-    """
-    discriminant = slope * slope - 4.0 * square * constant
-    if square <= 0.0 or slope >= 0.0 or discriminant < 0.0:
-        return math.inf
-    # Without cancellation: slope is below 0.
-    return 2.0 * constant / (-slope + math.sqrt(discriminant))

@@ -117,3 +117,28 @@ def tied_error(
     for i in range(3):
         way[i] = device[i] + tie[i] - point[i]
     log6(between, way, error)
+
+
+@inner
+def displacement(start: Array, end: Array, way: Array) -> None:
+    """Fill ``way`` (6,) with the way from one pose to another, world axes; m and rad.
+
+    The translation from origin to origin, and the rotation vector of end start⁻¹. Equal poses
+    differ by nothing, to the bit.
+
+    Args:
+        start: (7,) or more, position and unit quaternion x, y, z, w first.
+        end: the same, later.
+        way: to fill.
+    """
+    turn = local(4)
+    turn_between(start[3:7], end[3:7], turn)
+    x, y, z, cosine = turn[0], turn[1], turn[2], turn[3]
+    sine = np.sqrt(x * x + y * y + z * z)
+    scale = 2.0 * np.arctan2(sine, abs(cosine)) / sine if sine > 0.0 else 0.0
+    # q and -q are one rotation.
+    if cosine < 0.0:
+        scale = -scale
+    for i in range(3):
+        way[i] = end[i] - start[i]
+        way[3 + i] = scale * turn[i]

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
 
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
+from hapticmech_ros.control.device_side_kernels import act_on_answers, render_period
 from hapticmech_ros.control.engagement import Engagement
-from hapticmech_ros.control.flat import flat_rendered
-from hapticmech_ros.control.local_model import corrected
-from hapticmech_ros.control.measurements import ControlOutput, PointMeasurement, RenderingModel
+from hapticmech_ros.control.loop_layout import ANSWER
+from hapticmech_ros.control.measurements import ControlOutput
 from hapticmech_ros.control.passivity import NO_WRENCH, PassivityController, passivity_for
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
@@ -49,15 +48,21 @@ class RenderingLoop:
         self._period = scene.simulation.period
         self._period_ns = nanoseconds(self._period)
         self.side = ControllerSide(control, self._period, scene.connection, delay)
-        self._on_the_way: deque[Answer | None] = deque([None] * delay)
-        self._arrived: Answer | None = None
+        # Those on the way, the row after them, and the one that has arrived last.
+        self._answers = np.zeros((delay + 2, ANSWER.size))
+        self._nothing = np.zeros(ANSWER.size)
         self._tick = 0
+
+    @property
+    def wrenches(self) -> Array:
+        """(6, 6) the last answer, rows as in :class:`ControlOutput`; a copy."""
+        last = self.side.last
+        return np.zeros((6, 6)) if last is None else last.wrenches.copy()
 
     @property
     def output(self) -> ControlOutput:
         """The last answer."""
-        last = self.side.last
-        return ControlOutput(*(np.zeros((6, 6)) if last is None else last.wrenches))
+        return ControlOutput(*self.wrenches)
 
     def tick(
         self,
@@ -65,8 +70,7 @@ class RenderingLoop:
         engagement: Engagement,
         device: Array,
         applied: Array,
-        point: PointMeasurement,
-        model: RenderingModel,
+        rendered: Array,
         added: Array = NO_WRENCH,
     ) -> Acting:
         """Answer, and return what acts from now on.
@@ -76,21 +80,37 @@ class RenderingLoop:
             engagement: the tie of the two poses.
             device: (19,) its sample, see :mod:`~hapticmech_ros.control.flat`.
             applied: (6,) by the actuators until now.
-            point: what the mechanism reports.
-            model: what the analysis reports.
+            rendered: (139,) operational model, F_c included.
             added: (6,) by the device's driver, to the next command.
         """
-        rendered, stamp_ns = flat_rendered(model, point), self._tick * self._period_ns
+        side, answers, wrenches = self.side, self._answers, np.empty((3, 6))
+        stamp_ns = self._tick * self._period_ns
+        account, control = self.passivity.account, side.control
         self._tick += 1
+        if side.is_ideal and control.compiled:
+            settings = control.settings_at(time, engagement)
+            render_period(
+                side.account,
+                settings,
+                control.carried_at(time, engagement),
+                side.queue,
+                account,
+                answers,
+                device,
+                rendered,
+                time,
+                side.locality(corrects=True, with_model=True),
+                applied,
+                added,
+                wrenches,
+            )
+            side.last = Answer(answers[-1], stamp_ns)
+            return Acting(wrenches[0], wrenches[1])
         reading = Reading(time, stamp_ns, device, rendered, 0.0, self._period)
-        arrived = self.side.tick(reading, engagement, corrects=True)
-        self._arrived = self._arrived if arrived is None else arrived
-        self._on_the_way.append(self._arrived)
-        _, mechanism = self.side.tell()
-        answer = self._on_the_way.popleft()
-        self.passivity.see(device, applied)
-        if answer is None:
-            return Acting(NO_WRENCH, mechanism)
-        self.passivity.tell(answer.to_mechanism)
-        wrench = corrected(answer.wrenches[0], answer.model, answer.answered, device)
-        return Acting(self.passivity.hold(wrench, device, added), mechanism)
+        arrived = side.tick(reading, engagement, corrects=True)
+        if arrived is not None:
+            answers[-1] = arrived.numbers
+        given = self._nothing if side.last is None else side.last.numbers
+        known = (side.queue, account, answers, device, applied, added)
+        act_on_answers(side.account, given, *known, wrenches)
+        return Acting(wrenches[0], wrenches[1])

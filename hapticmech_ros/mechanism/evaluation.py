@@ -70,6 +70,7 @@ class Evaluation(NamedTuple):
         closure_bias: (m,) Ẇv.
         closing: φ, W and their factorisation.
         points: operational points in the scene's order.
+        v: (nv,) rates at which they were evaluated.
     """
 
     bias_force: Array
@@ -79,6 +80,7 @@ class Evaluation(NamedTuple):
     closure_bias: Array
     closing: Closing
     points: tuple[PointKinematics, ...]
+    v: Array
 
     @property
     def closure_residual(self) -> Array:

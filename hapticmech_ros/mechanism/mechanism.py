@@ -117,6 +117,7 @@ class Mechanism:
             closure_bias=self._closure_bias(active),
             closing=closing,
             points=tuple(self._point(frame, v) for frame in self._point_frames),
+            v=v,
         )
 
     def closing_terms(self, q: Array, active: Active) -> Closing:

@@ -202,8 +202,16 @@ class Simulator:
         self._projected = after, touched.stepped.closing
         return after
 
+    def closing(self, state: MechanismState) -> Closing:
+        """Return the closures' terms at ``state``; asked twice for the same, it remembers."""
+        known = self._closing(state)
+        if known is None:
+            known = self.mechanism.closing_terms(state.q, state.active)
+            self._projected = state, known
+        return known
+
     def _closing(self, state: MechanismState) -> Closing | None:
-        """Return the closures' terms at ``state``, if the last step ended there."""
+        """Return the closures' terms at ``state``, if they are known."""
         known = self._projected
         return known[1] if known is not None and known[0] is state else None
 

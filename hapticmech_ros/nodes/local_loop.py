@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import NamedTuple
 
-from hapticmech_ros.control.local_model import corrected
+from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.ordering import InOrder

@@ -111,7 +111,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             return
         self._silenced = False
         try:
-            rendering.see(state)
+            found = rendering.see(state)
         except (HapticMechError, ArithmeticError, ValueError) as error:
             rule = f"must be a state that can be analysed: {error}"
             raise InvalidInputError("joint positions", state.q.tolist(), rule) from None
@@ -119,8 +119,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         rendering.count(count)
         self._publish_rendering.publish(self._encoder.encode(rendering.values))
         if self.analyses % self.view_every == 0:
-            terms = self._mechanism.evaluate(state.q, state.v, state.active)
-            self._publish_view(self._analyser.analyse(terms), count)
+            self._publish_view(found.analysis, count)
         self.analyses += 1
 
     def _fall_silent(self, fault: str) -> None:

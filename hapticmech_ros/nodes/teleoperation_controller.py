@@ -7,7 +7,6 @@ from functools import cached_property
 
 from hapticmech_ros.control import ControlArchitecture, Engagement, control_for
 from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
-from hapticmech_ros.control.local_model import NO_MODEL
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
@@ -325,10 +324,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         if self.lockstep:
             self._arrived = answer = answer or self._arrived or Answer.nothing(stamp_ns)
         if answer is not None:
-            if self.lockstep or answer.model is not NO_MODEL:
+            if self.lockstep or answer.is_modelled:
                 outputs.gain(answer, stamp_ns)
             answered_ns = stamp_ns if self.lockstep else answer.answered_ns
-            outputs.device(answer.wrenches, answered_ns, side.ledger.entry)
+            outputs.device(answer.wrenches, answered_ns, side.entry)
         told, _ = side.tell()
         outputs.mechanism(told, mechanism_ns)
 

@@ -120,7 +120,9 @@ def felt_states(
                 mechanism.grasp(grasp_of(mechanism.scene, start.name, place))
                 analyser = Analyser(mechanism, start.name)
             try:
-                analyser.see(q[index], v[index], active[index], seen[index], wrenches[index])
+                found = analyser.observe(q[index], v[index], active[index])
+                seen[index] = found.model
+                wrenches[index] = found.analysis.spectrum.wrenches
             except HapticMechError as error:
                 raise HapticMechError(f"state {index} of {total}: {error}") from error
             if (index + 1) % TOLD == 0:

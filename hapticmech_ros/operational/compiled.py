@@ -15,22 +15,17 @@ from hapticmech_ros.mechanism.compiled.mechanism import (
     failure,
 )
 from hapticmech_ros.mechanism.compiled.space import CompiledClosing
-from hapticmech_ros.mechanism.evaluation import Active, Evaluation
+from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.operational.kernels import ANALYSIS_SIZE, analyse_point
-from hapticmech_ros.operational.late_kernels import late_point, see_late
 from hapticmech_ros.operational.metric import TaskMetric
-from hapticmech_ros.operational.point_kernels import NO_SPECTRUM, see_point
+from hapticmech_ros.operational.observation import Observation, observation_layout
+from hapticmech_ros.operational.observe_kernels import NO_SPECTRUM, observe_point
 from hapticmech_ros.scene.rendering import Perception
 
 
 class CompiledAnalysis:
-    """What is constant in the analysis of one operational point.
-
-    Attributes:
-        wrenches: (t, t) columns n_i of what :meth:`see` saw last; a view.
-    """
+    """What is constant in the analysis of one operational point."""
 
     def __init__(
         self,
@@ -46,9 +41,7 @@ class CompiledAnalysis:
         limits = metric.mass, float(perception.s_on), float(perception.s_off)
         parts = (metric.point_to_link, metric.factor, metric.dual_factor)
         self._constants = np.concatenate([limits, *(part.ravel() for part in parts)])
-        t = rows.size
-        self._details = np.empty(t * (1 + 2 * t))
-        self.wrenches: Array = self._details[t : t * (1 + t)].reshape(t, t)
+        self._layout = observation_layout(rows.size, mechanism.nv)
         self._ahead = np.empty(0)
         self._position, self._rates = np.empty(mechanism.nq), np.empty(mechanism.nv)
 
@@ -57,116 +50,47 @@ class CompiledAnalysis:
         """Return whether the terms are in arrays that kernels take."""
         return isinstance(terms, CompiledEvaluation)
 
-    def __call__(self, terms: Evaluation) -> tuple[Array, Array]:
-        """Return analysis and details, as ``analyse_point`` fills them.
+    def observe_terms(self, terms: Evaluation, v: Array, lateness: float) -> Observation:
+        """Analyse the point at the configuration of terms that kernels found, and rates (nv,)."""
+        known = cast(CompiledClosing, terms.closing)
+        return self._observe(known.q, v, known.chosen, known.packed, 1, lateness)
 
-        Raises:
-            HapticMechError: the SVD of S did not converge.
-        """
-        bias_force, passive, _, effort, bias, closing, points = terms
-        known = cast(CompiledClosing, closing)
-        pose, jacobian, _, drift = points[self._index]
-        analysis, details = np.empty(ANALYSIS_SIZE), np.empty(self._details.size)
-        converged = analyse_point(
-            *known.chosen.constants,
-            known.packed,
-            bias_force,
-            passive + effort,
-            bias,
-            jacobian,
-            drift,
-            pose.rotation,
-            self._constants,
-            self._rows,
-            analysis,
-            details,
-        )
-        if not converged:
-            raise _no_spectrum()
-        return analysis, details
+    def observe(
+        self, q: Array, v: Array, active: Active, lateness: float, closing: Closing | None
+    ) -> Observation:
+        """Analyse the point at a state; see :meth:`Analyser.observe`."""
+        if closing is not None:
+            known = cast(CompiledClosing, closing)
+            return self._observe(q, v, known.chosen, known.packed, 1, lateness)
+        chosen = self._mechanism.chosen(active)
+        return self._observe(q, v, chosen, chosen.scratch, 0, lateness)
 
-    def late(
-        self,
-        terms: Evaluation,
-        q: Array,
-        v: Array,
-        s: Array,
-        details: Array,
-        free_acceleration: Array,
-        lateness: float,
-    ) -> Array:
-        """Return X_τ and a_τ, (42,); arguments as of ``late_point``."""
-        bias_force, passive, _, effort, bias, closing, points = terms
-        known, late = cast(CompiledClosing, closing), np.empty(42)
-        late[36:] = free_acceleration
+    def _observe(
+        self, q: Array, v: Array, chosen: Chosen, packed: Array, known: int, lateness: float
+    ) -> Observation:
+        mechanism, found = self._mechanism, np.empty(self._layout.size)
         self._position[:] = q
         self._rates[:] = v
-        late_point(
-            *known.chosen.constants,
-            known.packed,
-            self._position,
-            self._rates,
-            bias_force,
-            passive + effort,
-            bias,
-            points[self._index].jacobian,
-            self._index,
-            self._rows,
-            s,
-            details,
-            self._mechanism.length,
-            lateness,
-            self._room(known.chosen),
-            late,
-        )
-        return late
-
-    def see(self, q: Array, v: Array, active: Active, seen: Array, lateness: float = 0.0) -> None:
-        """Fill ``seen``; see :meth:`Analyser.see`."""
-        mechanism = self._mechanism
-        self._position[:] = q
-        self._rates[:] = v
-        chosen = mechanism.chosen(active)
-        code = self._see(chosen, seen)
-        if code == UNDECIDED:
-            chosen = chosen.dense
-            code = self._see(chosen, seen)
-        if code:
-            raise _no_spectrum() if code == NO_SPECTRUM else failure(code, mechanism.tree)
-        if lateness > 0.0:
-            see_late(
-                *chosen.constants,
-                chosen.scratch,
-                self._position,
-                self._rates,
-                self._index,
-                self._rows,
-                self._details,
-                mechanism.length,
-                lateness,
-                self._room(chosen),
-                seen,
-            )
-
-    def _room(self, chosen: Chosen) -> Array:
-        """Return room for the terms at another configuration."""
         if self._ahead.size != chosen.size:
             self._ahead = np.empty(chosen.size)
-        return self._ahead
-
-    def _see(self, chosen: Chosen, seen: Array) -> int:
-        return see_point(
+        code = observe_point(
             *chosen.constants,
-            chosen.scratch,
+            packed,
+            known,
             self._position,
             self._rates,
             self._index,
             self._constants,
             self._rows,
-            self._details,
-            seen,
+            mechanism.length,
+            lateness,
+            self._ahead,
+            found,
         )
-
-
-def _no_spectrum() -> HapticMechError:
-    return HapticMechError("SVD of S did not converge")
+        if code == UNDECIDED:
+            return self._observe(q, v, chosen.dense, chosen.dense.scratch, 0, lateness)
+        if code == NO_SPECTRUM:
+            raise HapticMechError("SVD of S did not converge")
+        if code:
+            raise failure(code, mechanism.tree)
+        return Observation(found, self._layout, self._rows, mechanism.nv)

@@ -15,7 +15,8 @@ import numpy as np
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.operational.analysis import Analyser, OperationalAnalysis
+from hapticmech_ros.operational.analysis import Analyser
+from hapticmech_ros.operational.results import OperationalAnalysis
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.touching import Touching

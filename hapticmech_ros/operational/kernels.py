@@ -1,4 +1,4 @@
-"""Kernels of the analysis at an operational point: X, its spectrum, P_c, Π and a_0."""
+"""Parts of kernels: the analysis at an operational point: X, its spectrum, P_c, Π and a_0."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.compilation import inner, local, put, shaped
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.compiled.metric_kernels import accelerate, free_part, to_metric
-from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
+from hapticmech_ros.mechanism.compiled.packed import Packed
 from hapticmech_ros.mechanism.compiled.small_matrices import (
     dot,
     dot_rows,
@@ -94,7 +94,26 @@ def analyse_motion(
     analysis: Array,
     details: Array,
 ) -> bool:
-    """Analyse a point; see :func:`analyse_point`."""
+    """Analyse an operational point.
+
+    Args:
+        tables: the mechanism's.
+        space: terms at the configuration.
+        bias_force: (nv,) h.
+        passive: (nv,) forces of springs, dampers, friction and stops, and efforts.
+        bias: (m,) Ẇv.
+        jacobian: (6, nv) J_h.
+        drift: (6,) J̇_h v.
+        rotation: (3, 3) of the point.
+        metric: constants.
+        rows: (t,) rows of a six-vector that the task space has.
+        analysis: (120,) to fill: an operational model up to a_0; zero in rows that the task space
+            does not have.
+        details: (t + 2 t²,) to fill with the weights and the columns n_i and I_ℓ⁻¹ n_i.
+
+    Returns:
+        Whether the SVD of S converged.
+    """
     nv, m, t = tables.nv, tables.m, rows.size
     analysis[:] = 0.0
     squares = shaped(analysis[SQUARES:], (3, 6, 6))
@@ -143,61 +162,3 @@ def analyse_motion(
             squares[1, rows[i], rows[j]] = projected / metric.mass
             squares[2, rows[i], rows[j]] = balanced
     return True
-
-
-@kernel(
-    "boolean(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[:,::1], float64[::1], float64[::1,:], float64[::1], int64[::1], float64[::1],"
-    " float64[::1])"
-)
-def analyse_point(
-    numbers: Array,
-    values: Array,
-    packed: Array,
-    bias_force: Array,
-    passive: Array,
-    bias: Array,
-    jacobian: Array,
-    drift: Array,
-    rotation: Array,
-    constants: Array,
-    rows: Array,
-    analysis: Array,
-    details: Array,
-) -> bool:
-    """Analyse one operational point.
-
-    Args:
-        numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.fold``.
-        packed: terms at the configuration.
-        bias_force: (nv,) h.
-        passive: (nv,) forces of springs, dampers, friction and stops, and efforts.
-        bias: (m,) Ẇv.
-        jacobian: (6, nv) J_h.
-        drift: (6,) J̇_h v.
-        rotation: (3, 3) of the point.
-        constants: see :func:`metric_of`.
-        rows: (t,) rows of a six-vector that the task space has.
-        analysis: (120,) to fill: an operational model up to a_0; zero in rows that the task space
-            does not have.
-        details: (t + 2 t²,) to fill with the weights and the columns n_i and I_ℓ⁻¹ n_i.
-
-    Returns:
-        Whether the SVD of S converged.
-    """
-    tables, metric = Tables(numbers, values), metric_of(constants, rows.size)
-    return analyse_motion(
-        tables,
-        unpack(packed, tables),
-        bias_force,
-        passive,
-        bias,
-        jacobian,
-        drift,
-        rotation,
-        metric,
-        rows,
-        analysis,
-        details,
-    )

@@ -1,8 +1,8 @@
-"""Kernels of how an operational point answers through a late loop: :mod:`.late_answer`."""
+"""Parts of kernels: how an operational point answers through a late loop: :mod:`.late_answer`."""
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.compilation import inner, local, put, shaped
 from hapticmech_ros.mechanism.compiled.element_kernels import element_resistance
 from hapticmech_ros.mechanism.compiled.metric_kernels import (
     accelerate,
@@ -10,8 +10,7 @@ from hapticmech_ros.mechanism.compiled.metric_kernels import (
     from_metric,
     to_metric,
 )
-from hapticmech_ros.mechanism.compiled.motion_kernels import move_point
-from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
+from hapticmech_ros.mechanism.compiled.packed import Packed
 from hapticmech_ros.mechanism.compiled.small_matrices import (
     cholesky,
     dot,
@@ -21,7 +20,6 @@ from hapticmech_ros.mechanism.compiled.small_matrices import (
 from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.foresee_kernels import foresee
-from hapticmech_ros.operational.kernels import ANALYSIS_SIZE, FREE, SQUARES
 
 # As in :mod:`~hapticmech_ros.operational.spectrum`, which kernels do not see.
 LEAST_S = 1e-10
@@ -55,7 +53,7 @@ def _unit_rates(
 
 
 @inner
-def _answer(
+def compensate(
     tables: Tables,
     space: Packed,
     q: Array,
@@ -73,7 +71,26 @@ def _answer(
     ahead: Array,
     late: Array,
 ) -> None:
-    """Fill X_τ, and turn a_0 into a_τ; see :func:`late_point`."""
+    """Fill X_τ, and turn a_0 into a_τ, of an operational point that is analysed.
+
+    Args:
+        tables: the mechanism's.
+        space: terms at the configuration.
+        q: (nq,) configuration.
+        v: (nv,) rates.
+        bias_force: (nv,) h.
+        passive: (nv,) forces of springs, dampers, friction and stops, and efforts.
+        bias: (m,) Ẇv.
+        jacobian: (6, nv) J_h.
+        index: number of the operational point.
+        rows: (t,) rows of a six-vector that the task space has.
+        s: (t,) of the analysis.
+        details: (t + 2 t²,) as ``analyse_motion`` filled them.
+        length: of the mechanism, m.
+        lateness: τ, s.
+        ahead: as long as the terms, to work in.
+        late: (42,) X_τ (6, 6) to fill, and a_0 (6,), which becomes a_τ.
+    """
     t, nv = rows.size, tables.nv
     directions = shaped(details[t:], (2, t, t))
     rates = shaped(local(t * nv), (t, nv))
@@ -107,130 +124,3 @@ def _answer(
             inverse_inertia[rows[i], rows[j]] = product
             inverse_inertia[rows[j], rows[i]] = product
         late[36 + rows[i]] -= dot(shown[i], met)
-
-
-@kernel(
-    "void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[::1], float64[::1], float64[:,::1], int64, int64[::1], float64[::1], float64[::1],"
-    " float64, float64, float64[::1], float64[::1])"
-)
-def late_point(
-    numbers: Array,
-    values: Array,
-    packed: Array,
-    q: Array,
-    v: Array,
-    bias_force: Array,
-    passive: Array,
-    bias: Array,
-    jacobian: Array,
-    index: int,
-    rows: Array,
-    s: Array,
-    details: Array,
-    length: float,
-    lateness: float,
-    ahead: Array,
-    late: Array,
-) -> None:
-    """Fill X_τ and a_τ of an operational point that is analysed.
-
-    Args:
-        numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.fold``.
-        packed: terms at the configuration.
-        q: (nq,) configuration.
-        v: (nv,) rates.
-        bias_force: (nv,) h.
-        passive: (nv,) forces of springs, dampers, friction and stops, and efforts.
-        bias: (m,) Ẇv.
-        jacobian: (6, nv) J_h.
-        index: number of the operational point.
-        rows: (t,) rows of a six-vector that the task space has.
-        s: (t,) of the analysis.
-        details: (t + 2 t²,) as ``analyse_point`` filled them.
-        length: of the mechanism, m.
-        lateness: τ, s.
-        ahead: as long as ``packed``, to work in.
-        late: (42,) X_τ (6, 6) to fill, and a_0 (6,), which becomes a_τ.
-    """
-    tables = Tables(numbers, values)
-    _answer(
-        tables,
-        unpack(packed, tables),
-        q,
-        v,
-        bias_force,
-        passive,
-        bias,
-        jacobian,
-        index,
-        rows,
-        s,
-        details,
-        length,
-        lateness,
-        ahead,
-        late,
-    )
-
-
-@kernel(
-    "void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64, int64[::1],"
-    " float64[::1], float64, float64, float64[::1], float64[::1])"
-)
-def see_late(
-    numbers: Array,
-    values: Array,
-    packed: Array,
-    q: Array,
-    v: Array,
-    index: int,
-    rows: Array,
-    details: Array,
-    length: float,
-    lateness: float,
-    ahead: Array,
-    seen: Array,
-) -> None:
-    """Put X_τ and a_τ where ``see_point`` put X and a_0; it was called before, with the same.
-
-    Args:
-        numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.fold``.
-        packed: as ``see_point`` filled it.
-        q: (nq,) configuration.
-        v: (nv,) rates.
-        index: number of the operational point.
-        rows: (t,) rows of a six-vector that the task space has.
-        details: (t + 2 t²,) as it filled them.
-        length: of the mechanism, m.
-        lateness: τ, s.
-        ahead: as long as ``packed``, to work in.
-        seen: (133,) as it filled it, to change.
-    """
-    tables = Tables(numbers, values)
-    space = unpack(packed, tables)
-    jacobian, motion, late = shaped(local(6 * tables.nv), (6, tables.nv)), local(12), local(42)
-    move_point(tables, space, tables.motions, index, jacobian, motion)
-    put(late[36:], seen[FREE:ANALYSIS_SIZE])
-    _answer(
-        tables,
-        space,
-        q,
-        v,
-        tables.forces[0],
-        tables.forces[1],
-        tables.bias,
-        jacobian,
-        index,
-        rows,
-        seen[: rows.size],
-        details,
-        length,
-        lateness,
-        ahead,
-        late,
-    )
-    put(seen[SQUARES : SQUARES + 36], late[:36])
-    put(seen[FREE:ANALYSIS_SIZE], late[36:])

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.control.local_model import LocalModel
 from hapticmech_ros.layout import Field, Layout
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.limits import Limits
@@ -35,20 +34,19 @@ class ServoGain(NamedTuple):
         stamp_ns: of the command that it goes with, ns.
         answered_ns: of the device's sample that this command answers, ns.
         to_mechanism: E_m, J: what the mechanism has got through its point.
-        model: G, K and B.
+        model: (108,) G, K and B, row by row.
     """
 
     stamp_ns: int
     answered_ns: int
     to_mechanism: float
-    model: LocalModel
+    model: Array
 
 
 def pack_gain(gain: ServoGain) -> Array:
     """Return the data (113,) of a ``device/servo_gain`` message."""
     stamps = *seconds_of(gain.stamp_ns), *seconds_of(gain.answered_ns)
-    matrices = (matrix.ravel() for matrix in gain.model)
-    return np.concatenate(((*stamps, gain.to_mechanism), *matrices))
+    return np.concatenate(((*stamps, gain.to_mechanism), gain.model))
 
 
 def gain_bounds(limits: Limits | None = None) -> Bounds:
@@ -67,5 +65,4 @@ def unpack_gain(data: object, bounds: Bounds = _ANY) -> ServoGain:
     """
     stamp, values = checked_values(data, bounds)
     answered = stamp_of(*values[_ANSWERED].tolist())
-    model = LocalModel(*values[_MODEL].reshape(3, 6, 6))
-    return ServoGain(stamp, answered, float(values[_TO_MECHANISM]), model)
+    return ServoGain(stamp, answered, float(values[_TO_MECHANISM]), values[_MODEL])

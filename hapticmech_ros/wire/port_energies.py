@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.control.energy_ledger import LedgerEntry
+from hapticmech_ros.control.controller_side import LedgerEntry
 from hapticmech_ros.layout import Field, Layout
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.wire.bounds import bounds_of

@@ -6,6 +6,7 @@ import numpy as np
 
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser
+from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.wire.layouts import COMMANDED, GRASP, RENDERED, RENDERING_FIELDS
 from hapticmech_ros.wire.stamps import seconds_of
 from hapticmech_ros.wire.state import WireState
@@ -28,22 +29,24 @@ class RenderingWriter:
         self._index = analyser.index
         self.values: Array = np.zeros(RENDERING_FIELDS.size)
         self.values[_DIRECTIONS] = analyser.rows.size
-        self._seen = self.values[RENDERED]
-        self.s: Array = self._seen[: analyser.rows.size]
+        self._model = self.values[RENDERED]
+        self.s: Array = self._model[: analyser.rows.size]
         self._contact = self.values[RENDERING_FIELDS.slice("contact")]
 
-    def see(self, state: WireState) -> None:
-        """Write all but the count.
+    def see(self, state: WireState) -> Observation:
+        """Write all but the count, and return what was found.
 
         Raises:
             HapticMechError: the state cannot be analysed.
         """
-        self._analyser.see(state.q, state.v, state.active, self._seen)
+        found = self._analyser.observe(state.q, state.v, state.active)
+        self._model[:] = found.model
         values = self.values
         values[0], values[1] = seconds_of(state.stamp_ns)
         self._contact[:] = state.contacts[self._index]
         values[COMMANDED] = state.commanded[self._index]
         values[GRASP] = state.grasps[self._index]
+        return found
 
     def count(self, count: int) -> None:
         """Write the number of joint constraints reported."""

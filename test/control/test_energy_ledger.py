@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.control.energy_ledger import EnergyLedger
+from hapticmech_ros.control.account_kernels import (
+    account_for_motion,
+    account_for_springs,
+    queue_wrench,
+)
+from hapticmech_ros.control.build import control_for
+from hapticmech_ros.control.controller_side import ControllerSide
 from hapticmech_ros.control.four_channel import FourChannel
 from hapticmech_ros.scene.controller import (
     ForceChannelGains,
@@ -14,6 +20,24 @@ from hapticmech_ros.scene.controller import (
 
 PERIOD = 1e-3
 CHANNELS = FourChannel(PositionChannelGains(), ForceChannelGains())
+
+
+class Ledger(ControllerSide):
+    """The account of a controller, by its kernels' functions."""
+
+    def __init__(self):
+        scene = load_scene("five_bar")
+        super().__init__(control_for(scene), PERIOD, scene.connection, delay=0)
+
+    def acts(self, wrench):
+        queue_wrench(self.account, self.queue, wrench, np.empty(6))
+
+    def moved(self, twist, duration):
+        account_for_motion(self.account, twist, duration)
+
+    def answered(self, error, projector, joint, channels, duration):
+        springs = (joint.stiffness, joint.damping, channels.stiffness, channels.damping)
+        account_for_springs(self.account, error, projector.ravel(), *springs, duration)
 
 
 def test_what_the_mechanism_got_is_its_own_work():
@@ -42,7 +66,7 @@ def test_what_came_in_is_held_or_lost():
 
 
 def test_a_direction_that_comes_while_there_is_an_error_brings_its_energy():
-    ledger, joint = EnergyLedger(), JointConstraintGains()
+    ledger, joint = Ledger(), JointConstraintGains()
     error = np.array([1e-3, 0, 0, 0, 0, 0])
     none, one = np.zeros((6, 6)), np.diag([1.0, 0, 0, 0, 0, 0])
     ledger.answered(error, none, joint, CHANNELS, PERIOD)
@@ -54,7 +78,7 @@ def test_a_direction_that_comes_while_there_is_an_error_brings_its_energy():
 
 
 def test_dampers_lose_what_their_force_does():
-    ledger, joint = EnergyLedger(), JointConstraintGains(damping=30.0)
+    ledger, joint = Ledger(), JointConstraintGains(damping=30.0)
     projector, speed = np.diag([1.0, 0, 0, 0, 0, 0]), 0.02
     for tick in range(501):
         error = np.array([speed * tick * PERIOD, 0, 0, 0, 0, 0])
@@ -63,7 +87,7 @@ def test_dampers_lose_what_their_force_does():
 
 
 def test_held_elsewhere_nothing_is_made_up():
-    ledger, joint = EnergyLedger(), JointConstraintGains()
+    ledger, joint = Ledger(), JointConstraintGains()
     ledger.acts(np.ones(6))
     ledger.moved(np.ones(6), PERIOD)
     ledger.moved(np.ones(6), PERIOD)

@@ -7,7 +7,7 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.flat import flat_device
-from hapticmech_ros.control.local_model import corrected
+from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.control.prediction import InFlight, foreseen
 from hapticmech_ros.control.rendering_model import rendering_model
 
@@ -36,7 +36,7 @@ def test_it_is_the_answer_to_the_other_wrench(name, time, beta):
 
     gains = control.local_model(time, tie, model)
     then, now = flat_device(measured(first)), flat_device(measured(second))
-    found = corrected(answer(first), gains, then, now)
+    found = corrected(answer(first), gains.numbers, then, now)
     assert np.abs(found - answer(second)).max() < 1e-13
     # And it does correct something.
     assert np.abs(answer(second) - answer(first)).max() > 1e-3

@@ -133,9 +133,9 @@ def test_what_it_does_not_have_is_the_dense_ones(pair):
 def test_points_are_analysed_alike(number, kind):
     pair = windows(number, kind)
     assert pair.compiled.chosen(pair.compiled.initially_active).is_sparse
-    seen, expected = np.empty(SEEN.stop), np.empty(SEEN.stop)
-    Analyser(pair.compiled).see(pair.q, pair.v, pair.compiled.initially_active, seen)
-    Analyser(pair.readable).see(pair.q, pair.v, pair.readable.initially_active, expected)
+    state = pair.q, pair.v, pair.compiled.initially_active
+    seen = Analyser(pair.compiled).observe(*state).model
+    expected = Analyser(pair.readable).observe(*state).model
     magnified = ROUNDING * number
     # s, X, a_0, and where the point is: P_c and Π turn with rounding where s repeats.
     for part in PARTS:

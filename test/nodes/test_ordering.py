@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.control.local_model import LocalModel
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes import sample_age
 from hapticmech_ros.nodes.answers import Answers
@@ -139,7 +138,7 @@ def test_over_a_network_nothing_is_obeyed_that_lacks_its_correction():
     answers = Answers(loop)
     answers.is_next(50 * MS, 60 * MS)
     assert not answers.begin(60 * MS)
-    none = LocalModel(*np.zeros((3, 6, 6)))
+    none = np.zeros(108)
     loop.take(pack_gain(ServoGain(50 * MS, 50 * MS, 0.0, none)), 61 * MS, lockstep=False)
     assert answers.begin(62 * MS)
     assert answers.lost(62 * MS) == ""

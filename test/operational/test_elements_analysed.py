@@ -32,8 +32,7 @@ def test_free_acceleration(seed, planar):
     point = terms.points[0]
     expected = point.jacobian @ terms.acceleration(np.zeros(readable.nv))[0] + point.drift
     analyser = Analyser(compiled)
-    seen = np.empty(OPERATIONAL_MODEL.size)
-    analyser.see(base.q, base.v, active, seen)
+    seen = analyser.observe(base.q, base.v, active).model
     known = analyser.analyse(compiled.evaluate(base.q, base.v, active)).free_acceleration
     # Closures magnify rounding by their condition, up to 1e3 here.
     assert apart(known, expected) < 1e-9

@@ -69,9 +69,9 @@ def test_both_implementations_answer_the_same(pair):
 @pytest.mark.parametrize("pair", list(pairs())[::3])
 def test_in_one_go_or_not_is_the_same_to_the_bit(pair):
     for active in pair.sets:
-        analyser, seen = Analyser(pair.compiled, "", LATENESS), np.zeros(OPERATIONAL_MODEL.size)
+        analyser = Analyser(pair.compiled, "", LATENESS)
         _, _, answer = late(pair.compiled, pair, active)
-        analyser.see(pair.q, rates(pair, active), active, seen)
+        seen = analyser.observe(pair.q, rates(pair, active), active).model
         inverse_inertia = seen[OPERATIONAL_MODEL.slice("inverse_inertia")].reshape(6, 6)
         assert (inverse_inertia == answer.inverse_inertia).all()
         free = seen[OPERATIONAL_MODEL.slice("free_acceleration")]

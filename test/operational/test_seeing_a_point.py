@@ -31,9 +31,7 @@ def pairs():
 
 
 def seen(analyser, pair, active):
-    filled = np.full(SIZE, np.nan)
-    analyser.see(pair.q, pair.v, active, filled)
-    return filled
+    return analyser.observe(pair.q, pair.v, active).model[:SIZE]
 
 
 @pytest.mark.parametrize("pair", list(pairs()))

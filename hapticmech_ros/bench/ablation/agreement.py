@@ -9,6 +9,7 @@ import numpy as np
 from hapticmech_ros.bench.ablation.loop import PARTS
 from hapticmech_ros.control import PointMeasurement, control_for
 from hapticmech_ros.control.engagement import engage
+from hapticmech_ros.control.flat import flat_rendered
 from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.device import DeviceState, device_for
@@ -91,9 +92,8 @@ class _Readable:
         environment = sample.external_wrench + sample.contact_wrench
         seen = PointMeasurement(point.pose, point.twist, environment)
         measured = np.concatenate((device.published[:13], sample.hand_wrench))
-        acting = self._loop.tick(
-            sample.time, self._engagement, measured, device.applied, seen, model
-        )
+        rendered = flat_rendered(model, seen)
+        acting = self._loop.tick(sample.time, self._engagement, measured, device.applied, rendered)
         output = self._loop.output
         wrenches = np.zeros((self._points, 6))
         wrenches[self._index] = acting.mechanism

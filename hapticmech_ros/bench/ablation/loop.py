@@ -8,6 +8,7 @@ import numpy as np
 
 from hapticmech_ros.control import PointMeasurement, control_for
 from hapticmech_ros.control.engagement import engage
+from hapticmech_ros.control.flat import flat_rendered
 from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.control.rendering_model import rendering_model
@@ -60,7 +61,8 @@ class Loop:
         time = self.ticks * self.simulator.period
         seen = PointMeasurement(point.pose, point.twist, self._nothing + contact)
         sample = device.published[:19]
-        acting = self._loop.tick(time, self.engagement, sample, device.applied, seen, model)
+        rendered = flat_rendered(model, seen)
+        acting = self._loop.tick(time, self.engagement, sample, device.applied, rendered)
         controlled = perf_counter_ns()
         wrenches = np.zeros((self._points, 6))
         wrenches[self._index] = acting.mechanism + self._nothing

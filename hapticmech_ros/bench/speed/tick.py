@@ -21,7 +21,7 @@ SCENE = "five_bar"
 STATES, PUSH = 200, (-0.5, 0.0, 0.0, 0.0, 0.0, -0.0025)
 # Kernels and the readable implementation give the same Λ_h⁻¹, relative to its largest entry.
 AGREEMENT = 1e-9
-SEE, BOTH, READABLE = "see", "evaluate, analyse", "evaluate, analyse in NumPy"
+SEE, BOTH, READABLE = "observe", "evaluate, analyse", "evaluate, analyse in NumPy"
 MJ_STEP, MJ_LOOP = "mj_step", "mj_step, in its own loop"
 _X = OPERATIONAL_MODEL.slice("inverse_inertia")
 
@@ -78,11 +78,11 @@ def check_agreement(scene: Scene, states: Sequence[MechanismState]) -> float:
     """
     fast, slow = (Simulator(scene, compiled) for compiled in (True, False))
     quick, plain = Analyser(fast.mechanism), Analyser(slow.mechanism)
-    seen, apart = np.zeros(OPERATIONAL_MODEL.size), 0.0
+    apart = 0.0
     for state in states:
         expected = plain.analyse(slow.evaluate(state)).inverse_inertia
         scale = float(np.abs(expected).max())
-        quick.see(state.q, state.v, state.active, seen)
+        seen = quick.observe(state.q, state.v, state.active).model
         both = (
             quick.analyse(fast.evaluate(state)).inverse_inertia,
             seen[_X].reshape(6, 6),
@@ -104,11 +104,11 @@ def _states(scene: Scene) -> list[MechanismState]:
 
 
 def _see(scene: Scene, states: Sequence[MechanismState]) -> Callable[[], None]:
-    analyser, seen = Analyser(Simulator(scene).mechanism), np.zeros(OPERATIONAL_MODEL.size)
+    analyser = Analyser(Simulator(scene).mechanism)
 
     def call() -> None:
         for state in states:
-            analyser.see(state.q, state.v, state.active, seen)
+            analyser.observe(state.q, state.v, state.active)
 
     return call
 

@@ -41,7 +41,7 @@ class CompiledEvaluation(Evaluation):
 
     def acceleration(self, joint_force: Array) -> tuple[Array, Array]:
         """Solve Eq. 1 for joint forces; see :meth:`Evaluation.acceleration`."""
-        bias_force, passive, _, effort, bias, closing, _ = self
+        bias_force, passive, _, effort, bias, closing, _, _ = self
         # λ is the smallest one only in the dense factorisation.
         dense = cast(CompiledClosing, closing).dense
         nv = bias_force.size
@@ -121,6 +121,7 @@ class CompiledMechanism(Mechanism):
             terms[3 * nv : first],
             closing,
             tuple(points),
+            state[1],
         )
 
     def closing_terms(self, q: Array, active: Active) -> Closing:

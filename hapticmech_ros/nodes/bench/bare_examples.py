@@ -16,7 +16,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8, UInt8MultiArray
 
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.local_model import NO_MODEL
 from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.grasp import flat_grasps
@@ -136,7 +135,7 @@ class Examples:
             table.STATE: StampedArray(FlatArray(layout.fields), layout.pack(wire)),
             table.RENDERING: StampedArray(FlatArray(RENDERING_FIELDS), pack_rendering(rendering)),
             table.DEVICE_GAIN: StampedArray(
-                FlatArray(GAIN_FIELDS), pack_gain(ServoGain(0, 0, 0.0, NO_MODEL))
+                FlatArray(GAIN_FIELDS), pack_gain(ServoGain(0, 0, 0.0, np.zeros(108)))
             ),
             DEVICE_ENERGY: StampedArray(
                 FlatArray(DEVICE_ENERGY_FIELDS),

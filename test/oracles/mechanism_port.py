@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.control.local_model import FORCE, displacement
 from hapticmech_ros.mechanism.model import Array
+from oracles.local_model import FORCE, displacement
 
 
 class MechanismPort:

@@ -1,0 +1,366 @@
+"""The controller's side of the rendering loop in kernels: energies, and what the mechanism is told.
+
+    E_m   = ∫ f · v dt                       given to the mechanism at its operational point
+    S     = ½ k eᵀ P_c e + ½ eᵀ C_k e        held in the springs of joint constraint and C
+    E_inj = Σ ½ eᵀ (Δ(k P_c) + ΔC_k) e       that came by directions and gains that changed
+    E_b   = ∫ ėᵀ (b P_c + C_b) ė dt          lost in the dampers
+    E_h   = Σ ½ (F_h + F_h') · ξ             that the hand has put in, over samples that arrive
+
+Passivity at the mechanism's port: it gets no more than the hand has put in, E_m <= E_h + slack.
+While E_m is above, the part of a wrench that would give more is taken away along the twist, as a
+damper -λ Λ_d v would that leaves f · v = 0.
+
+Arrays are laid out as :mod:`~hapticmech_ros.control.loop_layout` says.
+"""
+
+from __future__ import annotations
+
+from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.control.kernels import (
+    CHANNELS,
+    DAMPING,
+    ENGAGED,
+    FORCE_LIMIT,
+    HELD_STIFFNESS,
+    JOINT,
+    RAMP,
+    STIFFNESS,
+    TORQUE_LIMIT,
+    answer_measurements,
+    let_through,
+)
+from hapticmech_ros.control.kernels import INERTIA as DEVICE_INERTIA
+from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
+from hapticmech_ros.control.pose_kernels import displacement
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.mechanism.compiled.small_matrices import dot
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.saturation_kernels import limit
+
+PERIOD, PASSIVE, SLACK, INERTIA = CONTROLLER_ACCOUNT.starts("period", "passive", "slack", "inertia")
+GIVEN, STORED, INJECTED, LOST = CONTROLLER_ACCOUNT.starts(
+    "to_mechanism", "stored", "injected", "dissipated"
+)
+ACTING, MOVING, MOVED = CONTROLLER_ACCOUNT.starts("acting", "twist_known", "twist")
+STRETCHED, ERROR, SPRING, PROJECTOR, CHANNEL = CONTROLLER_ACCOUNT.starts(
+    "error_known", "error", "spring", "projector", "channel"
+)
+FROM_HAND, CHANGED, HEARD, HEARD_SAMPLE, QUEUE_AT = CONTROLLER_ACCOUNT.starts(
+    "from_hand", "changed", "sample_known", "sample", "queue_at"
+)
+(IS_ANSWER, WRENCHES, MODELLED, FORCE_GAIN, SPRING_GAIN, DAMPER_GAIN, ANSWERED, GIVEN_THEN) = (
+    ANSWER.starts(*ANSWER)
+)
+PUSH = DEVICE_SAMPLE.start("hand_wrench")
+SAMPLE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
+X, P_C, SHARE, FREE, TWIST, CONTACT = OPERATIONAL_MODEL.starts(
+    *("inverse_inertia", "constraint_projector", "balanced_share", "free_acceleration"),
+    *("twist", "contact"),
+)
+
+
+@inner
+def account_for_motion(account: Array, twist: Array, duration: float) -> None:
+    """Add to E_m what the wrench that acts gave in ``duration`` (s), until the twist (6,)."""
+    if account[MOVING] != 0.0:
+        total = 0.0
+        for i in range(6):
+            total += account[ACTING + i] * (account[MOVED + i] + twist[i])
+        account[GIVEN] += duration * (0.5 * total)
+    account[MOVING] = 1.0
+    put(account[MOVED : MOVED + 6], twist)
+
+
+@inner
+def account_for_hand(account: Array, sample: Array) -> None:
+    """Add to E_h what the hand did until a sample (19,) of the device."""
+    before = account[HEARD_SAMPLE : HEARD_SAMPLE + SAMPLE_SIZE]
+    if account[HEARD] != 0.0:
+        way, total = local(6), 0.0
+        displacement(before, sample, way)
+        for i in range(6):
+            total += 0.5 * (before[PUSH + i] + sample[PUSH + i]) * way[i]
+        account[FROM_HAND] += total
+    account[HEARD] = 1.0
+    put(before, sample)
+
+
+@inner
+def spring_energy(error: Array, gain: float, projector: Array, channel: Array) -> float:
+    """Return ½ eᵀ (gain P_c + C) e, with P_c (36,) row by row and the diagonal (6,) of C; J."""
+    held = 0.0
+    for i in range(6):
+        total = 0.0
+        for j in range(6):
+            total += projector[6 * i + j] * error[j]
+        held += error[i] * (gain * total + channel[i] * error[i])
+    return 0.5 * held
+
+
+@inner
+def account_for_springs(
+    account: Array,
+    error: Array,
+    projector: Array,
+    spring: float,
+    damper: float,
+    stiffness: Array,
+    damping: Array,
+    duration: float,
+) -> None:
+    """Account for the springs and dampers of an answer, ``duration`` (s) after the last one.
+
+    Args:
+        account: the controller's.
+        error: (6,) e of the answer.
+        projector: (36,) P_c.
+        spring: k of the joint constraint, N/m.
+        damper: b of the joint constraint, N s/m.
+        stiffness: (6,) diagonal of C's stiffness.
+        damping: (6,) diagonal of C's damping.
+        duration: s.
+    """
+    stored = spring_energy(error, spring, projector, stiffness)
+    before, old = account[ERROR : ERROR + 6], account[PROJECTOR : PROJECTOR + 36]
+    channel = account[CHANNEL : CHANNEL + 6]
+    if account[STRETCHED] != 0.0 and duration > 0.0:
+        account[INJECTED] += stored - spring_energy(error, account[SPRING], old, channel)
+        way = local(6)
+        for i in range(6):
+            way[i] = error[i] - before[i]
+        account[LOST] += 2.0 * spring_energy(way, damper, projector, damping) / duration
+    account[STORED], account[STRETCHED], account[SPRING] = stored, 1.0, spring
+    put(before, error)
+    put(old, projector)
+    put(channel, stiffness)
+
+
+@inner
+def predict(account: Array, queue: Array, rendered: Array, predicted: Array) -> float:
+    """Fill an operational model once what is in the queue has acted; return how long it takes, s.
+
+    Its pose is not carried on yet. F_c stays meanwhile; nothing is predicted of a mechanism that
+    stands still under it, held by contacts, springs or gravity.
+
+    Args:
+        account: the controller's.
+        queue: (delay, 6) what the mechanism was told and does not act yet.
+        rendered: (139,) operational model.
+        predicted: (139,) to fill.
+    """
+    put(predicted, rendered)
+    duration, impulse = queue.shape[0] * account[PERIOD], local(6)
+    for i in range(6):
+        total = 0.0
+        for row in range(queue.shape[0]):
+            total += queue[row, i]
+        impulse[i] = account[PERIOD] * total + duration * rendered[CONTACT + i]
+    x = shaped(rendered[X:], (6, 6))
+    for i in range(6):
+        change = dot(x[i], impulse) + duration * rendered[FREE + i]
+        predicted[TWIST + i] = rendered[TWIST + i] + change
+    return float(duration)
+
+
+@inner
+def model_answer(
+    settings: Array, rendered: Array, ramp: float, locality: Array, answer: Array
+) -> None:
+    """Say how an answer depends on the device: G, K and B, as far as the device closes them.
+
+    G = ramp ((1 + C6) Λ_d X - 1 + (1 - β) Π), K = ramp k P_c, B = ramp b P_c.
+
+    Args:
+        settings: (58,) of the controllers.
+        rendered: (139,) operational model.
+        ramp: share that is let through.
+        locality: (3,) see :func:`answer_sample`.
+        answer: to fill.
+    """
+    task, inertia = settings[:DEVICE_INERTIA], settings[DEVICE_INERTIA:STIFFNESS]
+    joint = settings[JOINT:CHANNELS]
+    moved, kept = 1.0 + settings[RAMP - 1], 1.0 - joint[0]
+    for i in range(6):
+        for j in range(6):
+            at = 6 * i + j
+            through = ramp * (task[i] * task[j])
+            gain = moved * (inertia[i] * rendered[X + at]) + kept * rendered[SHARE + at]
+            if i == j:
+                gain -= 1.0
+            projector = through * rendered[P_C + at]
+            answer[FORCE_GAIN + at] = through * gain * locality[0]
+            answer[SPRING_GAIN + at] = joint[1] * projector * locality[1]
+            answer[DAMPER_GAIN + at] = joint[2] * projector * locality[1]
+    answer[MODELLED] = 1.0
+
+
+@inner
+def conclude(
+    account: Array,
+    settings: Array,
+    device: Array,
+    rendered: Array,
+    time: float,
+    locality: Array,
+    answer: Array,
+) -> None:
+    """Account for an answer whose wrenches are there, and say what it answers.
+
+    ``locality`` as in :func:`answer_sample`.
+    """
+    joint = settings[JOINT:CHANNELS]
+    account_for_springs(
+        account,
+        answer[WRENCHES + 30 : WRENCHES + 36],
+        rendered[P_C : P_C + 36],
+        joint[1],
+        joint[2],
+        settings[STIFFNESS:DAMPING],
+        settings[DAMPING:HELD_STIFFNESS],
+        account[PERIOD],
+    )
+    answer[MODELLED] = 0.0
+    if locality[2] != 0.0 and (locality[0] != 0.0 or locality[1] != 0.0):
+        ramp = let_through(time, settings[ENGAGED], settings[RAMP])
+        model_answer(settings, rendered, ramp, locality, answer)
+    answer[IS_ANSWER], answer[GIVEN_THEN] = 1.0, account[GIVEN]
+    put(answer[ANSWERED : ANSWERED + SAMPLE_SIZE], device)
+
+
+@inner
+def give_answer(
+    account: Array,
+    settings: Array,
+    faded: Array,
+    queue: Array,
+    device: Array,
+    rendered: Array,
+    time: float,
+    ahead: float,
+    locality: Array,
+    answer: Array,
+) -> None:
+    """Answer a sample; see :func:`answer_sample`."""
+    out = shaped(answer[WRENCHES:], (6, 6))
+    if locality[0] != 0.0 and queue.shape[0] > 0:
+        predicted = local(MODEL_SIZE)
+        later = ahead + predict(account, queue, rendered, predicted)
+        answer_measurements(settings, device, predicted, time, later, out)
+    else:
+        answer_measurements(settings, device, rendered, time, ahead, out)
+    carries = False
+    for i in range(6):
+        carries = carries or faded[i] != 0.0
+    if carries:
+        for i in range(6):
+            out[0, i] += faded[i]
+        limit(out[0, :3], settings[FORCE_LIMIT])
+        limit(out[0, 3:], settings[TORQUE_LIMIT])
+
+
+@inner
+def passive_wrench(account: Array, answer: Array, told: Array) -> None:
+    """Fill what the mechanism is told (6,): the last answer, as far as the hand has paid for it."""
+    if answer[IS_ANSWER] == 0.0:
+        told[:] = 0.0
+        return
+    put(told, answer[WRENCHES + 6 : WRENCHES + 12])
+    if account[PASSIVE] == 0.0 or account[GIVEN] - account[FROM_HAND] - account[SLACK] <= 0.0:
+        return
+    twist, inertia = account[MOVED : MOVED + 6], account[INERTIA : INERTIA + 6]
+    given = dot(told, twist)
+    if given <= 0.0:
+        return
+    account[CHANGED] += 1.0
+    square = 0.0
+    for i in range(6):
+        square += inertia[i] * twist[i] * twist[i]
+    for i in range(6):
+        told[i] -= given / square * (inertia[i] * twist[i])
+
+
+@inner
+def queue_wrench(account: Array, queue: Array, told: Array, acting: Array) -> None:
+    """Put a wrench into the queue, and take out which acts from now on."""
+    delay = queue.shape[0]
+    if delay == 0:
+        put(acting, told)
+    else:
+        at = int(account[QUEUE_AT])
+        put(acting, queue[at])
+        put(queue[at], told)
+        account[QUEUE_AT] = (at + 1) % delay
+    put(account[ACTING : ACTING + 6], acting)
+
+
+@kernel("void(float64[::1], float64[::1], float64)")
+def move_point_on(account: Array, rendered: Array, elapsed: float) -> None:
+    """Account for the mechanism's motion until an operational model (139,), ``elapsed`` s on."""
+    account_for_motion(account, rendered[TWIST : TWIST + 6], elapsed)
+
+
+@kernel(
+    "void(float64[::1], float64[::1], float64[::1], float64[:,::1], float64[::1], float64[::1],"
+    " float64, float64, float64[::1], float64[::1])"
+)
+def answer_sample(
+    account: Array,
+    settings: Array,
+    faded: Array,
+    queue: Array,
+    device: Array,
+    rendered: Array,
+    time: float,
+    ahead: float,
+    locality: Array,
+    answer: Array,
+) -> None:
+    """Answer a sample of the device, and account for it.
+
+    Args:
+        account: the controller's.
+        settings: (58,) of the controllers, see :mod:`~hapticmech_ros.control.kernels`.
+        faded: (6,) what is carried on from another grasp, as far as it has not faded.
+        queue: (delay, 6) what the mechanism was told and does not act yet.
+        device: (19,) the sample.
+        rendered: (139,) operational model.
+        time: s.
+        ahead: s, from the time of ``rendered`` to that of ``device``.
+        locality: (3,) 1 where the device closes the force channel, and the joint constraint; and
+            1 if the answer is to say how it depends on the device.
+        answer: to fill.
+    """
+    account_for_hand(account, device)
+    give_answer(account, settings, faded, queue, device, rendered, time, ahead, locality, answer)
+    conclude(account, settings, device, rendered, time, locality, answer)
+
+
+@kernel(
+    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64, float64[::1],"
+    " float64[::1])"
+)
+def account_for_answer(
+    account: Array,
+    settings: Array,
+    device: Array,
+    rendered: Array,
+    time: float,
+    locality: Array,
+    answer: Array,
+) -> None:
+    """Account for an answer to a sample that was computed elsewhere; as :func:`answer_sample`."""
+    account_for_hand(account, device)
+    conclude(account, settings, device, rendered, time, locality, answer)
+
+
+@kernel("float64(float64[::1], float64[:,::1], float64[::1], float64[::1])")
+def predict_model(account: Array, queue: Array, rendered: Array, predicted: Array) -> float:
+    """Fill the operational model once the queue has acted; see :func:`predict`."""
+    return predict(account, queue, rendered, predicted)
+
+
+@kernel("void(float64[::1], float64[:,::1], float64[::1], float64[:,::1])")
+def tell(account: Array, queue: Array, answer: Array, wrenches: Array) -> None:
+    """Fill what the mechanism is told, and what acts on it from now on: rows of (2, 6)."""
+    passive_wrench(account, answer, wrenches[0])
+    queue_wrench(account, queue, wrenches[0], wrenches[1])

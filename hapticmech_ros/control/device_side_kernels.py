@@ -1,0 +1,399 @@
+"""The device's side of the rendering loop in kernels: commands corrected, then held to passivity.
+
+A command answers a sample of some time ago. With G, K and B as it comes with them
+
+    u = u' + G (F_h - F_h') - K ξ - B (v - v')
+
+is the controllers' answer to the device as it is now. What is then given is held to what there is,
+as :mod:`~hapticmech_ros.control.passivity` says. Arrays are laid out as
+:mod:`~hapticmech_ros.control.loop_layout` says.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.compilation import inner, kernel, local, put
+from hapticmech_ros.control.account_kernels import (
+    ANSWERED,
+    FORCE_GAIN,
+    GIVEN_THEN,
+    IS_ANSWER,
+    MODELLED,
+    PUSH,
+    WRENCHES,
+    account_for_hand,
+    account_for_motion,
+    conclude,
+    give_answer,
+    passive_wrench,
+    queue_wrench,
+)
+from hapticmech_ros.control.account_kernels import PERIOD as ANSWERS_APART
+from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
+from hapticmech_ros.control.pose_kernels import displacement
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.saturation_kernels import limit
+
+ACTS, MOST_FORCE, MOST_TORQUE, PERIOD, KEPT, AHEAD, MOVED, MOST_DAMPING, FILTERED = (
+    DEVICE_ACCOUNT.starts(
+        *("acts", "force_limit", "torque_limit", "period", "kept", "ahead", "moved"),
+        *("most_damping", "filtered"),
+    )
+)
+PASSIVE, ALLOWANCE, SLACK, ACTUATORS, MECHANISM, TOLD, DISSIPATED, CHANGED = DEVICE_ACCOUNT.starts(
+    *("passive", "allowance", "slack", "actuators", "mechanism", "told", "dissipated", "changed")
+)
+PLACED, PLACE, ADDED, RATE, APPLIED, QUEUE_AT = DEVICE_ACCOUNT.starts(
+    "pose_known", "pose", "added", "rate", "applied", "queue_at"
+)
+SPEED = DEVICE_SAMPLE.start("twist")
+TWIST = OPERATIONAL_MODEL.start("twist")
+
+
+@inner
+def account_for_actuators(account: Array, sample: Array, applied: Array) -> None:
+    """Account for the period until a sample (19,), over which ``applied`` (6,) was held."""
+    if account[PLACED] != 0.0:
+        way, taken, driven = local(6), 0.0, 0.0
+        displacement(account[PLACE:ADDED], sample, way)
+        for i in range(6):
+            account[RATE + i] = way[i] / account[PERIOD]
+            taken += applied[i] * way[i]
+            driven += account[ADDED + i] * way[i]
+        account[ACTUATORS] -= taken - driven
+    account[PLACED] = 1.0
+    for i in range(7):
+        account[PLACE + i] = sample[i]
+    for i in range(6):
+        acts = applied[i] - account[ADDED + i]
+        account[APPLIED + i] = acts if account[KEPT] != 0.0 else 0.0
+
+
+@inner
+def take_energy(account: Array, given: float) -> None:
+    """Take E_m, J, as it is told, or NaN; the account begins when it is told first."""
+    if np.isnan(given):
+        account[TOLD] = 0.0
+        return
+    if account[TOLD] == 0.0:
+        account[ACTUATORS] = account[DISSIPATED] = 0.0
+    account[TOLD], account[MECHANISM] = 1.0, given
+
+
+@inner
+def energy_available(account: Array) -> float:
+    """Return what the actuators may give now, J; infinite while E_m is not known."""
+    if account[TOLD] == 0.0 or account[PASSIVE] == 0.0:
+        return float(np.inf)
+    given = account[MECHANISM]
+    least = min(0.0, given) - account[ALLOWANCE]
+    return float(account[ACTUATORS] - max(least, given - account[SLACK]))
+
+
+@inner
+def foreseen_gift(account: Array, command: Array, twist: Array, hand: Array) -> float:
+    """Return what a command (6,) gives in the next period, J, as far as can be predicted."""
+    total = 0.0
+    for i in range(6):
+        way = account[AHEAD] * twist[i] + account[MOVED] * (command[i] + hand[i]) / account[i]
+        total += command[i] * way
+    return total
+
+
+@inner
+def least_root(square: float, slope: float, constant: float) -> float:
+    """Return the least root above 0 of square λ² + slope λ + constant; infinite if there is none.
+
+    ``constant`` is above 0.
+    """
+    discriminant = slope * slope - 4.0 * square * constant
+    if square <= 0.0 or slope >= 0.0 or discriminant < 0.0:
+        return float(np.inf)
+    # Without cancellation: slope is below 0.
+    return float(2.0 * constant / (-slope + np.sqrt(discriminant)))
+
+
+@inner
+def share_within(
+    account: Array, command: Array, twist: Array, hand: Array, available: float
+) -> float:
+    """Return the largest share of a command (6,) that gives no more than is available, J."""
+    square, slope = 0.0, 0.0
+    for i in range(6):
+        square += command[i] * command[i] / account[i]
+        way = account[AHEAD] * twist[i] + account[MOVED] * hand[i] / account[i]
+        slope += command[i] * way
+    square *= account[MOVED]
+    if square <= 0.0 or square + slope <= available:
+        return 1.0
+    if available <= 0.0:
+        # The share that gives least.
+        return min(max(-0.5 * slope / square, 0.0), 1.0)
+    root = (-slope + np.sqrt(slope * slope + 4.0 * square * available)) / (2.0 * square)
+    return float(min(max(root, 0.0), 1.0))
+
+
+@inner
+def hold_within(
+    account: Array, command: Array, twist: Array, hand: Array, available: float
+) -> None:
+    """Change a command (6,) by as little damping as holds it to what is available, J."""
+    given = foreseen_gift(account, command, twist, hand)
+    momentum, square, slope = local(6), 0.0, 0.0
+    for i in range(6):
+        momentum[i] = account[i] * twist[i]
+        way = account[AHEAD] * twist[i] + account[MOVED] * (command[i] + hand[i]) / account[i]
+        slope += momentum[i] * way + account[MOVED] * (twist[i] * command[i])
+        square += account[MOVED] * (momentum[i] * twist[i])
+    damping = least_root(square, -slope, given - available)
+    if damping <= account[MOST_DAMPING]:
+        for i in range(6):
+            command[i] -= damping * momentum[i]
+        return
+    best = 0.5 * slope / square if square > 0.0 else 0.0
+    damping = min(max(best, 0.0), account[MOST_DAMPING])
+    for i in range(6):
+        command[i] -= damping * momentum[i]
+    share = share_within(account, command, twist, hand, available)
+    for i in range(6):
+        command[i] *= share
+
+
+@inner
+def enforce(account: Array, command: Array, sample: Array, added: Array) -> None:
+    """Hold a command (6,) to what may be given; see :func:`enforce_passivity`."""
+    put(account[ADDED : ADDED + 6], added)
+    available = energy_available(account)
+    if available == np.inf:
+        return
+    acting, twist, hand = local(6), sample[SPEED:PUSH], sample[PUSH : PUSH + 6]
+    for i in range(6):
+        acting[i] = account[ACTS + i] * command[i]
+    limit(acting[:3], account[MOST_FORCE])
+    limit(acting[3:], account[MOST_TORQUE])
+    if account[KEPT] != 0.0:
+        for i in range(6):
+            acting[i] += account[KEPT] * (account[APPLIED + i] - acting[i])
+    given, rate = foreseen_gift(account, acting, twist, hand), account[RATE : RATE + 6]
+    moves_on = account[FILTERED] != 0.0
+    if moves_on:
+        other = foreseen_gift(account, acting, rate, hand)
+        moves_on = other > given
+        given = max(given, other)
+    if given <= available:
+        return
+    seen = local(6)
+    if moves_on:
+        put(seen, rate)
+    else:
+        put(seen, twist)
+    account[CHANGED] += 1.0
+    hold_within(account, acting, seen, hand, available)
+    account[DISSIPATED] += given - foreseen_gift(account, acting, seen, hand)
+    # Actuators that lag do it a little later: undoing their lag would shake the device.
+    put(command, acting)
+
+
+@inner
+def correct(command: Array, model: Array, answered: Array, now: Array, found: Array) -> None:
+    """Fill a command (6,) for the device as it is now; see :func:`correct_command`."""
+    way = local(6)
+    displacement(answered, now, way)
+    for i in range(6):
+        total = 0.0
+        for j in range(6):
+            at = 6 * i + j
+            total += model[at] * (now[PUSH + j] - answered[PUSH + j])
+            total -= model[36 + at] * way[j]
+            total -= model[72 + at] * (now[SPEED + j] - answered[SPEED + j])
+        found[i] = command[i] + total
+
+
+@inner
+def queue_answer(account: Array, queue: Array, arrived: Array) -> int:
+    """Put an answer into the queue (delay + 1, ...); return the row of the one that acts now."""
+    delay = queue.shape[0] - 1
+    at = int(account[QUEUE_AT])
+    # The row after the one that is filled is the oldest.
+    put(queue[at], arrived)
+    account[QUEUE_AT] = (at + 1) % (delay + 1)
+    return int((at + 1) % (delay + 1))
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1])")
+def see_sample(account: Array, sample: Array, applied: Array) -> None:
+    """Account for the period until a sample (19,), over which actuators held ``applied`` (6,)."""
+    account_for_actuators(account, sample, applied)
+
+
+@kernel("float64(float64[::1])")
+def available_energy(account: Array) -> float:
+    """Return what the actuators may give now, J."""
+    return energy_available(account)
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
+def enforce_passivity(account: Array, command: Array, sample: Array, added: Array) -> None:
+    """Change a command where it would give more than there is.
+
+    Args:
+        account: the device's.
+        command: (6,) on the hand, by the device, for the next period; changed.
+        sample: (19,) of the device now.
+        added: (6,) by the device's driver, for its weight and friction: what it gives stays in the
+            device, and does not count.
+    """
+    enforce(account, command, sample, added)
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1])")
+def correct_command(
+    command: Array, model: Array, answered: Array, now: Array, found: Array
+) -> None:
+    """Fill a command for the device as it is now.
+
+    Args:
+        command: (6,) of the controller.
+        model: (108,) G, K and B row by row: how it depends on the device.
+        answered: (19,) the device's sample that the command answers.
+        now: (19,) its newest sample.
+        found: (6,) to fill.
+    """
+    correct(command, model, answered, now, found)
+
+
+@inner
+def render(
+    controller: Array,
+    settings: Array,
+    faded: Array,
+    told: Array,
+    device: Array,
+    answers: Array,
+    sample: Array,
+    rendered: Array,
+    time: float,
+    locality: Array,
+    applied: Array,
+    added: Array,
+    wrenches: Array,
+) -> None:
+    """Do a period of the loop; see :func:`render_period`."""
+    last = answers[answers.shape[0] - 1]
+    account_for_motion(controller, rendered[TWIST : TWIST + 6], controller[ANSWERS_APART])
+    account_for_hand(controller, sample)
+    give_answer(controller, settings, faded, told, sample, rendered, time, 0.0, locality, last)
+    conclude(controller, settings, sample, rendered, time, locality, last)
+    act(controller, last, told, device, answers, sample, applied, added, wrenches)
+
+
+@inner
+def act(
+    controller: Array,
+    given: Array,
+    told: Array,
+    device: Array,
+    answers: Array,
+    sample: Array,
+    applied: Array,
+    added: Array,
+    wrenches: Array,
+) -> None:
+    """Fill what acts on both sides from now on, (3, 6); see :func:`render_period`."""
+    rows = answers.shape[0] - 1
+    passive_wrench(controller, given, wrenches[2])
+    queue_wrench(controller, told, wrenches[2], wrenches[1])
+    now = answers[queue_answer(device, answers[:rows], answers[rows])]
+    account_for_actuators(device, sample, applied)
+    if now[IS_ANSWER] == 0.0:
+        wrenches[0] = 0.0
+        return
+    take_energy(device, now[GIVEN_THEN])
+    command = now[WRENCHES : WRENCHES + 6]
+    if now[MODELLED] == 0.0:
+        put(wrenches[0], command)
+    else:
+        model, answered = now[FORCE_GAIN:ANSWERED], now[ANSWERED:GIVEN_THEN]
+        correct(command, model, answered, sample, wrenches[0])
+    enforce(device, wrenches[0], sample, added)
+
+
+@kernel(
+    "void(float64[::1], float64[::1], float64[::1], float64[:,::1], float64[::1], float64[:,::1],"
+    " float64[::1], float64[::1], float64, float64[::1], float64[::1], float64[::1],"
+    " float64[:,::1])"
+)
+def render_period(
+    controller: Array,
+    settings: Array,
+    faded: Array,
+    told: Array,
+    device: Array,
+    answers: Array,
+    sample: Array,
+    rendered: Array,
+    time: float,
+    locality: Array,
+    applied: Array,
+    added: Array,
+    wrenches: Array,
+) -> None:
+    """Answer a sample, and fill what acts on device and mechanism over the next period.
+
+    Controllers and device in one process, without a channel between them.
+
+    Args:
+        controller: the controller's account.
+        settings: (58,) of the controllers, see :mod:`~hapticmech_ros.control.kernels`.
+        faded: (6,) what is carried on from another grasp, as far as it has not faded.
+        told: (delay, 6) what the mechanism was told and does not act yet.
+        device: the device's account.
+        answers: (delay + 2, ...) answers that do not act yet, the row after them, and the last one.
+        sample: (19,) of the device.
+        rendered: (139,) operational model.
+        time: s.
+        locality: (3,) see ``answer_sample``.
+        applied: (6,) by the actuators until now.
+        added: (6,) by the device's driver, to the next command.
+        wrenches: (3, 6) to fill: on the hand by the device, on the mechanism by the hand, and what
+            the mechanism is told.
+    """
+    render(
+        controller,
+        settings,
+        faded,
+        told,
+        device,
+        answers,
+        sample,
+        rendered,
+        time,
+        locality,
+        applied,
+        added,
+        wrenches,
+    )
+
+
+@kernel(
+    "void(float64[::1], float64[::1], float64[:,::1], float64[::1], float64[:,::1], float64[::1],"
+    " float64[::1], float64[::1], float64[:,::1])"
+)
+def act_on_answers(
+    controller: Array,
+    given: Array,
+    told: Array,
+    device: Array,
+    answers: Array,
+    sample: Array,
+    applied: Array,
+    added: Array,
+    wrenches: Array,
+) -> None:
+    """Fill what acts over the next period; as :func:`render_period`.
+
+    ``given`` is the last answer that was given, the last row of ``answers`` the last that arrived.
+    """
+    act(controller, given, told, device, answers, sample, applied, added, wrenches)

@@ -1,0 +1,131 @@
+"""What the analysis of an operational point finds at a state, as one array."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.layout import OPERATIONAL_MODEL, Field, Layout
+from hapticmech_ros.mechanism.evaluation import PointKinematics
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.operational.late_answer import LateAnswer
+from hapticmech_ros.operational.results import OperationalAnalysis
+from hapticmech_ros.operational.spectrum import Spectrum
+
+_S, _FREE = OPERATIONAL_MODEL.slice("s"), OPERATIONAL_MODEL.slice("free_acceleration")
+_X, _P_C, _SHARE = (
+    OPERATIONAL_MODEL.slice(name)
+    for name in ("inverse_inertia", "constraint_projector", "balanced_share")
+)
+_PLACE = OPERATIONAL_MODEL.slice("position", "quaternion")
+
+
+def observation_layout(rows: int, nv: int) -> Layout:
+    """Return how an observation is laid out.
+
+    The operational model, X and a_0 of which are those that a late loop needs; X and a_0 now;
+    weights w(s_i), and columns n_i and I_ℓ⁻¹ n_i; J_h, J_h v and J̇_h v. Matrices go row by row.
+
+    Args:
+        rows: t, of the task space.
+        nv: number of rates.
+    """
+    return Layout(
+        {
+            **OPERATIONAL_MODEL.fields,
+            "inverse_inertia_now": Field(36),
+            "free_acceleration_now": Field(6),
+            "weights": Field(rows),
+            "directions": Field(rows * rows),
+            "duals": Field(rows * rows),
+            "jacobian": Field(6 * nv),
+            "motion": Field(12),
+        }
+    )
+
+
+class Observation:
+    """An operational point at a state; what is asked for are views of one array.
+
+    Args:
+        numbers: all of it; see :func:`observation_layout`.
+        layout: of it.
+        rows: (t,) rows of a six-vector that the task space has.
+        nv: number of rates.
+
+    Attributes:
+        numbers: all of it.
+        model: (139,) operational model; what touches there is for others to fill in.
+    """
+
+    def __init__(self, numbers: Array, layout: Layout, rows: Array, nv: int) -> None:
+        self.numbers = numbers
+        self.model: Array = numbers[: OPERATIONAL_MODEL.size]
+        self._layout, self._rows, self._nv = layout, rows, nv
+
+    def _part(self, name: str) -> Array:
+        return self.numbers[self._layout.slice(name)]
+
+    @property
+    def s(self) -> Array:
+        """(t,) singular values."""
+        return self.numbers[: self._rows.size]
+
+    @cached_property
+    def analysis(self) -> OperationalAnalysis:
+        """Λ_h⁻¹ at the state, and what follows from it."""
+        t = self._rows.size
+        found = Spectrum(
+            self.s, self._part("directions").reshape(t, t), self._part("duals").reshape(t, t)
+        )
+        return OperationalAnalysis(
+            inverse_inertia=self._part("inverse_inertia_now").reshape(6, 6),
+            spectrum=found,
+            weights=self._part("weights"),
+            constraint_projector=self.numbers[_P_C].reshape(6, 6),
+            balanced_share=self.numbers[_SHARE].reshape(6, 6),
+            free_acceleration=self._part("free_acceleration_now"),
+            rows=self._rows,
+        )
+
+    @property
+    def late(self) -> LateAnswer:
+        """X and a_0 as a late loop needs them."""
+        return LateAnswer(self.numbers[_X].reshape(6, 6), self.numbers[_FREE])
+
+    @cached_property
+    def point(self) -> PointKinematics:
+        """The operational point's kinematics."""
+        motion = self._part("motion")
+        jacobian = self._part("jacobian").reshape(6, self._nv)
+        pose = pin.XYZQUATToSE3(self.numbers[_PLACE])
+        return PointKinematics(pose, jacobian, motion[:6], motion[6:])
+
+
+def observation_of(
+    layout: Layout, found: OperationalAnalysis, late: LateAnswer, point: PointKinematics
+) -> Observation:
+    """Return an observation from what readable implementations found."""
+    numbers, nv = np.zeros(layout.size), point.jacobian.shape[1]
+    spectrum, rows = found.spectrum, found.rows
+    parts = {
+        "inverse_inertia": late.inverse_inertia,
+        "constraint_projector": found.constraint_projector,
+        "balanced_share": found.balanced_share,
+        "free_acceleration": late.free_acceleration,
+        "twist": point.twist,
+        "inverse_inertia_now": found.inverse_inertia,
+        "free_acceleration_now": found.free_acceleration,
+        "weights": found.weights,
+        "directions": spectrum.wrenches,
+        "duals": spectrum.duals,
+        "jacobian": point.jacobian,
+        "motion": np.concatenate((point.twist, point.drift)),
+    }
+    for name, value in parts.items():
+        numbers[layout.slice(name)] = np.ravel(value)
+    numbers[_S][: spectrum.s.size] = spectrum.s
+    numbers[_PLACE] = pin.SE3ToXYZQUAT(point.pose)
+    return Observation(numbers, layout, rows, nv)

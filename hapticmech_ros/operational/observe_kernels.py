@@ -1,0 +1,161 @@
+"""Kernel of all that rendering needs of an operational point: terms, analysis, delay, motion."""
+
+from __future__ import annotations
+
+from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
+from hapticmech_ros.mechanism.compiled.kernels import factor
+from hapticmech_ros.mechanism.compiled.motion_kernels import closure_bias, move_joints, move_point
+from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
+from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.compiled.tree_kernels import bias_force_of
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.operational.kernels import (
+    ANALYSIS_SIZE,
+    FREE,
+    SQUARES,
+    Metric,
+    analyse_motion,
+    metric_of,
+)
+from hapticmech_ros.operational.late_kernels import compensate
+from hapticmech_ros.rotation_kernels import quaternion_of
+
+# Of the analysis alone; a negative code of the closures is one of ``factor_closures``.
+NO_SPECTRUM = 1
+CONTACT, MODEL_SIZE = OPERATIONAL_MODEL.start("contact"), OPERATIONAL_MODEL.size
+# In an observation: X and a_0 as they are now, and then weights and directions.
+DETAILS = MODEL_SIZE + 42
+
+
+@inner
+def observe(
+    tables: Tables,
+    space: Packed,
+    known: int,
+    q: Array,
+    v: Array,
+    index: int,
+    metric: Metric,
+    rows: Array,
+    length: float,
+    delay: float,
+    ahead: Array,
+    observation: Array,
+) -> int:
+    """Fill an observation of an operational point; see :func:`observe_point`."""
+    nv, t = tables.nv, rows.size
+    if known == 0:
+        code = factor(tables, q, space)
+        if code < 0:
+            return code
+    motions, bias, forces = tables.motions, tables.bias, tables.forces
+    bias_force, passive, dissipative = forces[0], forces[1], forces[2]
+    move_joints(tables, space, v, motions)
+    bias_force_of(tables, space, motions, bias_force)
+    closure_bias(tables, space, motions, bias)
+    element_forces(tables, space, q, v, passive, dissipative)
+    for c in range(nv):
+        passive[c] += tables.effort[c]
+    model, now = observation[:MODEL_SIZE], observation[MODEL_SIZE:DETAILS]
+    details = observation[DETAILS : DETAILS + t * (1 + 2 * t)]
+    at = DETAILS + t * (1 + 2 * t)
+    jacobian = shaped(observation[at:], (6, nv))
+    motion = observation[at + 6 * nv : at + 6 * nv + 12]
+    move_point(tables, space, motions, index, jacobian, motion)
+    pose = space.poses[tables.points[index]]
+    rotation = shaped(pose[:9], (3, 3)).T
+    converged = analyse_motion(
+        tables,
+        space,
+        bias_force,
+        passive,
+        bias,
+        jacobian,
+        motion[6:],
+        rotation,
+        metric,
+        rows,
+        model[:ANALYSIS_SIZE],
+        details,
+    )
+    if not converged:
+        return NO_SPECTRUM
+    put(now[:36], model[SQUARES : SQUARES + 36])
+    put(now[36:], model[FREE:ANALYSIS_SIZE])
+    place = model[ANALYSIS_SIZE:CONTACT]
+    put(place[:3], pose[9:])
+    quaternion_of(rotation, place[3:7])
+    put(place[7:13], motion[:6])
+    model[CONTACT:] = 0.0
+    if delay > 0.0:
+        late = local(42)
+        put(late[36:], now[36:])
+        compensate(
+            tables,
+            space,
+            q,
+            v,
+            bias_force,
+            passive,
+            bias,
+            jacobian,
+            index,
+            rows,
+            model[:t],
+            details,
+            length,
+            delay,
+            ahead,
+            late,
+        )
+        put(model[SQUARES : SQUARES + 36], late[:36])
+        put(model[FREE:ANALYSIS_SIZE], late[36:])
+    return 0
+
+
+@kernel(
+    "int64(int64[::1], float64[::1], float64[::1], int64, float64[::1], float64[::1], int64,"
+    " float64[::1], int64[::1], float64, float64, float64[::1], float64[::1])"
+)
+def observe_point(
+    numbers: Array,
+    values: Array,
+    packed: Array,
+    known: int,
+    q: Array,
+    v: Array,
+    index: int,
+    constants: Array,
+    rows: Array,
+    length: float,
+    delay: float,
+    ahead: Array,
+    observation: Array,
+) -> int:
+    """Evaluate Eq. 1 at a state and analyse an operational point there.
+
+    Args:
+        numbers: constants of the mechanism, whole ones.
+        values: the others; see ``tables.fold``.
+        packed: terms at the configuration; filled first, unless they are known.
+        known: whether they are.
+        q: (nq,) configuration.
+        v: (nv,) rates.
+        index: number of the operational point.
+        constants: of the analysis; see ``metric_of``.
+        rows: (t,) rows of a six-vector that the task space has.
+        length: of the mechanism, m.
+        delay: τ of the loop, s; 0 for none.
+        ahead: as long as ``packed``, to work in.
+        observation: to fill; see ``observation_layout``. F_c is zero.
+
+    Returns:
+        0; NO_SPECTRUM where the SVD of S does not converge; or a negative code.
+    """
+    tables, metric = Tables(numbers, values), metric_of(constants, rows.size)
+    space = unpack(packed, tables)
+    return observe(
+        tables, space, known, q, v, index, metric, rows, length, delay, ahead, observation
+    )

@@ -1,0 +1,173 @@
+"""The loop's kernels do what readable implementations do, to rounding: every wrench and account."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.control import control_for
+from hapticmech_ros.control.passivity import PassivityController
+from hapticmech_ros.control.pose_kernels import displacement
+from hapticmech_ros.scene.controller import Connection, Passivity
+from hapticmech_ros.scene.mechanism import Origin
+from oracles.local_model import displacement as readable_displacement
+from oracles.passivity import PassivityController as ReadablePassivity
+from oracles.rendering_loop import RenderingLoop as ReadableLoop
+
+# Of wrenches of some N and N m, and energies of some mJ: sums in another order.
+APART, ENERGY_APART = 1e-11, 1e-13
+PUSH = np.array([0.8, -0.3, 0.1, 0.01, 0.0, 0.02])
+
+
+class Compared:
+    """A session's loop and the readable one, given the same."""
+
+    def __init__(self, loop, readable):
+        self.loop, self.readable = loop, readable
+        self.ticks, self.most, self.apart, self.energies = 0, 0.0, 0.0, 0.0
+
+    def __getattr__(self, name):
+        return getattr(self.loop, name)
+
+    @property
+    def side(self):
+        return self
+
+    @property
+    def entry(self):
+        return self.loop.side.entry
+
+    def held_elsewhere(self):
+        self.loop.side.held_elsewhere()
+        self.readable.side.held_elsewhere()
+
+    def tick(self, *given):
+        found, expected = self.loop.tick(*given), self.readable.tick(*given)
+        apart = [np.abs(a - b).max() for a, b in zip(found, expected, strict=True)]
+        readable, side = self.readable, self.loop.side
+        rows = np.abs(self.loop.output.rows() - readable.output.rows()).max()
+        self.apart = max(self.apart, rows, *apart)
+        self.most = max(self.most, np.abs(found.device).max())
+        pairs = [
+            *zip(side.entry, readable.side.ledger.entry, strict=True),
+            (side.from_hand, readable.side.port.from_hand),
+            (self.loop.passivity.actuators, readable.passivity.actuators),
+            (self.loop.passivity.dissipated, readable.passivity.dissipated),
+        ]
+        self.energies = max(self.energies, *(abs(a - b) for a, b in pairs))
+        assert self.loop.passivity.changed == readable.passivity.changed
+        assert side.changed == readable.side.port.changed
+        assert self.loop.passivity.mechanism is None or readable.passivity.mechanism is not None
+        self.ticks += 1
+        return found
+
+
+def compared(scene, delay=1):
+    session = Session(scene, command_delay=delay)
+    readable = ReadableLoop(scene, control_for(scene), delay)
+    session._loop = Compared(session._loop, readable)
+    return session, session._loop
+
+
+def with_controller(scene, **parts):
+    old = scene.controller
+    changed = {name: getattr(old, name).model_copy(update=to) for name, to in parts.items()}
+    return scene.model_copy(update={"controller": old.model_copy(update=changed)})
+
+
+@pytest.mark.parametrize("delay", [0, 1, 3])
+@pytest.mark.parametrize("name", ["five_bar", "door", "spatial_arm", "shared_payload"])
+def test_every_wrench_and_energy_is_that_of_the_readable_loop(name, delay):
+    session, both = compared(load_scene(name), delay)
+    for tick in range(600):
+        session.tick(hand_wrench=PUSH if tick > 300 else None)
+    assert both.ticks == 600
+    assert both.most > 0.1
+    assert both.apart < APART
+    assert both.energies < ENERGY_APART
+
+
+@pytest.mark.parametrize("force", [True, False])
+@pytest.mark.parametrize("joint", [True, False])
+def test_whatever_the_device_closes(force, joint):
+    local = {"force_channel": {"local": force}, "joint_constraint": {"local": joint}}
+    session, both = compared(with_controller(load_scene("five_bar"), **local), 2)
+    for _ in range(400):
+        session.tick(hand_wrench=PUSH)
+    assert both.apart < APART
+    assert both.energies < ENERGY_APART
+
+
+@pytest.mark.parametrize("slack", [0.0, 1e-3])
+def test_over_a_connection_where_passivity_control_acts(slack):
+    scene = with_controller(
+        load_scene("five_bar"),
+        force_channel={"local": False},
+        joint_constraint={"local": False},
+        passivity={"allowance": 1e-5, "slack": slack},
+    )
+    connection = Connection(delay=0.03, jitter=0.3, loss=0.1, seed=3)
+    session, both = compared(scene.model_copy(update={"connection": connection}))
+    for tick in range(800):
+        session.tick(hand_wrench=PUSH if tick % 200 < 100 else -PUSH)
+    assert both.loop.passivity.changed > 20
+    assert both.apart < APART
+    assert both.energies < ENERGY_APART
+
+
+def test_while_the_grasp_passes_and_gains_change():
+    session, both = compared(load_scene("five_bar"))
+    for _ in range(200):
+        session.tick(hand_wrench=PUSH)
+    link = session.simulator.scene.operational_points[0].link
+    session.grasp(link, Origin(xyz=(0.01, 0.02, 0.0)))
+    for _ in range(100):
+        session.tick(hand_wrench=PUSH)
+    softer = with_controller(session.scene, joint_constraint={"stiffness": 200.0}).controller
+    session.tune(softer)
+    both.readable.side.control.tune(session.time, softer)
+    for _ in range(500):
+        session.tick(hand_wrench=PUSH)
+    assert both.apart < APART
+    assert both.energies < ENERGY_APART
+
+
+@pytest.mark.parametrize("lag", [0.0, 2e-3])
+@pytest.mark.parametrize("filtered", [False, True])
+def test_commands_are_held_as_by_the_readable_account(lag, filtered):
+    rng = np.random.default_rng(4)
+    inertia, acts = np.array([0.2] * 3 + [4e-4] * 3), np.array([1.0, 1, 1, 1, 1, 0])
+    changed = 0
+    for _ in range(20):
+        bounds = Passivity(allowance=10.0 ** rng.uniform(-6, -3), slack=10.0 ** rng.uniform(-4, 0))
+        constants = (bounds, inertia, 1e-3, 4, (3.0, 0.1), acts, filtered, lag)
+        found, expected = PassivityController(*constants), ReadablePassivity(*constants)
+        applied = np.zeros(6)
+        for _ in range(100):
+            turn = rng.normal(size=4)
+            place = (*(1e-3 * rng.normal(size=3)), *(turn / np.linalg.norm(turn)))
+            sample = np.array((*place, *rng.normal(size=6), *rng.normal(size=6)))
+            sample[10:] *= 0.01
+            told = None if rng.uniform() < 0.05 else 1e-3 * rng.normal()
+            command, added = (rng.normal(size=6) * ([1.0] * 3 + [0.02] * 3) for _ in range(2))
+            for account in (found, expected):
+                account.see(sample, applied)
+                account.tell(told)
+            assert found.available == pytest.approx(expected.available, rel=1e-12)
+            one, two = (account.hold(command, sample, added) for account in (found, expected))
+            # Roots of a difference lose digits where it is near zero.
+            assert one == pytest.approx(two, rel=1e-7, abs=1e-10)
+            applied = one
+        assert found.changed == expected.changed
+        assert found.hand(sample) == pytest.approx(expected.hand(sample), rel=1e-9)
+        changed += found.changed
+    assert changed > 100
+
+
+def test_displacements_are_the_readable_ones():
+    rng, way = np.random.default_rng(2), np.empty(6)
+    for _ in range(200):
+        start, end = rng.normal(size=(2, 7))
+        for pose in (start, end):
+            pose[3:] /= np.linalg.norm(pose[3:])
+        displacement(start, end, way)
+        assert way == pytest.approx(readable_displacement(start, end), rel=1e-12, abs=1e-14)

@@ -1,0 +1,171 @@
+"""What the controller does with a sample: through the connection, answered, and back through it."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticmech_ros.control.architecture import ControlArchitecture
+from hapticmech_ros.control.controller_side import Reading
+from hapticmech_ros.control.engagement import Engagement
+from hapticmech_ros.control.flat import model_of
+from hapticmech_ros.control.link import DelayLine
+from hapticmech_ros.control.prediction import InFlight
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.controller import Connection
+from oracles.energy_ledger import EnergyLedger
+from oracles.local_model import NO_MODEL, LocalModel
+from oracles.mechanism_port import MechanismPort
+
+_NO_WRENCH = np.zeros(6)
+_TWIST = OPERATIONAL_MODEL.slice("twist")
+
+
+class Answer(NamedTuple):
+    """An answer to a sample of the device.
+
+    Attributes:
+        wrenches: (6, 6) as :class:`~hapticmech_ros.control.measurements.ControlOutput` has them.
+        model: how the first of them depends on the device.
+        answered: (19,) the sample.
+        answered_ns: its stamp.
+        to_mechanism: E_m when it was given, J.
+    """
+
+    wrenches: Array
+    model: LocalModel
+    answered: Array
+    answered_ns: int
+    to_mechanism: float
+
+    @classmethod
+    def nothing(cls, stamp_ns: int) -> Answer:
+        """Return what stands for an answer before there is one."""
+        return cls(np.zeros((6, 6)), NO_MODEL, np.zeros(DEVICE_SAMPLE.size), stamp_ns, 0.0)
+
+
+class ControllerSide:
+    """Answers samples, and keeps the account of what the mechanism gets.
+
+    Args:
+        control: that computes.
+        period: s.
+        connection: between device and controller.
+        delay: whole periods until the mechanism is moved by what it is told.
+        before: what answered until now, whose account goes on.
+
+    Attributes:
+        ledger: the account.
+        last: last answer that was given, whether it has arrived or not; None before the first.
+    """
+
+    def __init__(
+        self,
+        control: ControlArchitecture,
+        period: float,
+        connection: Connection,
+        delay: int = 1,
+        before: ControllerSide | None = None,
+    ) -> None:
+        self.control = control
+        self.ledger: EnergyLedger = EnergyLedger() if before is None else before.ledger
+        self.ledger.held_elsewhere()
+        self.last: Answer | None = None
+        self._period = period
+        self._told: deque[Array] = deque([_NO_WRENCH] * delay)
+        inertia = np.diag(control.device_inertia).copy()
+        self.port: MechanismPort = MechanismPort(inertia) if before is None else before.port
+        self.port.pause()
+        self._twist: Array = _NO_WRENCH
+        self._lines: tuple[DelayLine[Reading], DelayLine[Answer]] | None = None
+        if not connection.ideal:
+            self._lines = DelayLine(connection, 0), DelayLine(connection, 1)
+
+    def _paid(self) -> Array:
+        """Return what the mechanism is told (6,): the last answer, as far as the hand pays."""
+        if self.last is None:
+            return _NO_WRENCH
+        wrench = self.last.wrenches[1]
+        passivity = self.control.gains.passivity
+        if not passivity.control:
+            return np.asarray(wrench)
+        short = self.ledger.entry.to_mechanism - self.port.from_hand - passivity.slack
+        return self.port.hold(wrench, self._twist) if short > 0.0 else wrench
+
+    @property
+    def lost(self) -> int:
+        """Messages that the connection lost."""
+        return 0 if self._lines is None else self._lines[0].lost + self._lines[1].lost
+
+    def tick(
+        self, reading: Reading, engagement: Engagement, corrects: bool, with_model: bool = True
+    ) -> Answer | None:
+        """Return the answer that reaches the device now; None if none does.
+
+        Args:
+            reading: what is known.
+            engagement: the tie of the two poses.
+            corrects: whether the device corrects commands by itself.
+            with_model: whether the answer is to say how.
+        """
+        self.ledger.moved(reading.rendered[_TWIST], reading.elapsed)
+        seen: Reading | None = reading
+        if self._lines is not None:
+            self._lines[0].put(reading.stamp_ns, reading)
+            seen = self._lines[0].take(reading.stamp_ns)
+        answer = None
+        self._twist = reading.rendered[_TWIST]
+        if seen is not None:
+            self.port.see(seen.device)
+            answer = self._answered(seen, reading, engagement, corrects, with_model)
+            self.last = answer
+        if self._lines is None:
+            return answer
+        if answer is not None:
+            self._lines[1].put(reading.stamp_ns, answer)
+        return self._lines[1].take(reading.stamp_ns)
+
+    def tell(self) -> tuple[Array, Array]:
+        """Return what the mechanism is told, and what acts on it from now on, (6,) each."""
+        told = self._paid()
+        self._told.append(told)
+        acting = self._told.popleft()
+        self.ledger.acts(acting)
+        return told, acting
+
+    def held_elsewhere(self) -> None:
+        """Take back what the mechanism was told at the place where it was held."""
+        self._told = deque([_NO_WRENCH] * len(self._told))
+        self.ledger.held_elsewhere()
+
+    def _answered(
+        self,
+        seen: Reading,
+        reading: Reading,
+        engagement: Engagement,
+        corrects: bool,
+        with_model: bool,
+    ) -> Answer:
+        control, rendered = self.control, reading.rendered
+        flying = self._in_flight() if corrects and control.gains.force_channel.local else None
+        wrenches = control.answer(
+            reading.time, engagement, seen.device, rendered, reading.ahead, flying
+        )
+        gains, seen_model = control.gains.joint_constraint, model_of(rendered)
+        projector = seen_model.constraint_projector
+        self.ledger.answered(wrenches[5], projector, gains, control.channels, self._period)
+        model = NO_MODEL
+        if corrects and with_model and control.gains.local:
+            model = control.local_model(reading.time, engagement, seen_model)
+        given = self.ledger.entry.to_mechanism
+        return Answer(wrenches, model, seen.device, seen.stamp_ns, given)
+
+    def _in_flight(self) -> InFlight | None:
+        """Return what the mechanism was told, and a device that corrects commands has done."""
+        if not self._told:
+            return None
+        impulse = self._period * np.sum(self._told, axis=0)
+        return InFlight(len(self._told) * self._period, impulse)

@@ -1,0 +1,61 @@
+"""What a command would be for the device as it is now: loops closed in the device itself.
+
+    u = u' + G (F_h - F_h') - K ξ - B (v - v'),      K = k P_c,   B = b P_c
+
+is the controllers' answer to the device as it is now, found from their answer u' to a sample some
+time ago, ξ the displacement since then. G closes the force channel, K and B the joint-constraint
+controller: along constrained directions the operational point stays where it is, so that nothing
+but the device's own motion is missing in an answer that is late. Both are exact for any delay, as
+long as X has not changed in it and no limit is met.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticmech_ros.control.local_model import NO_MODEL, LocalModel
+from hapticmech_ros.layout import DEVICE_SAMPLE
+from hapticmech_ros.mechanism.model import Array
+
+TWIST, FORCE = DEVICE_SAMPLE.slice("twist"), DEVICE_SAMPLE.slice("hand_wrench")
+
+
+def corrected(command: Array, model: LocalModel, answered: Array, now: Array) -> Array:
+    """Return a command (6,) for the device as it is now.
+
+    Args:
+        command: (6,) of the controller.
+        model: how it depends on the device.
+        answered: (19,) the device's sample that the command answers.
+        now: (19,) its newest sample.
+    """
+    if model is NO_MODEL:
+        return command
+    push = model.force @ (now[FORCE] - answered[FORCE])
+    spring = model.stiffness @ displacement(answered, now)
+    damper = model.damping @ (now[TWIST] - answered[TWIST])
+    return np.asarray(command + push - spring - damper)
+
+
+def displacement(start: Array, end: Array) -> Array:
+    """Return the way (6,) from one pose to another: m, and rotation vector in rad, world axes.
+
+    Args:
+        start: (7,) or more, position and unit quaternion x, y, z, w first.
+        end: the same, later.
+    """
+    x, y, z, a, b, c, w = start[:7].tolist()
+    x1, y1, z1, a1, b1, c1, w1 = end[:7].tolist()
+    # Of end start⁻¹; equal ones differ by nothing, to the bit.
+    i = a1 * w - w1 * a - (b1 * c - c1 * b)
+    j = b1 * w - w1 * b - (c1 * a - a1 * c)
+    k = c1 * w - w1 * c - (a1 * b - b1 * a)
+    cosine = w1 * w + a1 * a + b1 * b + c1 * c
+    sine = math.sqrt(i * i + j * j + k * k)
+    if sine == 0.0:
+        return np.array((x1 - x, y1 - y, z1 - z, 0.0, 0.0, 0.0))
+    # q and -q are one rotation.
+    scale = math.copysign(2.0 * math.atan2(sine, abs(cosine)) / sine, cosine)
+    return np.array((x1 - x, y1 - y, z1 - z, scale * i, scale * j, scale * k))
