@@ -130,7 +130,7 @@ def share_within(
         return 1.0
     if available <= 0.0:
         # The share that gives least.
-        return min(max(-0.5 * slope / square, 0.0), 1.0)
+        return float(min(max(-0.5 * slope / square, 0.0), 1.0))
     root = (-slope + np.sqrt(slope * slope + 4.0 * square * available)) / (2.0 * square)
     return float(min(max(root, 0.0), 1.0))
 
