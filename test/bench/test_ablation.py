@@ -16,6 +16,8 @@ from hapticmech_ros.bench.ablation.findings import rungs, unused
 from hapticmech_ros.bench.ablation.loop import PARTS, Loop
 from hapticmech_ros.bench.ablation.timing import Times, time_in_turn, time_pair
 from hapticmech_ros.cli import app
+from hapticmech_ros.control import rendering_loop
+from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.plan.scene_plan import ScenePlan, plan_scene
 from hapticmech_ros.session import Session
