@@ -134,7 +134,7 @@ class Session:
     @property
     def passivity(self) -> PassivityController:
         """The device's account."""
-        return self._loop.passivity
+        return self._loop.device.passivity
 
     @property
     def compensation(self) -> Array:

@@ -59,11 +59,14 @@ _SOURCES = (
     "device/hand_kernels.py",
     "device/resistance_kernels.py",
     "device/kernels.py",
+    "device/safety_layout.py",
+    "device/safety_kernels.py",
     "control/pose_kernels.py",
     "control/kernels.py",
     "control/loop_layout.py",
     "control/account_kernels.py",
     "control/device_side_kernels.py",
+    "control/render_kernels.py",
     "wire/kernels.py",
 )
 

@@ -15,23 +15,11 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.control.account_kernels import (
-    ANSWERED,
-    FORCE_GAIN,
-    GIVEN_THEN,
-    IS_ANSWER,
-    MODELLED,
     PUSH,
-    WRENCHES,
-    account_for_hand,
-    account_for_motion,
-    conclude,
-    give_answer,
-    passive_wrench,
-    queue_wrench,
 )
-from hapticmech_ros.control.account_kernels import PERIOD as ANSWERS_APART
 from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
 from hapticmech_ros.control.pose_kernels import displacement
+from hapticmech_ros.device.safety_kernels import stay_within
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation_kernels import limit
@@ -211,21 +199,40 @@ def correct(command: Array, model: Array, answered: Array, now: Array, found: Ar
         found[i] = command[i] + total
 
 
-@inner
-def queue_answer(account: Array, queue: Array, arrived: Array) -> int:
-    """Put an answer into the queue (delay + 1, ...); return the row of the one that acts now."""
-    delay = queue.shape[0] - 1
-    at = int(account[QUEUE_AT])
-    # The row after the one that is filled is the oldest.
-    put(queue[at], arrived)
-    account[QUEUE_AT] = (at + 1) % (delay + 1)
-    return int((at + 1) % (delay + 1))
-
-
 @kernel("void(float64[::1], float64[::1], float64[::1])")
 def see_sample(account: Array, sample: Array, applied: Array) -> None:
     """Account for the period until a sample (19,), over which actuators held ``applied`` (6,)."""
     account_for_actuators(account, sample, applied)
+
+
+@kernel(
+    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
+    " float64)"
+)
+def allow_command(
+    account: Array,
+    safety: Array,
+    command: Array,
+    sample: Array,
+    applied: Array,
+    added: Array,
+    given: float,
+) -> None:
+    """Account for the last period, and change a command into what leaves in the next one.
+
+    Args:
+        account: the device's.
+        safety: its envelope, a :data:`~hapticmech_ros.device.safety_layout.SAFETY`.
+        command: (6,) on the hand, by the device; changed.
+        sample: (19,) of the device now.
+        applied: (6,) by the actuators, held until now.
+        added: (6,) by the device's driver.
+        given: E_m, J, as it is told; NaN while nobody tells it.
+    """
+    account_for_actuators(account, sample, applied)
+    take_energy(account, given)
+    enforce(account, command, sample, added)
+    stay_within(safety, command, sample[:3])
 
 
 @kernel("float64(float64[::1])")
@@ -262,138 +269,3 @@ def correct_command(
         found: (6,) to fill.
     """
     correct(command, model, answered, now, found)
-
-
-@inner
-def render(
-    controller: Array,
-    settings: Array,
-    faded: Array,
-    told: Array,
-    device: Array,
-    answers: Array,
-    sample: Array,
-    rendered: Array,
-    time: float,
-    locality: Array,
-    applied: Array,
-    added: Array,
-    wrenches: Array,
-) -> None:
-    """Do a period of the loop; see :func:`render_period`."""
-    last = answers[answers.shape[0] - 1]
-    account_for_motion(controller, rendered[TWIST : TWIST + 6], controller[ANSWERS_APART])
-    account_for_hand(controller, sample)
-    give_answer(controller, settings, faded, told, sample, rendered, time, 0.0, locality, last)
-    conclude(controller, settings, sample, rendered, time, locality, last)
-    act(controller, last, told, device, answers, sample, applied, added, wrenches)
-
-
-@inner
-def act(
-    controller: Array,
-    given: Array,
-    told: Array,
-    device: Array,
-    answers: Array,
-    sample: Array,
-    applied: Array,
-    added: Array,
-    wrenches: Array,
-) -> None:
-    """Fill what acts on both sides from now on, (3, 6); see :func:`render_period`."""
-    rows = answers.shape[0] - 1
-    passive_wrench(controller, given, wrenches[2])
-    queue_wrench(controller, told, wrenches[2], wrenches[1])
-    now = answers[queue_answer(device, answers[:rows], answers[rows])]
-    account_for_actuators(device, sample, applied)
-    if now[IS_ANSWER] == 0.0:
-        wrenches[0] = 0.0
-        return
-    take_energy(device, now[GIVEN_THEN])
-    command = now[WRENCHES : WRENCHES + 6]
-    if now[MODELLED] == 0.0:
-        put(wrenches[0], command)
-    else:
-        model, answered = now[FORCE_GAIN:ANSWERED], now[ANSWERED:GIVEN_THEN]
-        correct(command, model, answered, sample, wrenches[0])
-    enforce(device, wrenches[0], sample, added)
-
-
-@kernel(
-    "void(float64[::1], float64[::1], float64[::1], float64[:,::1], float64[::1], float64[:,::1],"
-    " float64[::1], float64[::1], float64, float64[::1], float64[::1], float64[::1],"
-    " float64[:,::1])"
-)
-def render_period(
-    controller: Array,
-    settings: Array,
-    faded: Array,
-    told: Array,
-    device: Array,
-    answers: Array,
-    sample: Array,
-    rendered: Array,
-    time: float,
-    locality: Array,
-    applied: Array,
-    added: Array,
-    wrenches: Array,
-) -> None:
-    """Answer a sample, and fill what acts on device and mechanism over the next period.
-
-    Controllers and device in one process, without a channel between them.
-
-    Args:
-        controller: the controller's account.
-        settings: (58,) of the controllers, see :mod:`~hapticmech_ros.control.kernels`.
-        faded: (6,) what is carried on from another grasp, as far as it has not faded.
-        told: (delay, 6) what the mechanism was told and does not act yet.
-        device: the device's account.
-        answers: (delay + 2, ...) answers that do not act yet, the row after them, and the last one.
-        sample: (19,) of the device.
-        rendered: (139,) operational model.
-        time: s.
-        locality: (3,) see ``answer_sample``.
-        applied: (6,) by the actuators until now.
-        added: (6,) by the device's driver, to the next command.
-        wrenches: (3, 6) to fill: on the hand by the device, on the mechanism by the hand, and what
-            the mechanism is told.
-    """
-    render(
-        controller,
-        settings,
-        faded,
-        told,
-        device,
-        answers,
-        sample,
-        rendered,
-        time,
-        locality,
-        applied,
-        added,
-        wrenches,
-    )
-
-
-@kernel(
-    "void(float64[::1], float64[::1], float64[:,::1], float64[::1], float64[:,::1], float64[::1],"
-    " float64[::1], float64[::1], float64[:,::1])"
-)
-def act_on_answers(
-    controller: Array,
-    given: Array,
-    told: Array,
-    device: Array,
-    answers: Array,
-    sample: Array,
-    applied: Array,
-    added: Array,
-    wrenches: Array,
-) -> None:
-    """Fill what acts over the next period; as :func:`render_period`.
-
-    ``given`` is the last answer that was given, the last row of ``answers`` the last that arrived.
-    """
-    act(controller, given, told, device, answers, sample, applied, added, wrenches)

@@ -8,11 +8,13 @@ import numpy as np
 
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
-from hapticmech_ros.control.device_side_kernels import act_on_answers, render_period
+from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.control.engagement import Engagement
 from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.control.measurements import ControlOutput
-from hapticmech_ros.control.passivity import NO_WRENCH, PassivityController, passivity_for
+from hapticmech_ros.control.passivity import NO_WRENCH
+from hapticmech_ros.control.render_kernels import act_on_answers, render_period
+from hapticmech_ros.device.safety import NO_LIMITS
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.times import nanoseconds
@@ -39,12 +41,12 @@ class RenderingLoop:
         delay: whole periods between measuring and acting.
 
     Attributes:
-        passivity: the device's account.
+        device: the device's side; its safety envelope, which the device's node has, is open.
         side: the controllers'.
     """
 
     def __init__(self, scene: Scene, control: ControlArchitecture, delay: int = 1) -> None:
-        self.passivity: PassivityController = passivity_for(scene)
+        self.device = DeviceSide(scene, NO_LIMITS)
         self._period = scene.simulation.period
         self._period_ns = nanoseconds(self._period)
         self.side = ControllerSide(control, self._period, scene.connection, delay)
@@ -85,7 +87,8 @@ class RenderingLoop:
         """
         side, answers, wrenches = self.side, self._answers, np.empty((3, 6))
         stamp_ns = self._tick * self._period_ns
-        account, control = self.passivity.account, side.control
+        account, safety = self.device.passivity.account, self.device.envelope.numbers
+        control = side.control
         self._tick += 1
         if side.is_ideal and control.compiled:
             settings = control.settings_at(time, engagement)
@@ -95,6 +98,7 @@ class RenderingLoop:
                 control.carried_at(time, engagement),
                 side.queue,
                 account,
+                safety,
                 answers,
                 device,
                 rendered,
@@ -111,6 +115,6 @@ class RenderingLoop:
         if arrived is not None:
             answers[-1] = arrived.numbers
         given = self._nothing if side.last is None else side.last.numbers
-        known = (side.queue, account, answers, device, applied, added)
+        known = (side.queue, account, safety, answers, device, applied, added)
         act_on_answers(side.account, given, *known, wrenches)
         return Acting(wrenches[0], wrenches[1])

@@ -9,29 +9,22 @@ command that is none, and a stop, are zero at once.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import Enum
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
+from hapticmech_ros.device.safety_kernels import apply_envelope
+from hapticmech_ros.device.safety_layout import SAFETY, Reason
 from hapticmech_ros.mechanism.model import Array
 
-# From this share of the workspace's radius on, an outward force is taken away, all of it at 1.
-EDGE = 0.9
-# Three numbers: small arrays take ten times as long.
-Vector = tuple[float, float, float]
-_NOTHING: Vector = (0.0, 0.0, 0.0)
-
-
-class Reason(str, Enum):
-    """Why a device does not give what it is told to give."""
-
-    WORKSPACE = "workspace"
-    FORCE_LIMIT = "force_limit"
-    TORQUE_LIMIT = "torque_limit"
-    FORCE_SLEW = "force_slew"
-    TORQUE_SLEW = "torque_slew"
-    NOT_FINITE = "not_finite"
+__all__ = ["NO_LIMITS", "Reason", "SafetyEnvelope", "SafetyLimits"]
+_LIMITS, _CENTRE, _LAST = (
+    SAFETY.slice("force", "radius"),
+    SAFETY.slice("centre"),
+    SAFETY.slice("last"),
+)
+_PERIOD, _STARTED = SAFETY.starts("period", "started")
+_COUNTS = SAFETY.slice("limited_by_workspace", "limited_by_not_finite")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,86 +48,50 @@ class SafetyLimits:
     radius: float = math.inf
 
 
+NO_LIMITS = SafetyLimits(math.inf, math.inf)
+
+
 class SafetyEnvelope:
     """Applies :class:`SafetyLimits` sample by sample.
 
     Args:
         period: s, of a sample.
+        limits: to keep; :meth:`limit` sets others.
 
     Attributes:
-        counts: samples in which each reason changed the command.
+        numbers: all that it knows; a :data:`~hapticmech_ros.device.safety_layout.SAFETY`.
     """
 
-    def __init__(self, period: float) -> None:
-        self.counts = dict.fromkeys(Reason, 0)
-        self._period = period
-        self._centre = np.zeros(3)
-        self._force = self._torque = _NOTHING
-        self._started = 0
+    def __init__(self, period: float, limits: SafetyLimits) -> None:
+        self.numbers: Array = np.zeros(SAFETY.size)
+        self.numbers[_PERIOD] = period
+        self.limit(limits)
+
+    @property
+    def counts(self) -> dict[Reason, int]:
+        """Samples in which each reason changed the command."""
+        return dict(zip(Reason, map(int, self.numbers[_COUNTS].tolist()), strict=True))
+
+    def limit(self, limits: SafetyLimits) -> None:
+        """Keep these limits from now on."""
+        self.numbers[_LIMITS] = astuple(limits)
 
     def place(self, centre: Array) -> None:
         """Put the workspace's centre (3,), m."""
-        self._centre = np.array(centre, dtype=float)
+        self.numbers[_CENTRE] = centre
 
-    def stop(self) -> Array:
-        """Return zero (6,); the next command is a start."""
-        self._started = 0
-        self._force = self._torque = _NOTHING
-        return np.zeros(6)
+    def stop(self) -> None:
+        """Say that nothing leaves now; the next command is a start."""
+        self.numbers[_LAST] = 0.0
+        self.numbers[_STARTED] = 0.0
 
-    def apply(self, limits: SafetyLimits, command: Array, position: Array) -> Array:
+    def apply(self, command: Array, position: Array) -> Array:
         """Return what leaves (6,) for a command (6,), N and N m, world axes.
 
         Args:
-            limits: as they are now.
             command: on the hand, by the device, at the point held.
             position: (3,) of that point, m.
         """
-        x, y, z, a, b, c = command.tolist()
-        if not math.isfinite(x + y + z + a + b + c) and not np.isfinite(command).all():
-            self.counts[Reason.NOT_FINITE] += 1
-            return self.stop()
-        self._started += 1
-        share = min(1.0, self._started * self._period / limits.ramp) if limits.ramp else 1.0
-        force, torque = (x, y, z), (a, b, c)
-        if limits.radius < math.inf:
-            force = self._inwards(force, position, limits.radius)
-        force = self._within(force, share * limits.force, Reason.FORCE_LIMIT)
-        force = self._slewed(force, self._force, limits.force_slew, Reason.FORCE_SLEW)
-        torque = self._within(torque, share * limits.torque, Reason.TORQUE_LIMIT)
-        torque = self._slewed(torque, self._torque, limits.torque_slew, Reason.TORQUE_SLEW)
-        self._force, self._torque = force, torque
-        return np.array((*force, *torque))
-
-    def _inwards(self, force: Vector, position: Array, radius: float) -> Vector:
-        away = position - self._centre
-        distance = math.sqrt(away @ away)
-        beyond = (distance / radius - EDGE) / (1.0 - EDGE)
-        if beyond <= 0.0:
-            return force
-        outward = float(away @ force) / distance
-        if outward <= 0.0:
-            return force
-        self.counts[Reason.WORKSPACE] += 1
-        return _less(force, away.tolist(), min(beyond, 1.0) * outward / distance)
-
-    def _within(self, vector: Vector, limit: float, reason: Reason) -> Vector:
-        size = math.hypot(*vector)
-        if size <= limit:
-            return vector
-        self.counts[reason] += 1
-        return _less(_NOTHING, vector, -limit / size)
-
-    def _slewed(self, vector: Vector, last: Vector, rate: float, reason: Reason) -> Vector:
-        change = _less(vector, last, 1.0)
-        size, most = math.hypot(*change), rate * self._period
-        if size <= most:
-            return vector
-        self.counts[reason] += 1
-        return _less(last, change, -most / size)
-
-
-def _less(vector: Vector, other: Vector, times: float) -> Vector:
-    """Return a vector less so many times another one."""
-    (x, y, z), (a, b, c) = vector, other
-    return x - times * a, y - times * b, z - times * c
+        found = np.array(command, dtype=float)
+        apply_envelope(self.numbers, found, position)
+        return found

@@ -10,9 +10,8 @@ import pinocchio as pin
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
-from hapticmech_ros.control.passivity import passivity_for
+from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
-from hapticmech_ros.device.safety import SafetyEnvelope
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
@@ -56,10 +55,9 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._hand: HandPort | None = None
         super().__init__(node, parameters)
         self._hand_waits = parameters.hand_waits
-        self._envelope = SafetyEnvelope(self.period_s)
+        self._side = DeviceSide(self.scene, self._limits)
         self._loop = self._new_loop()
         self._answers = Answers(self._loop)
-        self._passivity = passivity_for(self.scene)
         self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
         self._push: Array = NO_WRENCH
         # servo_cf, and the sample that it answers.
@@ -102,6 +100,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self.timeout_ns = self.silence_ns(parameters.command_timeout)
         self._limits = limits_of(parameters, self.scene.device)
         if self._hand is not None:
+            self._side.envelope.limit(self._limits)
             self._hand.adopt(parameters)
 
     def vet(self, parameters: DeviceParameters) -> None:
@@ -119,9 +118,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._loop = self._new_loop()
         self._answers = Answers(self._loop)
         self._state = self._device.at_rest(self._state.pose, self.lockstep, self._state.home)
-        self._envelope.place(self._state.published[:3])
-        self._envelope.stop()
-        self._passivity.begin()
+        self._side.envelope.place(self._state.published[:3])
+        self._side.begin()
         self._held = self._state if self.lockstep else None
         self.times_held = int(self.lockstep)
 
@@ -173,7 +171,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def _publish_view(self, stamp_ns: int) -> None:
         self._let_go_untold = False
         self._view.publish(self._state, self._written.hand_wrench, stamp_ns)
-        self._view.publish_energy(self._passivity, self._sample(), stamp_ns)
+        self._view.publish_energy(self._side.passivity, self._sample(), stamp_ns)
 
     def _move(self, command: Array | None) -> None:
         held, ticks = self._held, self._ticks_held
@@ -182,7 +180,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the device's state and figures."""
-        now, counts = self.now_ns(), self._envelope.counts
+        now, counts = self.now_ns(), self._side.envelope.counts
         fault = self._guard.fault(now)
         if not fault and self._refuge.resting:
             fault = f"begins anew, {self.failures.last}"
@@ -195,7 +193,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
                 **self.clock_figures(),
                 "times_held": str(self.times_held),
                 "fault": fault,
-                "changed_by_passivity": str(self._passivity.changed),
+                "changed_by_passivity": str(self._side.passivity.changed),
                 **{f"limited_by_{reason.value}": str(count) for reason, count in counts.items()},
                 **self._answers.figures(),
                 **self.latency.summary("loop_latency"),
@@ -209,7 +207,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         if self.lockstep:
             answer = self._answer_of(self.answered_ns(now_ns)) if self._ticks >= 2 else NO_WRENCH
             if fault:
-                self._envelope.stop()
+                self._side.envelope.stop()
                 return None
             return self._safe(answer)
         stands, heard_ns = self._command.as_of(now_ns)
@@ -236,11 +234,9 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def _safe(self, command: Array) -> Array:
         """Return what leaves of a command: no energy that is not there, and within all limits."""
-        sample = self._sample()
-        self._passivity.see(sample, self._state.applied)
-        self._passivity.tell(self._loop.to_mechanism)
-        held = self._passivity.hold(command, sample, self._device.compensation(self._state))
-        return self._envelope.apply(self._limits, held, sample[:3])
+        state, told = self._state, self._loop.to_mechanism
+        added = self._device.compensation(state)
+        return self._side.allow(command, self._sample(), state.applied, told, added)
 
     def _sample(self) -> Array:
         """Return the device's sample (19,) as it is now."""
@@ -262,8 +258,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._held = None
         self._let_go_untold = True
         self._answers.let_go(now_ns)
-        self._passivity.begin()
-        self._envelope.stop()
+        self._side.begin()
 
     def _put_at_zero(self) -> None:
         """Put the actuators at zero now, and publish that at once rather than with a sample.
@@ -272,7 +267,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """
         self._command.clear()
         if self.lockstep:
-            self._envelope.stop()
+            self._side.envelope.stop()
         else:
             self._let_go(self.now_ns())
         self._state = self._state.without_force()

@@ -46,7 +46,7 @@ def test_what_does_not_agree_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def wrong(*arguments):  # type: ignore[no-untyped-def]
         right(*arguments)
-        answers = arguments[5]
+        answers = arguments[6]
         answers[-1, ANSWER.start("wrenches")] += 1e-6
 
     monkeypatch.setattr(rendering_loop, "render_period", wrong)

@@ -50,13 +50,16 @@ class Compared:
         pairs = [
             *zip(side.entry, readable.side.ledger.entry, strict=True),
             (side.from_hand, readable.side.port.from_hand),
-            (self.loop.passivity.actuators, readable.passivity.actuators),
-            (self.loop.passivity.dissipated, readable.passivity.dissipated),
+            (self.loop.device.passivity.actuators, readable.passivity.actuators),
+            (self.loop.device.passivity.dissipated, readable.passivity.dissipated),
         ]
         self.energies = max(self.energies, *(abs(a - b) for a, b in pairs))
-        assert self.loop.passivity.changed == readable.passivity.changed
+        assert self.loop.device.passivity.changed == readable.passivity.changed
         assert side.changed == readable.side.port.changed
-        assert self.loop.passivity.mechanism is None or readable.passivity.mechanism is not None
+        assert not any(self.loop.device.envelope.counts.values())
+        assert (
+            self.loop.device.passivity.mechanism is None or readable.passivity.mechanism is not None
+        )
         self.ticks += 1
         return found
 
@@ -109,7 +112,7 @@ def test_over_a_connection_where_passivity_control_acts(slack):
     session, both = compared(scene.model_copy(update={"connection": connection}))
     for tick in range(800):
         session.tick(hand_wrench=PUSH if tick % 200 < 100 else -PUSH)
-    assert both.loop.passivity.changed > 20
+    assert both.loop.device.passivity.changed > 20
     assert both.apart < APART
     assert both.energies < ENERGY_APART
 

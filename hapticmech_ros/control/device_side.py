@@ -1,0 +1,58 @@
+"""What a device does with a command before its actuators give it: passivity, then safety."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticmech_ros.control.device_side_kernels import allow_command
+from hapticmech_ros.control.passivity import NO_WRENCH, PassivityController, passivity_for
+from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.document import Scene
+
+
+class DeviceSide:
+    """The device's side of the rendering loop, in a session and in the device's node.
+
+    Args:
+        scene: whose device.
+        limits: of what leaves.
+
+    Attributes:
+        passivity: the account of its energies.
+        envelope: the last before a force leaves.
+    """
+
+    def __init__(self, scene: Scene, limits: SafetyLimits) -> None:
+        self.passivity: PassivityController = passivity_for(scene)
+        self.envelope = SafetyEnvelope(scene.simulation.period, limits)
+
+    def begin(self) -> None:
+        """Start anew: the hand takes hold, or nobody holds."""
+        self.passivity.begin()
+        self.envelope.stop()
+
+    def allow(
+        self,
+        command: Array,
+        sample: Array,
+        applied: Array,
+        to_mechanism: float | None,
+        added: Array = NO_WRENCH,
+    ) -> Array:
+        """Account for the last period, and return what leaves (6,) of a command for the next one.
+
+        Args:
+            command: (6,) on the hand, by the device, at the point held, N and N m, world axes.
+            sample: (19,) of the device now.
+            applied: (6,) by the actuators, held until now.
+            to_mechanism: E_m, J, as it is told; None while nobody tells it.
+            added: (6,) by the device's driver, for its weight and friction.
+        """
+        found = np.array(command, dtype=float)
+        given = math.nan if to_mechanism is None else to_mechanism
+        arrays = self.passivity.account, self.envelope.numbers
+        allow_command(*arrays, found, sample, applied, added, given)
+        return found

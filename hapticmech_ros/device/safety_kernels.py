@@ -1,0 +1,111 @@
+"""The safety envelope in kernels: see :mod:`~hapticmech_ros.device.safety`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.compilation import inner, kernel, local
+from hapticmech_ros.device.safety_layout import SAFETY
+from hapticmech_ros.mechanism.model import Array
+
+# From this share of the workspace's radius on, an outward force is taken away, all of it at 1.
+EDGE = 0.9
+FORCE, TORQUE, FORCE_SLEW, TORQUE_SLEW, RAMP, RADIUS, PERIOD, CENTRE, LAST, STARTED = SAFETY.starts(
+    *("force", "torque", "force_slew", "torque_slew", "ramp", "radius"),
+    *("period", "centre", "last", "started"),
+)
+BY_WORKSPACE, BY_FORCE, BY_TORQUE, BY_FORCE_SLEW, BY_TORQUE_SLEW, NOT_FINITE = SAFETY.starts(
+    *("limited_by_workspace", "limited_by_force_limit", "limited_by_torque_limit"),
+    *("limited_by_force_slew", "limited_by_torque_slew", "limited_by_not_finite"),
+)
+
+
+@inner
+def length_of(vector: Array) -> float:
+    """Return the length of a vector (3,) of any finite numbers: squares of large ones overflow."""
+    largest = max(abs(vector[0]), abs(vector[1]), abs(vector[2]))
+    if largest == 0.0:
+        return 0.0
+    x, y, z = vector[0] / largest, vector[1] / largest, vector[2] / largest
+    return float(largest * np.sqrt(x * x + y * y + z * z))
+
+
+@inner
+def turn_inwards(safety: Array, force: Array, position: Array) -> None:
+    """Take the outward part of a force (3,) away near the end of the workspace."""
+    square, outward = 0.0, 0.0
+    for i in range(3):
+        away = position[i] - safety[CENTRE + i]
+        square += away * away
+        outward += away * force[i]
+    distance = np.sqrt(square)
+    beyond = (distance / safety[RADIUS] - EDGE) / (1.0 - EDGE)
+    if beyond <= 0.0 or outward <= 0.0:
+        return
+    safety[BY_WORKSPACE] += 1.0
+    share = min(beyond, 1.0) * outward / square
+    for i in range(3):
+        force[i] -= share * (position[i] - safety[CENTRE + i])
+
+
+@inner
+def keep_within(safety: Array, vector: Array, most: float, reason: int) -> None:
+    """Shorten a force or a torque (3,) to its limit, and count it."""
+    size = length_of(vector)
+    if size <= most:
+        return
+    safety[reason] += 1.0
+    for i in range(3):
+        vector[i] *= most / size
+
+
+@inner
+def keep_slew(safety: Array, vector: Array, last: Array, rate: float, reason: int) -> None:
+    """Let a force or a torque (3,) change by no more than its slew rate, and count it."""
+    change, most = local(3), rate * safety[PERIOD]
+    for i in range(3):
+        change[i] = vector[i] - last[i]
+    size = length_of(change)
+    if size <= most:
+        return
+    safety[reason] += 1.0
+    for i in range(3):
+        vector[i] = last[i] + most / size * change[i]
+
+
+@inner
+def stay_within(safety: Array, command: Array, position: Array) -> None:
+    """Change a command (6,) into what leaves; see :func:`apply_envelope`."""
+    last, finite = safety[LAST:STARTED], True
+    for i in range(6):
+        finite = finite and np.isfinite(command[i])
+    if not finite:
+        safety[NOT_FINITE] += 1.0
+        safety[STARTED] = 0.0
+        command[:] = 0.0
+        last[:] = 0.0
+        return
+    safety[STARTED] += 1.0
+    share, force, torque = 1.0, command[:3], command[3:]
+    if safety[RAMP] > 0.0:
+        share = min(1.0, safety[STARTED] * safety[PERIOD] / safety[RAMP])
+    if safety[RADIUS] < np.inf:
+        turn_inwards(safety, force, position)
+    keep_within(safety, force, share * safety[FORCE], BY_FORCE)
+    keep_slew(safety, force, last[:3], safety[FORCE_SLEW], BY_FORCE_SLEW)
+    keep_within(safety, torque, share * safety[TORQUE], BY_TORQUE)
+    keep_slew(safety, torque, last[3:], safety[TORQUE_SLEW], BY_TORQUE_SLEW)
+    for i in range(6):
+        last[i] = command[i]
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1])")
+def apply_envelope(safety: Array, command: Array, position: Array) -> None:
+    """Change a command into what leaves.
+
+    Args:
+        safety: a :data:`~hapticmech_ros.device.safety_layout.SAFETY`.
+        command: (6,) on the hand, by the device, at the point held, N and N m, world axes; changed.
+        position: (3,) of that point, m.
+    """
+    stay_within(safety, command, position)
