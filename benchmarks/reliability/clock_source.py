@@ -12,7 +12,6 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from benchmarks.reliability.ahead import run_ahead_of_nodes
 from hapticmech_ros.nodes.child import watch
 from hapticmech_ros.nodes.loop import wake_up_in_time
 from hapticmech_ros.times import NANOSECONDS
@@ -29,7 +28,6 @@ class ClockSource(Node):
         self._message = ClockMessage()
         # A timer of its own clock would wait as long as that was set back.
         self.create_timer(PERIOD_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        run_ahead_of_nodes()
 
     def _tell(self) -> None:
         stamp = self._message.clock

@@ -27,6 +27,10 @@ def priority_of(nodes: Iterable[NodeParameters], in_sim_time: bool) -> int:
     return 0 if in_sim_time else max((node.thread_priority for node in nodes), default=0)
 
 
+# Of what is not urgent, and yet has to keep up: after nodes, before what is ordinary.
+NEXT_TO_NODES = 1
+
+
 class QuickStart:
     """Runs what makes a node before everything ordinary, and after every node that acts.
 
@@ -43,7 +47,7 @@ class QuickStart:
         self._begun = asked and os.sched_getscheduler(0) == os.SCHED_OTHER
         if self._begun:
             with contextlib.suppress(OSError):
-                os.sched_setscheduler(0, _IN_REAL_TIME, os.sched_param(1))
+                os.sched_setscheduler(0, _IN_REAL_TIME, os.sched_param(NEXT_TO_NODES))
 
     def end(self) -> None:
         """Make this thread an ordinary one again."""
