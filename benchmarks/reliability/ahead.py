@@ -1,13 +1,13 @@
-"""Processes that stand for hardware or measure come before the nodes, as hardware does."""
+"""A process that stands for hardware comes before the nodes, as hardware does."""
 
 from __future__ import annotations
 
-from hapticmech_ros.nodes.parameters import NodeParameters
 from hapticmech_ros.nodes.scheduling import ask_for_real_time
 
-BY = 10
+# Above what docs/nodes.md proposes for nodes.
+PRIORITY = 60
 
 
 def run_ahead_of_nodes() -> None:
-    """Ask for a real-time priority above the nodes', which they have where this is granted."""
-    ask_for_real_time(NodeParameters.model_fields["thread_priority"].default + BY)
+    """Ask for a real-time priority above the nodes', or what is ordinary."""
+    ask_for_real_time(PRIORITY)

@@ -23,7 +23,6 @@ from std_msgs.msg import Float64MultiArray
 # By its place, as when this file is run by its path.
 sys.path.append(str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.reliability.ahead import run_ahead_of_nodes
 from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, RENDERING, Ring
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.child import tell, watch
@@ -57,7 +56,6 @@ class GraphWatch(Node):
         qos = RECORDER_SUBSCRIBER
         self.create_subscription(DiagnosticArray, topics.DIAGNOSTICS.name, self._on_status, qos)
         self.create_subscription(Log, "/rosout", self._on_log, qos)
-        run_ahead_of_nodes()
 
     def _listen(self, topic: int, name: str, kind: type, read: Callable[[bytes], Told]) -> None:
         ring = self._ring

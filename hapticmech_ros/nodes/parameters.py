@@ -24,8 +24,6 @@ SAFETY = (
     *("start_ramp", "workspace_radius", "message_age_limit"),
 )
 
-PRIORITY = "real-time priority (SCHED_FIFO), where the system grants it; 0: none"
-
 
 class ParameterError(HapticMechError):
     """A parameter that breaks a rule."""
@@ -94,7 +92,9 @@ class NodeParameters(BaseModel):
     lockstep: bool = flag(
         False, "advance by messages stamped with /clock, not by time; needs use_sim_time", "never"
     )
-    thread_priority: int = count(50, PRIORITY, 0, 99, "never")
+    thread_priority: int = count(
+        0, "real-time priority (SCHED_FIFO), where the system grants it; 0: none", 0, 99, "never"
+    )
     view_rate: float = number(100.0, "rate of topics for people", "Hz", 1.0, 1000.0)
     message_age_limit: float = number(0.25, "oldest stamp that is accepted", "s", 0.001, 3600.0)
     diagnostics_period: float = number(1.0, "time between diagnostics", "s", 0.01, 60.0)
@@ -201,7 +201,6 @@ class ControllerParameters(NodeParameters):
 class ViewerParameters(NodeParameters):
     """Parameters of the scene viewer."""
 
-    thread_priority: int = count(0, PRIORITY, 0, 99, "never")
     marker_rate: float = number(30.0, "rate of markers, frames and joint states", "Hz", 1.0, 200.0)
     force_scale: float = number(0.05, "length of an arrow per force", "m/N", 1e-4, 10.0)
     torque_scale: float = number(4.0, "radius of a ring per torque", "m/(N m)", 1e-3, 1000.0)

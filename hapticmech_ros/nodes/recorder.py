@@ -27,7 +27,6 @@ from hapticmech_ros.nodes.child import tell
 from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
-from hapticmech_ros.nodes.scheduling import NEXT_TO_NODES, ask_for_real_time
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.topic import Topic
@@ -120,8 +119,6 @@ def _record_until_done(
     """Return None when all is recorded, or why not."""
     executor = EventsExecutor()
     executor.add_node(node)
-    # What comes while it waits for a processor is lost.
-    ask_for_real_time(NEXT_TO_NODES)
     tell("ready")
     begun = time.monotonic()
     started = last_told = 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from hapticmech_ros.nodes.parameters import NodeParameters
 
+_ASKS = re.compile(r"thread_priority:=0*[1-9]")
 _IN_REAL_TIME = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
 _NAMES = {
     number: name
@@ -27,8 +29,8 @@ def priority_of(nodes: Iterable[NodeParameters], in_sim_time: bool) -> int:
     return 0 if in_sim_time else max((node.thread_priority for node in nodes), default=0)
 
 
-# Of what is not urgent, and yet has to keep up: after nodes, before what is ordinary.
-NEXT_TO_NODES = 1
+# Of a node that is being made: after nodes that act, before what is ordinary.
+STARTING = 1
 
 
 class QuickStart:
@@ -39,15 +41,15 @@ class QuickStart:
     priority is not granted, or whoever started the process has chosen its scheduling.
 
     Args:
-        arguments: of the process; ``thread_priority:=0`` among them asks for no real time at all.
+        arguments: of the process; ``thread_priority:=50``, or another one, among them asks for it.
     """
 
     def __init__(self, arguments: Sequence[str]) -> None:
-        asked = not any(argument.endswith("thread_priority:=0") for argument in arguments)
+        asked = any(_ASKS.search(argument) for argument in arguments)
         self._begun = asked and os.sched_getscheduler(0) == os.SCHED_OTHER
         if self._begun:
             with contextlib.suppress(OSError):
-                os.sched_setscheduler(0, _IN_REAL_TIME, os.sched_param(NEXT_TO_NODES))
+                os.sched_setscheduler(0, _IN_REAL_TIME, os.sched_param(STARTING))
 
     def end(self) -> None:
         """Make this thread an ordinary one again."""

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from hapticmech_ros.nodes import scheduling
-from hapticmech_ros.nodes.parameters import ControllerParameters, DeviceParameters, ViewerParameters
+from hapticmech_ros.nodes.parameters import ControllerParameters, DeviceParameters
 from real_time import grants_real_time
 
 ASKING = """
@@ -64,7 +64,7 @@ def test_a_start_leaves_alone_what_somebody_has_chosen():
     if not grants_real_time(5):
         pytest.skip("no real-time priority here")
     code = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(5))" + STARTING
-    command = [sys.executable, "-c", code]
+    command = [sys.executable, "-c", code, "-p", "thread_priority:=50"]
     said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
     assert eval(said) == ("SCHED_FIFO 5", os.SCHED_FIFO, "SCHED_FIFO 5")
 
@@ -90,4 +90,4 @@ def test_a_process_has_the_priority_of_its_most_urgent_node():
     nodes = [DeviceParameters(thread_priority=20), ControllerParameters(thread_priority=0)]
     assert scheduling.priority_of(nodes, in_sim_time=False) == 20
     assert scheduling.priority_of(nodes, in_sim_time=True) == 0
-    assert scheduling.priority_of([ViewerParameters()], in_sim_time=False) == 0
+    assert scheduling.priority_of([DeviceParameters()], in_sim_time=False) == 0

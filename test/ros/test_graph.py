@@ -63,7 +63,7 @@ def test_a_node_dies_and_comes_back(domain: int, peer: Peer, victim: str) -> Non
 def test_composed_nodes_hear_each_other_once_and_others_too(domain: int, peer: Peer) -> None:
     commands = peer.listen("device/servo_cf", WrenchStamped)
     statuses = peer.statuses()
-    with running(",".join(NODES), domain, diagnostics_period=0.1):
+    with running(",".join(NODES), domain, diagnostics_period=0.1, thread_priority=50):
         # With a listener outside, each answer also comes back to the process: it counts once.
         peer.until(lambda: len(commands) > 400, "answers")
         stamps = [stamp_ns(message.header) for message in commands]

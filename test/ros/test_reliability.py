@@ -6,7 +6,6 @@ In full, with limits on force and time of return: `make campaign`, docs/reliabil
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -81,21 +80,6 @@ def test_a_kill(graph: Graph, node: str) -> None:
 @pytest.mark.parametrize("node", NODES)
 def test_a_freeze(graph: Graph, node: str) -> None:
     survived(try_freeze(graph.rig, node, 0.2))
-
-
-def test_a_clock_of_simulated_time_that_goes_back(tmp_path: Path) -> None:
-    with SteppedClock(tmp_path) as clock:
-        domain, given = next_domain(), {"use_sim_time": True}
-        with Rig(
-            tmp_path,
-            "sim",
-            parameters=given,
-            clock=clock,
-            domain=domain,
-            clean=False,
-            composed=True,
-        ) as rig:
-            survived(try_step(rig, clock, -8.0, "/clock"))
 
 
 def test_only_a_sentence_on_the_clock_is_one() -> None:

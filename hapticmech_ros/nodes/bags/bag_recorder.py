@@ -22,7 +22,6 @@ from hapticmech_ros.nodes.bags.bag_spool import BagSpool
 from hapticmech_ros.nodes.bags.heard_topic import HeardTopic
 from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.nodes.message_info import Info
-from hapticmech_ros.nodes.scheduling import NEXT_TO_NODES, ask_for_real_time
 from hapticmech_ros.times import nanoseconds
 
 DISCOVERY_PERIOD_S = 0.2
@@ -189,8 +188,6 @@ def _record(
 ) -> None:
     executor = EventsExecutor()
     executor.add_node(node)
-    # What comes while it waits for a processor is lost.
-    ask_for_real_time(NEXT_TO_NODES)
     begun = time.monotonic()
     looked = -DISCOVERY_PERIOD_S
     print(f"recording into {options.path}; Ctrl-C ends it", flush=True)
