@@ -35,7 +35,7 @@ from hapticmech_ros.errors import HapticMechError
 _HOMES = ("mechanism.compiled.stepping", "operational.compiled", "control.compiled")
 _MORE_HOMES = (
     *("device.compiled", "wire.readings", "contact.search", "contact.stepping"),
-    "control.rendering_loop",
+    *("control.rendering_loop", "session.session"),
 )
 # Of the C library, which every process has.
 _C_LIBRARY = frozenset(

@@ -51,11 +51,13 @@ _SOURCES = (
     "contact/effect_kernels.py",
     "saturation_kernels.py",
     "operational/kernels.py",
+    "operational/counter_kernels.py",
     "operational/foresee_kernels.py",
     "operational/late_kernels.py",
     "operational/observe_kernels.py",
     "rotation_kernels.py",
     "device/grip.py",
+    "device/device_layout.py",
     "device/hand_kernels.py",
     "device/resistance_kernels.py",
     "device/kernels.py",
@@ -67,6 +69,9 @@ _SOURCES = (
     "control/account_kernels.py",
     "control/device_side_kernels.py",
     "control/render_kernels.py",
+    "control/channel_kernels.py",
+    "session/data.py",
+    "session/tick_kernels.py",
     "wire/kernels.py",
 )
 

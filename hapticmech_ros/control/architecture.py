@@ -127,6 +127,11 @@ class ControlArchitecture:
         passage = self._passage
         return (self.gains, self.delay) if passage is None else (passage.new, passage.new_delay)
 
+    @property
+    def is_passing(self) -> bool:
+        """Whether gains are on their way to others."""
+        return self._passage is not None
+
     def pass_on_to(self, time: float) -> None:
         """Take the gains of ``time`` (s), if they are passing to others."""
         if self._passage is not None:

@@ -13,10 +13,11 @@ from hapticmech_ros.control.account_kernels import (
     tell,
 )
 from hapticmech_ros.control.architecture import ControlArchitecture
+from hapticmech_ros.control.channel import Channel
 from hapticmech_ros.control.engagement import Engagement
-from hapticmech_ros.control.link import DelayLine
 from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
 from hapticmech_ros.control.prediction import InFlight
+from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.controller import Connection
 
@@ -122,6 +123,7 @@ class ControllerSide:
         account: a :data:`~hapticmech_ros.control.loop_layout.CONTROLLER_ACCOUNT`.
         queue: (delay, 6) what the mechanism was told and does not act yet.
         last: last answer that was given, whether it has arrived or not; None before the first.
+        channels: of the connection, to the controller and back; None if answers arrive at once.
     """
 
     def __init__(
@@ -146,9 +148,11 @@ class ControllerSide:
         self.last: Answer | None = None
         self._locality = np.zeros(3)
         self._nothing = np.zeros(ANSWER.size)
-        self._lines: tuple[DelayLine[Reading], DelayLine[Answer]] | None = None
+        self.channels: tuple[Channel, Channel] | None = None
         if not connection.ideal:
-            self._lines = DelayLine(connection, 0), DelayLine(connection, 1)
+            sizes = DEVICE_SAMPLE.size, ANSWER.size
+            forth, back = (Channel(connection, i, size, period) for i, size in enumerate(sizes))
+            self.channels = forth, back
 
     @property
     def entry(self) -> LedgerEntry:
@@ -168,12 +172,12 @@ class ControllerSide:
     @property
     def is_ideal(self) -> bool:
         """Whether answers arrive at once."""
-        return self._lines is None
+        return self.channels is None
 
     @property
     def lost(self) -> int:
         """Messages that the connection lost."""
-        return 0 if self._lines is None else self._lines[0].lost + self._lines[1].lost
+        return 0 if self.channels is None else sum(channel.lost for channel in self.channels)
 
     def locality(self, corrects: bool, with_model: bool) -> Array:
         """Return what the device closes (3,); see ``account_kernels.answer_sample``.
@@ -201,19 +205,19 @@ class ControllerSide:
             with_model: whether the answer is to say how.
         """
         move_point_on(self.account, reading.rendered, reading.elapsed)
-        seen: Reading | None = reading
-        if self._lines is not None:
-            self._lines[0].put(reading.stamp_ns, reading)
-            seen = self._lines[0].take(reading.stamp_ns)
-        answer = None
-        if seen is not None:
-            locality = self.locality(corrects, with_model)
-            answer = self.last = self._answered(seen, reading, engagement, locality)
-        if self._lines is None:
-            return answer
-        if answer is not None:
-            self._lines[1].put(reading.stamp_ns, answer)
-        return self._lines[1].take(reading.stamp_ns)
+        locality = self.locality(corrects, with_model)
+        if self.channels is None:
+            heard = reading.device, reading.stamp_ns
+            self.last = self._answered(*heard, reading, engagement, locality)
+            return self.last
+        forth, back = self.channels
+        forth.put(reading.stamp_ns, reading.device, reading.stamp_ns)
+        device = forth.take(reading.stamp_ns)
+        if device is not None:
+            self.last = self._answered(device, forth.tag, reading, engagement, locality)
+            back.put(reading.stamp_ns, self.last.numbers, self.last.answered_ns)
+        arrived = back.take(reading.stamp_ns)
+        return None if arrived is None else Answer(arrived.copy(), back.tag)
 
     def tell(self) -> tuple[Array, Array]:
         """Return what the mechanism is told, and what acts on it from now on, (6,) each."""
@@ -232,24 +236,29 @@ class ControllerSide:
         self.account[_MOVING] = self.account[_STRETCHED] = 0.0
 
     def _answered(
-        self, seen: Reading, reading: Reading, engagement: Engagement, locality: Array
+        self,
+        device: Array,
+        stamp_ns: int,
+        reading: Reading,
+        engagement: Engagement,
+        locality: Array,
     ) -> Answer:
         control, time, rendered = self.control, reading.time, reading.rendered
-        numbers, device = np.zeros(ANSWER.size), seen.device
+        numbers = np.zeros(ANSWER.size)
         if control.compiled:
             settings = control.settings_at(time, engagement)
             carried, ahead = control.carried_at(time, engagement), reading.ahead
             known = (settings, carried, self.queue, device, rendered, time, ahead)
             answer_sample(self.account, *known, locality, numbers)
         else:
-            flying = self._in_flight() if locality[0] != 0.0 else None
+            flying = self.in_flight() if locality[0] != 0.0 else None
             found = control.answer(time, engagement, device, rendered, reading.ahead, flying)
             numbers[_WRENCHES] = found.ravel()
             settings = control.settings_at(time, engagement)
             account_for_answer(self.account, settings, device, rendered, time, locality, numbers)
-        return Answer(numbers, seen.stamp_ns)
+        return Answer(numbers, stamp_ns)
 
-    def _in_flight(self) -> InFlight | None:
+    def in_flight(self) -> InFlight | None:
         """Return what the mechanism was told, and a device that corrects commands has done."""
         delay, period = len(self.queue), float(self.account[0])
         return InFlight(delay * period, period * self.queue.sum(axis=0)) if delay else None

@@ -1,4 +1,4 @@
-"""What a device does with a command before its actuators give it: passivity, then safety."""
+"""What a device does with a command before its actuators give it: safety, and passivity."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticmech_ros.control.device_side_kernels import allow_command
 from hapticmech_ros.control.passivity import NO_WRENCH, PassivityController, passivity_for
-from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits
+from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits, safety_limits
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 
@@ -18,15 +18,17 @@ class DeviceSide:
 
     Args:
         scene: whose device.
-        limits: of what leaves.
+        limits: of what leaves; the scene's if left out.
 
     Attributes:
         passivity: the account of its energies.
         envelope: the last before a force leaves.
     """
 
-    def __init__(self, scene: Scene, limits: SafetyLimits) -> None:
+    def __init__(self, scene: Scene, limits: SafetyLimits | None = None) -> None:
         self.passivity: PassivityController = passivity_for(scene)
+        if limits is None:
+            limits = safety_limits(scene.device)
         self.envelope = SafetyEnvelope(scene.simulation.period, limits)
 
     def begin(self) -> None:

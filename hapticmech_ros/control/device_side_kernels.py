@@ -14,12 +14,10 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.control.account_kernels import (
-    PUSH,
-)
+from hapticmech_ros.control.account_kernels import PUSH
 from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
 from hapticmech_ros.control.pose_kernels import displacement
-from hapticmech_ros.device.safety_kernels import stay_within
+from hapticmech_ros.device.safety_kernels import stay_bounded, stay_within
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation_kernels import limit
@@ -150,12 +148,15 @@ def hold_within(
 
 
 @inner
-def enforce(account: Array, command: Array, sample: Array, added: Array) -> None:
-    """Hold a command (6,) to what may be given; see :func:`enforce_passivity`."""
+def enforce(account: Array, command: Array, sample: Array, added: Array) -> bool:
+    """Hold a command (6,) to what may be given; return whether that changed it.
+
+    See :func:`enforce_passivity`.
+    """
     put(account[ADDED : ADDED + 6], added)
     available = energy_available(account)
     if available == np.inf:
-        return
+        return False
     acting, twist, hand = local(6), sample[SPEED:PUSH], sample[PUSH : PUSH + 6]
     for i in range(6):
         acting[i] = account[ACTS + i] * command[i]
@@ -171,7 +172,7 @@ def enforce(account: Array, command: Array, sample: Array, added: Array) -> None
         moves_on = other > given
         given = max(given, other)
     if given <= available:
-        return
+        return False
     seen = local(6)
     if moves_on:
         put(seen, rate)
@@ -182,6 +183,19 @@ def enforce(account: Array, command: Array, sample: Array, added: Array) -> None
     account[DISSIPATED] += given - foreseen_gift(account, acting, seen, hand)
     # Actuators that lag do it a little later: undoing their lag would shake the device.
     put(command, acting)
+    return True
+
+
+@inner
+def allow(account: Array, safety: Array, command: Array, sample: Array, added: Array) -> None:
+    """Change a command (6,) into what leaves: within the safety envelope, and passive.
+
+    Passivity control comes last but for the bounds of force and workspace: it has to foresee what
+    is given, a slew rate after it would have old commands give on.
+    """
+    stay_within(safety, command, sample[:3])
+    if enforce(account, command, sample, added):
+        stay_bounded(safety, command, sample[:3])
 
 
 @inner
@@ -231,8 +245,7 @@ def allow_command(
     """
     account_for_actuators(account, sample, applied)
     take_energy(account, given)
-    enforce(account, command, sample, added)
-    stay_within(safety, command, sample[:3])
+    allow(account, safety, command, sample, added)
 
 
 @kernel("float64(float64[::1])")

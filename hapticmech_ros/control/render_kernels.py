@@ -21,11 +21,10 @@ from hapticmech_ros.control.account_kernels import (
 from hapticmech_ros.control.device_side_kernels import (
     QUEUE_AT,
     account_for_actuators,
+    allow,
     correct,
-    enforce,
     take_energy,
 )
-from hapticmech_ros.device.safety_kernels import stay_within
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.model import Array
 
@@ -90,17 +89,15 @@ def act(
     account_for_actuators(device, sample, applied)
     if now[IS_ANSWER] == 0.0:
         wrenches[0] = 0.0
-        stay_within(safety, wrenches[0], sample[:3])
-        return
-    take_energy(device, now[GIVEN_THEN])
-    command = now[WRENCHES : WRENCHES + 6]
-    if now[MODELLED] == 0.0:
-        put(wrenches[0], command)
     else:
-        model, answered = now[FORCE_GAIN:ANSWERED], now[ANSWERED:GIVEN_THEN]
-        correct(command, model, answered, sample, wrenches[0])
-    enforce(device, wrenches[0], sample, added)
-    stay_within(safety, wrenches[0], sample[:3])
+        take_energy(device, now[GIVEN_THEN])
+        command = now[WRENCHES : WRENCHES + 6]
+        if now[MODELLED] == 0.0:
+            put(wrenches[0], command)
+        else:
+            model, answered = now[FORCE_GAIN:ANSWERED], now[ANSWERED:GIVEN_THEN]
+            correct(command, model, answered, sample, wrenches[0])
+    allow(device, safety, wrenches[0], sample, added)
 
 
 @kernel(

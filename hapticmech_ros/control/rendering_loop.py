@@ -14,7 +14,6 @@ from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.control.measurements import ControlOutput
 from hapticmech_ros.control.passivity import NO_WRENCH
 from hapticmech_ros.control.render_kernels import act_on_answers, render_period
-from hapticmech_ros.device.safety import NO_LIMITS
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.times import nanoseconds
@@ -41,12 +40,12 @@ class RenderingLoop:
         delay: whole periods between measuring and acting.
 
     Attributes:
-        device: the device's side; its safety envelope, which the device's node has, is open.
+        device: the device's side.
         side: the controllers'.
     """
 
     def __init__(self, scene: Scene, control: ControlArchitecture, delay: int = 1) -> None:
-        self.device = DeviceSide(scene, NO_LIMITS)
+        self.device = DeviceSide(scene)
         self._period = scene.simulation.period
         self._period_ns = nanoseconds(self._period)
         self.side = ControllerSide(control, self._period, scene.connection, delay)

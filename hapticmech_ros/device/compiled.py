@@ -10,6 +10,7 @@ import pinocchio as pin
 from hapticmech_ros.device import hand_kernels as laws
 from hapticmech_ros.device import kernels
 from hapticmech_ros.device.compiled_state import CompiledState
+from hapticmech_ros.device.device_layout import DEVICE_MODEL, DEVICE_STATE
 from hapticmech_ros.device.driver import NO_WRENCH
 from hapticmech_ros.device.grip import ALWAYS, Grip, grip_of
 from hapticmech_ros.device.hand import hand_law, no_hand, spring_gains, target_table
@@ -20,17 +21,23 @@ from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, ScriptedHand
 from hapticmech_ros.scene.script import read_script
 
+_PUSH, _HELD = DEVICE_MODEL.slice("push"), DEVICE_MODEL.slice("held")
+
 
 class CompiledDevice(ImpedanceDevice):
     """A device of the scene; results equal the parent's to rounding, at a tenth of the time.
 
-    Besides constants it holds scratch: one for each thread.
+    Besides constants it holds what acts: one for each thread.
 
     Args:
         device: of the scene.
         period: s.
         planar: whether it moves in x, y and about z only.
         hand: of the scene; None if there is none.
+
+    Attributes:
+        data: a :data:`~hapticmech_ros.device.device_layout.DEVICE_MODEL`, and the hand.
+        held: the device when the hand could take hold; None before.
     """
 
     compiled: ClassVar[bool] = True
@@ -38,20 +45,35 @@ class CompiledDevice(ImpedanceDevice):
     def __init__(self, device: Device, period: float, planar: bool, hand: Hand | None) -> None:
         law, grip = (no_hand, ALWAYS) if hand is None else (hand_law(hand), grip_of(hand))
         super().__init__(device, period, planar, law, grip)
-        scalars = (
-            *(self._step, period, device.substeps, self._filter_gain),
-            *(device.force_limit, device.torque_limit),
-            *(device.position_resolution, device.angle_resolution),
-            *self._lag,
-            *self._resistance.friction,
-            *(value for stop in self._resistance.stops for value in stop.numbers),
-        )
-        arrays = (self._damping, self._gain, self._held_gain, self._arm)
-        acting = np.zeros(kernels.HAND - kernels.COMMAND)
-        self._data = np.concatenate((scalars, *arrays, acting, _flat(hand, self._grip)))
-        self._command = self._data[kernels.COMMAND : kernels.PUSH]
-        self._push = self._data[kernels.PUSH : kernels.HELD]
-        self._held: DeviceState | None = None
+        self.data: Array = np.concatenate((np.zeros(DEVICE_MODEL.size), _flat(hand, grip)))
+        for name, value in self._constants().items():
+            self.data[DEVICE_MODEL.slice(name)] = value
+        self.held: DeviceState | None = None
+
+    def _constants(self) -> dict[str, object]:
+        """Return what is constant, by names of :data:`DEVICE_MODEL`."""
+        device, driver, resistance = self.device, self._driver, self._resistance
+        return {
+            "step": self._step,
+            "period": self.period,
+            "substeps": device.substeps,
+            "filter_gain": self._filter_gain,
+            "force_limit": device.force_limit,
+            "torque_limit": device.torque_limit,
+            "position_step": device.position_resolution,
+            "angle_step": device.angle_resolution,
+            "lag": self._lag[0],
+            "lag_mean": self._lag[1],
+            "friction": resistance.friction[0],
+            "angular_friction": resistance.friction[1],
+            "stop": resistance.stops[0].numbers,
+            "angular_stop": resistance.stops[1].numbers,
+            "damping": self._damping,
+            "gain": self._gain,
+            "held_gain": self._held_gain,
+            "arm": self._arm,
+            **driver.constants(),
+        }
 
     def at_rest(
         self, pose: pin.SE3, held: bool = False, home: pin.SE3 | None = None
@@ -72,23 +94,25 @@ class CompiledDevice(ImpedanceDevice):
             state = CompiledState.of(state)
         if held is None:
             ticks = -1
-        elif held is not self._held:
-            self._take_hold(held)
-        asked = self._driver.asked(state, command)
-        self._command[:] = asked
-        self._push[:] = self._weighed(push)
-        flat = np.empty(kernels.STATE_SIZE)
-        kernels.advance(self._data, state.flat, ticks, flat)
-        after = CompiledState(flat)
-        if self._driver.senses_itself:
-            after.reported[:] = self._driver.reported(state, after.measured_twist, asked)
-        return after
+        elif held is not self.held:
+            self.take_hold(held)
+        self.data[_PUSH] = push
+        flat = np.empty(DEVICE_STATE.size)
+        obeys, asked = command is not None, NO_WRENCH if command is None else command
+        kernels.advance(self.data, state.flat, asked, obeys, ticks, flat)
+        return CompiledState(flat)
 
-    def _take_hold(self, held: DeviceState) -> None:
+    def compensation(self, state: DeviceState) -> Array:
+        """Return what the driver adds to a command over the next period (6,)."""
+        added = np.empty(6)
+        kernels.compensation(self.data, state.measured_twist, added)
+        return added
+
+    def take_hold(self, held: DeviceState) -> None:
+        """Say where the device was when the hand could take hold."""
         pose = held.pose
-        place = np.concatenate((pose.translation, pose.rotation.ravel()))
-        self._data[kernels.HELD : kernels.HAND] = place
-        self._held = held
+        self.data[_HELD] = np.concatenate((pose.translation, pose.rotation.ravel()))
+        self.held = held
 
 
 def _flat(hand: Hand | None, grip: Grip) -> Array:

@@ -45,6 +45,11 @@ class ForceObserver:
     bandwidth: float
     period: float
 
+    @property
+    def share(self) -> float:
+        """1 - e^(-ω T), of what is behind that a period takes away."""
+        return -math.expm1(-2.0 * math.pi * self.bandwidth * self.period)
+
     def next(
         self, estimate: Array, before: Array, after: Array, actuators: Array, friction: Array
     ) -> Array:
@@ -59,5 +64,4 @@ class ForceObserver:
         """
         pushed = self.inertia * (after - before) / self.period - actuators - self.weight
         resisted = self.damping * 0.5 * (before + after) + friction
-        share = -math.expm1(-2.0 * math.pi * self.bandwidth * self.period)
-        return np.asarray(estimate + share * (self.task * (pushed + resisted) - estimate))
+        return np.asarray(estimate + self.share * (self.task * (pushed + resisted) - estimate))

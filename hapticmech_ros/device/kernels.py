@@ -1,27 +1,8 @@
-"""A period of the simulated device in one kernel.
+"""A period of the simulated device and of its driver in one kernel.
 
-What the device is, and what acts on it, is in one array, ``data``:
-
-    STEP, PERIOD, SUBSTEPS, FILTER  s, s, number, gain of the velocity filter
-    MOST_FORCE, MOST_TORQUE         of the actuators, N and N m
-    POSITION_STEP, ANGLE_STEP       of the encoders, m and rad, 0 if ideal
-    LAG, LAG_MEAN                   of the actuators' error: what is left of it after a substep, and
-                                    its mean over one, per unit; LAG_MEAN is 0 if there is none
-    FRICTION, TURN_FRICTION         Coulomb's, N and N m
-    STOP, TURN_STOP                 end stops, 3 numbers each
-    DAMPING    6, N s/m and N m s/rad
-    GAIN       6, change of the twist per wrench and substep, 0 where the scene has no direction
-    HELD_GAIN  6, the same with the hand's own mass
-    ARM        6, the hand's own mass (kg) and inertia (kg m^2)
-    COMMAND    6, to the actuators
-    PUSH       6, by others than the hand
-    HELD       12, position and rotation when the hand could take hold
-    HAND       as :mod:`~hapticmech_ros.device.hand_kernels` says
-
-A state is one array of 83: measured position 3, quaternion x y z w 4 and twist 6, reported wrench
-of the hand 6, wrench applied 6; then what is not published: position 3, rotation 9, twist 6,
-measured rotation 9, where the device started 12, where the hand took hold 12, the window in which
-it holds 1, its wrench 6. Rotations go row by row.
+What the device is, and what acts on it, is one array, ``data``, and its state another one; they are
+laid out as :mod:`~hapticmech_ros.device.device_layout` says. Behind the device in ``data`` is its
+hand, as :mod:`~hapticmech_ros.device.hand_kernels` says.
 """
 
 from __future__ import annotations
@@ -29,9 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.device.device_layout import DEVICE_MODEL, DEVICE_STATE
 from hapticmech_ros.device.grip import OPEN
-from hapticmech_ros.device.hand_kernels import BODY_SIZE, WORK_SIZE, grip_window, hand_wrench
+from hapticmech_ros.device.hand_kernels import WORK_SIZE, grip_window, hand_wrench
 from hapticmech_ros.device.resistance_kernels import rub, stop
+from hapticmech_ros.mechanism.compiled.small_matrices import dot
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.rotation_kernels import (
     exp3,
@@ -42,15 +25,30 @@ from hapticmech_ros.rotation_kernels import (
 )
 from hapticmech_ros.saturation_kernels import limit
 
-STEP, PERIOD, SUBSTEPS, FILTER = 0, 1, 2, 3
-MOST_FORCE, MOST_TORQUE, POSITION_STEP, ANGLE_STEP = 4, 5, 6, 7
-LAG, LAG_MEAN, FRICTION, TURN_FRICTION, STOP, TURN_STOP = 8, 9, 10, 11, 12, 15
-DAMPING, GAIN, HELD_GAIN, ARM, COMMAND, PUSH, HELD, HAND = 18, 24, 30, 36, 42, 48, 54, 66
-REPORTED, APPLIED, PUBLISHED_SIZE = 13, 19, 25
-BODY, SEEN = PUBLISHED_SIZE, PUBLISHED_SIZE + BODY_SIZE
-HOME = SEEN + 9
-ANCHOR, WINDOW, OWN = HOME + 12, HOME + 24, HOME + 25
-STATE_SIZE = OWN + 6
+STEP, PERIOD, SUBSTEPS, FILTER = DEVICE_MODEL.starts("step", "period", "substeps", "filter_gain")
+MOST_FORCE, MOST_TORQUE, POSITION_STEP, ANGLE_STEP = DEVICE_MODEL.starts(
+    "force_limit", "torque_limit", "position_step", "angle_step"
+)
+LAG, LAG_MEAN, FRICTION, TURN_FRICTION, STOP, TURN_STOP = DEVICE_MODEL.starts(
+    "lag", "lag_mean", "friction", "angular_friction", "stop", "angular_stop"
+)
+DAMPING, GAIN, HELD_GAIN, ARM, COMMAND, WEIGHT, PUSH, HELD = DEVICE_MODEL.starts(
+    *("damping", "gain", "held_gain", "arm", "command", "weight", "push", "held")
+)
+TASK, ACTS, COMPENSATED, DEAD_ZONE, ANGULAR_DEAD_ZONE, LIFTS = DEVICE_MODEL.starts(
+    *("task", "acts", "compensated", "dead_zone", "angular_dead_zone", "lifts")
+)
+SENSES_ITSELF, OBSERVER_SHARE, ACTUATOR_SHARE, INERTIA = DEVICE_MODEL.starts(
+    "senses_itself", "observer_share", "actuator_share", "inertia"
+)
+HAND = DEVICE_MODEL.size
+# Of what a device reports of its hand's wrench.
+MEASURED, ESTIMATED, ABSENT = 0.0, 1.0, 2.0
+SPEED, REPORTED, APPLIED, BODY, SEEN = DEVICE_STATE.starts(
+    "twist", "hand_wrench", "applied", "body", "seen"
+)
+HOME, ANCHOR, WINDOW, OWN = DEVICE_STATE.starts("home", "anchor", "window", "own")
+PUBLISHED_SIZE, STATE_SIZE = BODY, DEVICE_STATE.size
 
 
 @inner
@@ -108,7 +106,7 @@ def _hold(data: Array, elapsed: float, out: Array, work: Array) -> None:
     hand, body, anchor = data[HAND:], out[BODY:SEEN], out[ANCHOR:WINDOW]
     window = grip_window(hand, elapsed)
     if window == 0:
-        put(anchor, data[HELD:HAND])
+        put(anchor, data[HELD:TASK])
     elif window > 0 and window != out[WINDOW]:
         put(anchor, body[:12])
     out[WINDOW] = window
@@ -142,8 +140,8 @@ def _estimate(data: Array, before: Array, out: Array, work: Array) -> None:
     for i in range(3):
         work[i] = out[i] - before[i]
     for i in range(6):
-        old = before[7 + i]
-        out[7 + i] = old + data[FILTER] * (work[i] / data[PERIOD] - old)
+        old = before[SPEED + i]
+        out[SPEED + i] = old + data[FILTER] * (work[i] / data[PERIOD] - old)
 
 
 @inner
@@ -153,23 +151,75 @@ def _measure(data: Array, before: Array, out: Array, work: Array) -> None:
     if data[POSITION_STEP] == 0.0 and data[ANGLE_STEP] == 0.0:
         put(out[:3], body[:3])
         put(seen, body[3:12])
-        put(out[7:13], body[12:])
+        put(out[SPEED:REPORTED], body[12:])
     else:
         _quantise(data, body, out[:3], seen, work)
         _estimate(data, before, out, work)
-    quaternion_of(shaped(seen, (3, 3)), out[3:7])
+    quaternion_of(shaped(seen, (3, 3)), out[3:SPEED])
 
 
-@kernel("void(float64[::1], float64[::1], int64, float64[::1])")
-def advance(data: Array, state: Array, ticks: int, out: Array) -> None:
-    """Fill ``out`` with the state one period after ``state``.
+@inner
+def _add_friction(
+    share: float, dead_zone: float, coulomb: float, damping: float, rate: Array, given: Array
+) -> None:
+    """Fill a share of friction's force or torque (3,) at a rate (3,), none in the dead zone."""
+    speed = np.sqrt(dot(rate, rate))
+    known = min(max(speed / dead_zone - 1.0, 0.0), 1.0)
+    for i in range(3):
+        given[i] = 0.0
+        if known > 0.0:
+            given[i] = share * (known * (coulomb / speed + damping) * rate[i])
+
+
+@inner
+def compensate(data: Array, twist: Array, added: Array) -> None:
+    """Fill what the driver adds (6,) to a command, at a measured twist (6,)."""
+    added[:] = 0.0
+    if data[COMPENSATED] > 0.0:
+        share, turning = data[COMPENSATED], data[ANGULAR_DEAD_ZONE]
+        friction, damping = data[FRICTION], data[DAMPING]
+        _add_friction(share, data[DEAD_ZONE], friction, damping, twist[:3], added[:3])
+        friction, damping = data[TURN_FRICTION], data[DAMPING + 3]
+        _add_friction(share, turning, friction, damping, twist[3:], added[3:])
+    for i in range(6):
+        added[i] = data[TASK + i] * (added[i] - data[LIFTS] * data[WEIGHT + i])
+
+
+@inner
+def _estimate_hand(data: Array, before: Array, asked: Array, out: Array) -> None:
+    """Fill what is reported of the hand without a sensor; see :mod:`.force_observer`.
 
     Args:
-        data: the device, and what acts on it.
-        state: (83,) where to start.
-        ticks: whole periods since the hand could take hold; -1 if nobody holds.
-        out: (83,) to fill.
+        data: the device.
+        before: its state at the period's start.
+        asked: (6,) of the actuators.
+        out: its state at the end.
     """
+    reported = out[REPORTED:APPLIED]
+    if data[SENSES_ITSELF] == ABSENT:
+        reported[:] = 0.0
+        return
+    mean, known = local(6), local(6)
+    known[:] = 0.0
+    for i in range(6):
+        mean[i] = 0.5 * (before[SPEED + i] + out[SPEED + i])
+    if data[COMPENSATED] > 0.0:
+        share, turning = data[COMPENSATED], data[ANGULAR_DEAD_ZONE]
+        _add_friction(share, data[DEAD_ZONE], data[FRICTION], 0.0, mean[:3], known[:3])
+        _add_friction(share, turning, data[TURN_FRICTION], 0.0, mean[3:], known[3:])
+    for i in range(6):
+        given = asked[i] + data[ACTUATOR_SHARE] * (before[APPLIED + i] - asked[i])
+        change = data[INERTIA + i] * (out[SPEED + i] - before[SPEED + i]) / data[PERIOD]
+        pushed = change - given - data[TASK + i] * data[WEIGHT + i]
+        resisted = data[DAMPING + i] * mean[i] + known[i]
+        estimate = before[REPORTED + i]
+        behind = data[TASK + i] * (pushed + resisted) - estimate
+        reported[i] = estimate + data[OBSERVER_SHARE] * behind
+
+
+@inner
+def move_device(data: Array, state: Array, ticks: int, out: Array) -> None:
+    """Fill ``out`` with the state one period after ``state``; see :func:`advance`."""
     scratch = local(24 + WORK_SIZE)
     force, asked, given = scratch[:6], scratch[6:12], scratch[12:18]
     before, work = scratch[18:24], scratch[24:]
@@ -177,7 +227,7 @@ def advance(data: Array, state: Array, ticks: int, out: Array) -> None:
     put(body, state[BODY:SEEN])
     put(out[HOME:OWN], state[HOME:OWN])
     put(applied, state[APPLIED:PUBLISHED_SIZE])
-    put(asked, data[COMMAND:PUSH])
+    put(asked, data[COMMAND:WEIGHT])
     limit(asked[:3], data[MOST_FORCE])
     limit(asked[3:], data[MOST_TORQUE])
     own[:] = 0.0
@@ -188,7 +238,7 @@ def advance(data: Array, state: Array, ticks: int, out: Array) -> None:
             _hold(data, ticks * data[PERIOD] + index * data[STEP], out, work)
         _give(data, asked, applied, given)
         for i in range(6):
-            force[i] = data[PUSH + i] + own[i] + given[i]
+            force[i] = data[PUSH + i] + data[WEIGHT + i] + own[i] + given[i]
         put(before, body[12:])
         start = GAIN if out[WINDOW] == OPEN else HELD_GAIN
         _move(data, data[start : start + 6], force, out[HOME:ANCHOR], body, work)
@@ -200,3 +250,39 @@ def advance(data: Array, state: Array, ticks: int, out: Array) -> None:
                 own[i] -= data[ARM + i] * ((body[12 + i] - before[i]) / data[STEP])
     put(out[REPORTED:APPLIED], own)
     _measure(data, state, out, work)
+    if data[SENSES_ITSELF] != MEASURED:
+        _estimate_hand(data, state, asked, out)
+
+
+@inner
+def command_device(data: Array, state: Array, command: Array) -> None:
+    """Ask the actuators for a command (6,) and for what the driver adds at a state."""
+    compensate(data, state[SPEED:REPORTED], data[COMMAND:WEIGHT])
+    for i in range(6):
+        asked = command[i] + data[COMMAND + i]
+        data[COMMAND + i] = data[ACTS + i] * asked
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], boolean, int64, float64[::1])")
+def advance(data: Array, state: Array, command: Array, obeys: bool, ticks: int, out: Array) -> None:
+    """Fill ``out`` with the state one period after ``state``.
+
+    Args:
+        data: the device, and what acts on it.
+        state: (83,) where to start.
+        command: (6,) to the actuators, N and N m, world axes.
+        obeys: whether it is obeyed; else the actuators are off, and compensation with them.
+        ticks: whole periods since the hand could take hold; -1 if nobody holds.
+        out: (83,) to fill.
+    """
+    if obeys:
+        command_device(data, state, command)
+    else:
+        data[COMMAND:WEIGHT] = 0.0
+    move_device(data, state, ticks, out)
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1])")
+def compensation(data: Array, twist: Array, added: Array) -> None:
+    """Fill what the driver adds (6,) to a command, at a measured twist (6,)."""
+    compensate(data, twist, added)

@@ -3,7 +3,8 @@
 A command within all limits passes unchanged, to the bit. Else, in this order: the outward part of
 the force is taken away near the end of the workspace; force and torque are shortened to their
 limits, which open over a ramp after each start; and neither changes faster than its slew rate. A
-command that is none, and a stop, are zero at once.
+command that is none, and a stop, are zero at once. Passivity control comes after that: it takes
+energy away at once, within the same limits of workspace, force and torque.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ import numpy as np
 from hapticmech_ros.device.safety_kernels import apply_envelope
 from hapticmech_ros.device.safety_layout import SAFETY, Reason
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.device import Device
 
-__all__ = ["NO_LIMITS", "Reason", "SafetyEnvelope", "SafetyLimits"]
+__all__ = ["Reason", "SafetyEnvelope", "SafetyLimits", "safety_limits"]
 _LIMITS, _CENTRE, _LAST = (
     SAFETY.slice("force", "radius"),
     SAFETY.slice("centre"),
@@ -48,7 +50,17 @@ class SafetyLimits:
     radius: float = math.inf
 
 
-NO_LIMITS = SafetyLimits(math.inf, math.inf)
+def safety_limits(device: Device) -> SafetyLimits:
+    """Return the limits of a scene's device."""
+    safety = device.safety
+    return SafetyLimits(
+        force=device.force_limit,
+        torque=device.torque_limit,
+        force_slew=safety.force_slew,
+        torque_slew=safety.torque_slew,
+        ramp=safety.start_ramp,
+        radius=safety.workspace_radius or math.inf,
+    )
 
 
 class SafetyEnvelope:

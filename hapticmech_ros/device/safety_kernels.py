@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel, local
+from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.device.safety_layout import SAFETY
 from hapticmech_ros.mechanism.model import Array
 
@@ -74,6 +74,18 @@ def keep_slew(safety: Array, vector: Array, last: Array, rate: float, reason: in
 
 
 @inner
+def keep_bounds(safety: Array, command: Array, position: Array) -> None:
+    """Keep a command (6,) within the workspace and within its force and torque limits."""
+    share, force, torque = 1.0, command[:3], command[3:]
+    if safety[RAMP] > 0.0:
+        share = min(1.0, safety[STARTED] * safety[PERIOD] / safety[RAMP])
+    if safety[RADIUS] < np.inf:
+        turn_inwards(safety, force, position)
+    keep_within(safety, force, share * safety[FORCE], BY_FORCE)
+    keep_within(safety, torque, share * safety[TORQUE], BY_TORQUE)
+
+
+@inner
 def stay_within(safety: Array, command: Array, position: Array) -> None:
     """Change a command (6,) into what leaves; see :func:`apply_envelope`."""
     last, finite = safety[LAST:STARTED], True
@@ -86,17 +98,20 @@ def stay_within(safety: Array, command: Array, position: Array) -> None:
         last[:] = 0.0
         return
     safety[STARTED] += 1.0
-    share, force, torque = 1.0, command[:3], command[3:]
-    if safety[RAMP] > 0.0:
-        share = min(1.0, safety[STARTED] * safety[PERIOD] / safety[RAMP])
-    if safety[RADIUS] < np.inf:
-        turn_inwards(safety, force, position)
-    keep_within(safety, force, share * safety[FORCE], BY_FORCE)
-    keep_slew(safety, force, last[:3], safety[FORCE_SLEW], BY_FORCE_SLEW)
-    keep_within(safety, torque, share * safety[TORQUE], BY_TORQUE)
-    keep_slew(safety, torque, last[3:], safety[TORQUE_SLEW], BY_TORQUE_SLEW)
-    for i in range(6):
-        last[i] = command[i]
+    keep_bounds(safety, command, position)
+    keep_slew(safety, command[:3], last[:3], safety[FORCE_SLEW], BY_FORCE_SLEW)
+    keep_slew(safety, command[3:], last[3:], safety[TORQUE_SLEW], BY_TORQUE_SLEW)
+    put(last, command)
+
+
+@inner
+def stay_bounded(safety: Array, command: Array, position: Array) -> None:
+    """Change a command (6,) that passivity control changed after :func:`stay_within`.
+
+    It may change at any rate: it only takes energy away, and later is too late for that.
+    """
+    keep_bounds(safety, command, position)
+    put(safety[LAST:STARTED], command)
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1])")

@@ -40,11 +40,15 @@ class Simulator:
         self.scene = scene
         self.mechanism = build(scene, compiled)
         self.period = scene.simulation.period
-        self._stepper = build_stepper(self.mechanism)
+        self.stepper = build_stepper(self.mechanism)
         self._contacts = build_contact_stepper(self.mechanism)
         self._evaluated: tuple[MechanismState, Evaluation] | None = None
         self._projected: tuple[MechanismState, Closing] | None = None
         self._latches = Latches(self.mechanism)
+
+    def steps_alone(self, state: MechanismState) -> bool:
+        """Return whether a step is the stepper's alone: no contacts, and no loop that may latch."""
+        return self._contacts is None and not self._latches.waiting(state.active)
 
     def initial_state(self) -> MechanismState:
         """Return the scene's initial state with its closures met.
@@ -94,7 +98,7 @@ class Simulator:
         """
         pushes = Pushes(wrenches, on_links, joint_forces)
         if self._contacts is None:
-            stepped = self._stepper.advance(self._start(state), pushes)
+            stepped = self.stepper.advance(self._start(state), pushes)
             return self._latch(self._ended(state, stepped, 1))
         touched = self._contacts.advance(self._start(state), pushes, state.touching)
         return self._latch(self._touched(state, touched))
@@ -134,7 +138,7 @@ class Simulator:
         samples[0] = np.concatenate((state.q, state.v))
         end = state
         if steps:
-            stepped = self._stepper.run(
+            stepped = self.stepper.run(
                 self._start(state), Pushes(wrenches), steps, samples[1:], every
             )
             end = self._ended(state, stepped, steps)

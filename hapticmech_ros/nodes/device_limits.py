@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from hapticmech_ros.device.safety import SafetyLimits
+from hapticmech_ros.device.safety import SafetyLimits, safety_limits
 from hapticmech_ros.nodes.parameters import DeviceParameters, ParameterError
 from hapticmech_ros.scene.device import Device
 
@@ -19,14 +19,14 @@ def limits_of(parameters: DeviceParameters, device: Device) -> SafetyLimits:
     problems = list(_problems(parameters, device))
     if problems:
         raise ParameterError("; ".join(problems))
-    safety = device.safety
+    scene = safety_limits(device)
     return SafetyLimits(
-        force=parameters.force_limit or device.force_limit,
-        torque=parameters.torque_limit or device.torque_limit,
-        force_slew=parameters.force_slew or safety.force_slew,
-        torque_slew=parameters.torque_slew or safety.torque_slew,
-        ramp=parameters.start_ramp or safety.start_ramp,
-        radius=parameters.workspace_radius or safety.workspace_radius or math.inf,
+        force=parameters.force_limit or scene.force,
+        torque=parameters.torque_limit or scene.torque,
+        force_slew=parameters.force_slew or scene.force_slew,
+        torque_slew=parameters.torque_slew or scene.torque_slew,
+        ramp=parameters.start_ramp or scene.ramp,
+        radius=parameters.workspace_radius or scene.radius,
     )
 
 

@@ -16,7 +16,7 @@ from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import check_age, matrix_message, write_array
 from hapticmech_ros.nodes.parameters import AnalyserParameters
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
-from hapticmech_ros.operational.counter import CountState, first_count, next_count
+from hapticmech_ros.operational.counter import ConstraintCounter
 from hapticmech_ros.operational.spectrum import rank_of
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
@@ -50,7 +50,8 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._lateness = loop_lateness(self.scene)
         self._analyser = Analyser(self._mechanism, self.point, self._lateness)
         self._layout = StateLayout(self._mechanism)
-        self._count: CountState | None = None
+        self._counter = ConstraintCounter(self.scene.perception)
+        self._count: int | None = None
         self._last_ns = 0
         self._first_ns = 0
         self.analyses = 0
@@ -87,7 +88,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         fresh = now - self._last_ns < RESTART_PAUSE_NS and not fault
         span_s = (self._last_ns - self._first_ns) / NANOSECONDS
         rate = (self.analyses - 1) / span_s if span_s > 0.0 else 0.0
-        count = "unknown" if self._count is None else str(self._count.count)
+        count = "unknown" if self._count is None else str(self._count)
         sentence = f"{count} joint constraints" if fresh else fault or "no states of the mechanism"
         figures = {
             "fault": fault,
@@ -146,16 +147,13 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._count = None
 
     def _counted(self, s: Array, time_ns: int) -> int:
-        perception = self.scene.perception
         if self._count is None or not 0 <= time_ns - self._last_ns < RESTART_PAUSE_NS:
-            self._count = first_count(s, perception)
+            self._counter.begin()
             self._first_ns = time_ns
             self.analyses = 0
-        else:
-            seconds = (time_ns - self._first_ns) / NANOSECONDS
-            self._count = next_count(self._count, s, seconds, perception)
+        self._count = self._counter.see(s, (time_ns - self._first_ns) / NANOSECONDS)
         self._last_ns = time_ns
-        return self._count.count
+        return self._count
 
     def _publish_view(self, found: OperationalAnalysis, count: int) -> None:
         for publisher, matrix in (

@@ -19,7 +19,7 @@ from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.offline.states import RecordedStates
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.counter import first_count, next_count
+from hapticmech_ros.operational.counter import ConstraintCounter
 from hapticmech_ros.times import NANOSECONDS
 
 # Told of the progress after so many states.
@@ -164,13 +164,6 @@ def analyse_states(
 
 
 def _counts(mechanism: Mechanism, s: Array, times: Array) -> npt.NDArray[np.int64]:
-    perception = mechanism.scene.perception
-    counts = np.zeros(times.size, dtype=np.int64)
-    state = None
-    for index, time in enumerate(times.tolist()):
-        if state is None:
-            state = first_count(s[index], perception)
-        else:
-            state = next_count(state, s[index], time, perception)
-        counts[index] = state.count
-    return counts
+    counter = ConstraintCounter(mechanism.scene.perception)
+    pairs = zip(s, times.tolist(), strict=True)
+    return np.array([counter.see(row, time) for row, time in pairs], dtype=np.int64)

@@ -16,7 +16,7 @@ from hapticmech_ros.mechanism import Mechanism, build
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.offline.analysis import FeltStates, felt_states
-from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.workers import worker_pool
 
@@ -192,7 +192,7 @@ def _felt(
     felt = felt_states(mechanism, q, np.zeros((len(reached), mechanism.nv)), active, point)
     places = [[joint.values[k] for joint, k in zip(led, row, strict=True)] for row in grid.tolist()]
     perception = mechanism.scene.perception
-    count = np.array([first_count(s, perception).count for s in felt.s], dtype=np.int64)
+    count = np.array([rigid_count(s, perception) for s in felt.s], dtype=np.int64)
     return SweptStates(**felt.arrays(), places=np.array(places), grid=grid, q=q, count=count)
 
 

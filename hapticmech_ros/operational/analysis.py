@@ -51,7 +51,7 @@ class Analyser:
         self.index = mechanism.point_index(point)
         self.rows = PLANAR_ROWS if scene.task_space == "planar" else SPATIAL_ROWS
         self.metric = TaskMetric(scene, self.point)
-        self._compiled = self._load() if mechanism.compiled else None
+        self.compiled = self._load() if mechanism.compiled else None
 
     def observe(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
@@ -67,8 +67,8 @@ class Analyser:
         Raises:
             HapticMechError: D is not positive definite, or an SVD did not converge.
         """
-        if self._compiled is not None:
-            return self._compiled.observe(q, v, active, self.lateness, closing)
+        if self.compiled is not None:
+            return self.compiled.observe(q, v, active, self.lateness, closing)
         terms = self.mechanism.evaluate(q, v, active, closing)
         found, point = self.analyse(terms), terms.points[self.index]
         late = self.late(terms, q, v, active, found)
@@ -77,8 +77,8 @@ class Analyser:
 
     def analyse(self, terms: Evaluation) -> OperationalAnalysis:
         """Analyse the point from the terms of Eq. 1 at a state."""
-        if self._compiled is not None and self._compiled.understands(terms):
-            return self._compiled.observe_terms(terms, terms.v, 0.0).analysis
+        if self.compiled is not None and self.compiled.understands(terms):
+            return self.compiled.observe_terms(terms, terms.v, 0.0).analysis
         point = terms.points[self.index]
         jacobian = point.jacobian if self.rows.size == 6 else point.jacobian[self.rows]
         perception = self.mechanism.scene.perception
@@ -111,8 +111,8 @@ class Analyser:
         free = found.free_acceleration
         if self.lateness == 0.0:
             return LateAnswer(found.inverse_inertia, free)
-        if self._compiled is not None and self._compiled.understands(terms):
-            return self._compiled.observe_terms(terms, v, self.lateness).late
+        if self.compiled is not None and self.compiled.understands(terms):
+            return self.compiled.observe_terms(terms, v, self.lateness).late
         place = self.mechanism, terms, q, v, active, self.index, self.rows
         return late_answer(*place, found.spectrum, free, self.lateness)
 

@@ -25,7 +25,12 @@ from hapticmech_ros.scene.rendering import Perception
 
 
 class CompiledAnalysis:
-    """What is constant in the analysis of one operational point."""
+    """What is constant in the analysis of one operational point.
+
+    Attributes:
+        constants: see ``kernels.metric_of``.
+        layout: of observations.
+    """
 
     def __init__(
         self,
@@ -40,8 +45,8 @@ class CompiledAnalysis:
         self._rows = rows
         limits = metric.mass, float(perception.s_on), float(perception.s_off)
         parts = (metric.point_to_link, metric.factor, metric.dual_factor)
-        self._constants = np.concatenate([limits, *(part.ravel() for part in parts)])
-        self._layout = observation_layout(rows.size, mechanism.nv)
+        self.constants = np.concatenate([limits, *(part.ravel() for part in parts)])
+        self.layout = observation_layout(rows.size, mechanism.nv)
         self._ahead = np.empty(0)
         self._position, self._rates = np.empty(mechanism.nq), np.empty(mechanism.nv)
 
@@ -68,7 +73,7 @@ class CompiledAnalysis:
     def _observe(
         self, q: Array, v: Array, chosen: Chosen, packed: Array, known: int, lateness: float
     ) -> Observation:
-        mechanism, found = self._mechanism, np.empty(self._layout.size)
+        mechanism, found = self._mechanism, np.empty(self.layout.size)
         self._position[:] = q
         self._rates[:] = v
         if self._ahead.size != chosen.size:
@@ -80,7 +85,7 @@ class CompiledAnalysis:
             self._position,
             self._rates,
             self._index,
-            self._constants,
+            self.constants,
             self._rows,
             mechanism.length,
             lateness,
@@ -93,4 +98,4 @@ class CompiledAnalysis:
             raise HapticMechError("SVD of S did not converge")
         if code:
             raise failure(code, mechanism.tree)
-        return Observation(found, self._layout, self._rows, mechanism.nv)
+        return Observation(found, self.layout, self._rows, mechanism.nv)

@@ -14,7 +14,7 @@ from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.plan.loop_check import connection_warning
 from hapticmech_ros.scene.document import Scene
 
@@ -113,7 +113,7 @@ def _points(simulator: Simulator, state: MechanismState) -> Iterator[PointCheck]
         mobile = np.linalg.eigvalsh(analysis.inverse_inertia[np.ix_(rows, rows)])
         moved = mobile[mobile > 1e-9 * max(float(mobile[-1]), 1e-300)]
         masses = (1.0 / float(moved[-1]), 1.0 / float(moved[0])) if moved.size else None
-        count = first_count(analysis.spectrum.s, scene.perception).count
+        count = rigid_count(analysis.spectrum.s, scene.perception)
         model = rendering_model(analysis)
         margins = loop_margins(control, model, analysis.rows, scene.simulation.period)
         yield PointCheck(point.name, point.link, analysis.rank, count, masses, margins)

@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.view.drawn import SIDE_PIXELS, draw_shapes
 from hapticmech_ros.view.picture import Picture, Snapshot
@@ -34,7 +34,7 @@ def draw_scene(scene: Scene, path: Path, point: str = "", side_pixels: int = SID
     mechanism, state = simulator.mechanism, simulator.initial_state()
     analyser = Analyser(mechanism, point)
     analysis = analyser.analyse(simulator.evaluate(state))
-    count = first_count(analysis.spectrum.s, scene.perception).count
+    count = rigid_count(analysis.spectrum.s, scene.perception)
     snapshot = Snapshot(state.active, held=analyser.point.name, analysis=analysis, count=count)
     shapes = Picture(mechanism, 0.0, 0.0).draw(snapshot, Placer(mechanism).at(np.array(state.q)))
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -18,57 +18,48 @@ APART, ENERGY_APART = 1e-11, 1e-13
 PUSH = np.array([0.8, -0.3, 0.1, 0.01, 0.0, 0.02])
 
 
-class Compared:
-    """A session's loop and the readable one, given the same."""
+class Compared(Session):
+    """A session, and the readable loop, given the same."""
 
-    def __init__(self, loop, readable):
-        self.loop, self.readable = loop, readable
-        self.ticks, self.most, self.apart, self.energies = 0, 0.0, 0.0, 0.0
+    def __init__(self, scene, delay=1):
+        super().__init__(scene, command_delay=delay)
+        self.readable = ReadableLoop(scene, control_for(scene), delay)
+        self.readable.envelope.place(self.device.published[:3])
+        self.ticks, self.most, self.apart, self.energies_apart = 0, 0.0, 0.0, 0.0
 
-    def __getattr__(self, name):
-        return getattr(self.loop, name)
-
-    @property
-    def side(self):
-        return self
-
-    @property
-    def entry(self):
-        return self.loop.side.entry
-
-    def held_elsewhere(self):
-        self.loop.side.held_elsewhere()
+    def grasp(self, frame, origin=None):
+        super().grasp(frame, origin)
         self.readable.side.held_elsewhere()
 
-    def tick(self, *given):
-        found, expected = self.loop.tick(*given), self.readable.tick(*given)
-        apart = [np.abs(a - b).max() for a, b in zip(found, expected, strict=True)]
-        readable, side = self.readable, self.loop.side
-        rows = np.abs(self.loop.output.rows() - readable.output.rows()).max()
-        self.apart = max(self.apart, rows, *apart)
-        self.most = max(self.most, np.abs(found.device).max())
-        pairs = [
-            *zip(side.entry, readable.side.ledger.entry, strict=True),
-            (side.from_hand, readable.side.port.from_hand),
-            (self.loop.device.passivity.actuators, readable.passivity.actuators),
-            (self.loop.device.passivity.dissipated, readable.passivity.dissipated),
-        ]
-        self.energies = max(self.energies, *(abs(a - b) for a, b in pairs))
-        assert self.loop.device.passivity.changed == readable.passivity.changed
-        assert side.changed == readable.side.port.changed
-        assert not any(self.loop.device.envelope.counts.values())
-        assert (
-            self.loop.device.passivity.mechanism is None or readable.passivity.mechanism is not None
+    def tune(self, gains):
+        super().tune(gains)
+        self.readable.side.control.tune(self.time, gains)
+
+    def tick(self, external_wrench=None, hand_wrench=None):
+        added = self.compensation
+        sample = super().tick(external_wrench, hand_wrench)
+        readable, own = self.readable, sample.device.published
+        measured = np.concatenate((own[:13], sample.hand_wrench))
+        expected = readable.tick(
+            sample.time, self.engagement, measured, own[19:], sample.seen.model, added
         )
+        apart = np.abs(sample.acting - np.array(expected)).max()
+        rows = np.abs(sample.wrenches - readable.output.rows()).max()
+        self.apart = max(self.apart, rows, apart)
+        self.most = max(self.most, np.abs(sample.acting[0]).max())
+        pairs = [
+            *zip(self.energies, readable.side.ledger.entry, strict=True),
+            (self.controller.from_hand, readable.side.port.from_hand),
+            (self.passivity.actuators, readable.passivity.actuators),
+            (self.passivity.dissipated, readable.passivity.dissipated),
+        ]
+        self.energies_apart = max(self.energies_apart, *(abs(a - b) for a, b in pairs))
+        assert self.passivity.changed == readable.passivity.changed
+        assert self.controller.changed == readable.side.port.changed
+        assert self.envelope.counts == readable.envelope.counts
+        assert self.passivity.mechanism is None or readable.passivity.mechanism is not None
         self.ticks += 1
-        return found
-
-
-def compared(scene, delay=1):
-    session = Session(scene, command_delay=delay)
-    readable = ReadableLoop(scene, control_for(scene), delay)
-    session._loop = Compared(session._loop, readable)
-    return session, session._loop
+        return sample
 
 
 def with_controller(scene, **parts):
@@ -80,24 +71,24 @@ def with_controller(scene, **parts):
 @pytest.mark.parametrize("delay", [0, 1, 3])
 @pytest.mark.parametrize("name", ["five_bar", "door", "spatial_arm", "shared_payload"])
 def test_every_wrench_and_energy_is_that_of_the_readable_loop(name, delay):
-    session, both = compared(load_scene(name), delay)
+    session = Compared(load_scene(name), delay)
     for tick in range(600):
         session.tick(hand_wrench=PUSH if tick > 300 else None)
-    assert both.ticks == 600
-    assert both.most > 0.1
-    assert both.apart < APART
-    assert both.energies < ENERGY_APART
+    assert session.ticks == 600
+    assert session.most > 0.1
+    assert session.apart < APART
+    assert session.energies_apart < ENERGY_APART
 
 
 @pytest.mark.parametrize("force", [True, False])
 @pytest.mark.parametrize("joint", [True, False])
 def test_whatever_the_device_closes(force, joint):
     local = {"force_channel": {"local": force}, "joint_constraint": {"local": joint}}
-    session, both = compared(with_controller(load_scene("five_bar"), **local), 2)
+    session = Compared(with_controller(load_scene("five_bar"), **local), 2)
     for _ in range(400):
         session.tick(hand_wrench=PUSH)
-    assert both.apart < APART
-    assert both.energies < ENERGY_APART
+    assert session.apart < APART
+    assert session.energies_apart < ENERGY_APART
 
 
 @pytest.mark.parametrize("slack", [0.0, 1e-3])
@@ -109,16 +100,16 @@ def test_over_a_connection_where_passivity_control_acts(slack):
         passivity={"allowance": 1e-5, "slack": slack},
     )
     connection = Connection(delay=0.03, jitter=0.3, loss=0.1, seed=3)
-    session, both = compared(scene.model_copy(update={"connection": connection}))
+    session = Compared(scene.model_copy(update={"connection": connection}))
     for tick in range(800):
         session.tick(hand_wrench=PUSH if tick % 200 < 100 else -PUSH)
-    assert both.loop.device.passivity.changed > 20
-    assert both.apart < APART
-    assert both.energies < ENERGY_APART
+    assert session.passivity.changed > 20
+    assert session.apart < APART
+    assert session.energies_apart < ENERGY_APART
 
 
 def test_while_the_grasp_passes_and_gains_change():
-    session, both = compared(load_scene("five_bar"))
+    session = Compared(load_scene("five_bar"))
     for _ in range(200):
         session.tick(hand_wrench=PUSH)
     link = session.simulator.scene.operational_points[0].link
@@ -127,11 +118,10 @@ def test_while_the_grasp_passes_and_gains_change():
         session.tick(hand_wrench=PUSH)
     softer = with_controller(session.scene, joint_constraint={"stiffness": 200.0}).controller
     session.tune(softer)
-    both.readable.side.control.tune(session.time, softer)
     for _ in range(500):
         session.tick(hand_wrench=PUSH)
-    assert both.apart < APART
-    assert both.energies < ENERGY_APART
+    assert session.apart < APART
+    assert session.energies_apart < ENERGY_APART
 
 
 @pytest.mark.parametrize("lag", [0.0, 2e-3])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
+from hapticmech_ros.control import control_for
 from hapticmech_ros.control.gain_passage import Passage, blended
 from hapticmech_ros.control.tuning import TUNED, tuned
 from hapticmech_ros.errors import InvalidInputError
@@ -62,12 +63,7 @@ def test_what_is_no_number_is_new():
 def test_a_session_takes_other_gains_without_a_bump(compiled):
     """Pushed against its joints: a spring half as stiff gives way slowly, from the same force."""
     scene = load_scene("five_bar")
-    sessions = [Session(scene) for _ in range(2)]
-    if not compiled:
-        from hapticmech_ros.control import ControlArchitecture
-
-        for session in sessions:
-            session._loop.side.control = session._control = ControlArchitecture(scene)
+    sessions = [Session(scene, control=control_for(scene, compiled)) for _ in range(2)]
     for _ in range(1000):
         for session in sessions:
             session.tick()

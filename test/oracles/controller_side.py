@@ -11,11 +11,11 @@ from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.controller_side import Reading
 from hapticmech_ros.control.engagement import Engagement
 from hapticmech_ros.control.flat import model_of
-from hapticmech_ros.control.link import DelayLine
 from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.controller import Connection
+from oracles.delay_line import DelayLine
 from oracles.energy_ledger import EnergyLedger
 from oracles.local_model import NO_MODEL, LocalModel
 from oracles.mechanism_port import MechanismPort

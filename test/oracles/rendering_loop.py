@@ -11,12 +11,14 @@ from hapticmech_ros.control.controller_side import Reading
 from hapticmech_ros.control.engagement import Engagement
 from hapticmech_ros.control.measurements import ControlOutput
 from hapticmech_ros.control.rendering_loop import Acting
+from hapticmech_ros.device.safety import safety_limits
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.times import nanoseconds
 from oracles.controller_side import Answer, ControllerSide
 from oracles.local_model import corrected
 from oracles.passivity import NO_WRENCH, PassivityController, passivity_for
+from oracles.safety import SafetyEnvelope
 
 
 class RenderingLoop:
@@ -29,11 +31,14 @@ class RenderingLoop:
 
     Attributes:
         passivity: the device's account.
+        envelope: its safety envelope.
         side: the controllers'.
     """
 
     def __init__(self, scene: Scene, control: ControlArchitecture, delay: int = 1) -> None:
         self.passivity: PassivityController = passivity_for(scene)
+        self.envelope = SafetyEnvelope(scene.simulation.period)
+        self._limits = safety_limits(scene.device)
         self._period = scene.simulation.period
         self._period_ns = nanoseconds(self._period)
         self.side = ControllerSide(control, self._period, scene.connection, delay)
@@ -75,8 +80,12 @@ class RenderingLoop:
         _, mechanism = self.side.tell()
         answer = self._on_the_way.popleft()
         self.passivity.see(device, applied)
-        if answer is None:
-            return Acting(NO_WRENCH, mechanism)
-        self.passivity.tell(answer.to_mechanism)
-        wrench = corrected(answer.wrenches[0], answer.model, answer.answered, device)
-        return Acting(self.passivity.hold(wrench, device, added), mechanism)
+        wrench = NO_WRENCH
+        if answer is not None:
+            self.passivity.tell(answer.to_mechanism)
+            wrench = corrected(answer.wrenches[0], answer.model, answer.answered, device)
+        safe = self.envelope.apply(self._limits, wrench, device[:3])
+        passive = self.passivity.hold(safe, device, added)
+        if passive is not safe:
+            passive = self.envelope.bound(self._limits, passive, device[:3])
+        return Acting(passive, mechanism)

@@ -62,16 +62,27 @@ class SafetyEnvelope:
             self.counts[Reason.NOT_FINITE] += 1
             return self.stop()
         self._started += 1
+        force, torque = self._bounded(limits, command, position)
+        force = self._slewed(force, self._force, limits.force_slew, Reason.FORCE_SLEW)
+        torque = self._slewed(torque, self._torque, limits.torque_slew, Reason.TORQUE_SLEW)
+        self._force, self._torque = force, torque
+        return np.array((*force, *torque))
+
+    def bound(self, limits: SafetyLimits, command: Array, position: Array) -> Array:
+        """Return what leaves of a command that was changed after :meth:`apply`, at any rate."""
+        self._force, self._torque = self._bounded(limits, command, position)
+        return np.array((*self._force, *self._torque))
+
+    def _bounded(
+        self, limits: SafetyLimits, command: Array, position: Array
+    ) -> tuple[Vector, Vector]:
         share = min(1.0, self._started * self._period / limits.ramp) if limits.ramp else 1.0
+        x, y, z, a, b, c = command.tolist()
         force, torque = (x, y, z), (a, b, c)
         if limits.radius < math.inf:
             force = self._inwards(force, position, limits.radius)
         force = self._within(force, share * limits.force, Reason.FORCE_LIMIT)
-        force = self._slewed(force, self._force, limits.force_slew, Reason.FORCE_SLEW)
-        torque = self._within(torque, share * limits.torque, Reason.TORQUE_LIMIT)
-        torque = self._slewed(torque, self._torque, limits.torque_slew, Reason.TORQUE_SLEW)
-        self._force, self._torque = force, torque
-        return np.array((*force, *torque))
+        return force, self._within(torque, share * limits.torque, Reason.TORQUE_LIMIT)
 
     def _inwards(self, force: Vector, position: Array, radius: float) -> Vector:
         away = position - self._centre

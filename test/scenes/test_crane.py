@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
-from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles.sessions import SessionRun
 
@@ -63,7 +63,7 @@ def test_the_rope_is_felt_as_rigid_within_some_degrees(angle, count):
     """Along it the trolley is as heavy as M / sin², against 750 kg and 120 kg: at 2.6° and 6.4°."""
     scene = load_scene("crane")
     found = analyse(Mechanism(scene), configuration(angle, 0.0), point="load_middle")
-    assert first_count(found.spectrum.s, scene.perception).count == count
+    assert rigid_count(found.spectrum.s, scene.perception) == count
     assert (scene.perception.s_on, scene.perception.s_off) == (0.02, 0.05)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
-from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.plan.scene_check import check_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles.kinematics import rotation_of_quaternion, skew
@@ -158,5 +158,5 @@ def test_locked_legs_make_it_rigid():
     found = analyse(mechanism, q)
     assert (mechanism.nv, found.rank) == (18, 0)
     assert found.constraint_wrenches.shape == (6, 6)
-    assert first_count(found.spectrum.s, scene.perception).count == 6
+    assert rigid_count(found.spectrum.s, scene.perception) == 6
     assert check_scene(scene).mobility == 0

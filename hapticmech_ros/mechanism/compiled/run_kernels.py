@@ -92,49 +92,23 @@ def _is_near(start: Packed, space: Packed, limit: float) -> bool:
     return bool(rank > 0 and sigma[rank - 1] < limit * sigma[0])
 
 
-@kernel(
-    "int64(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[::1], float64[:,::1], float64[:,::1], int64[::1])"
-)
-def advance(
-    numbers: Array,
-    values: Array,
+@inner
+def advance_many(
+    tables: Tables,
+    parts: Work,
     start: Array,
     end: Array,
     scratch: Array,
-    work: Array,
     spring_work: Array,
     pushes: Array,
     samples: Array,
-    plan: Array,
+    steps: int,
+    every: int,
+    stages: int,
+    implicit: bool,
+    known: bool,
 ) -> int:
-    """Do one step or many, with pushes held.
-
-    Args:
-        numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.fold``.
-        start: packed terms at the start: to read where they are known, else to fill.
-        end: packed terms, to fill at the end.
-        scratch: packed terms of stages.
-        work: see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, account 0, 1
-            and 5 add up.
-        spring_work: of implicit rules; see ``implicit_kernels.Springs``.
-        pushes: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
-        samples: (samples, nq + nv) to fill.
-        plan: (5,) number of steps, steps from one sample to the next (0: none), number of stages,
-            1 for an implicit rule, 1 where terms at the start are known.
-
-    Returns:
-        0; NEEDS_CARE before a step that starts at, or would leave, a singular position, or has a
-        stage next to one, where ``q0`` and ``v0`` are its start and no terms are left; or how the
-        step failed, see
-        ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. Account 5 is the number of steps
-        done.
-    """
-    tables = Tables(numbers, values)
-    parts = Work(numbers, work)
-    steps, every, stages = plan[0], plan[1], plan[2]
-    implicit, known = plan[3] != 0, plan[4] != 0
+    """Do one step or many, with pushes held; see :func:`advance`, of whose plan the rest is."""
     first, last, stage_space = unpack(start, tables), unpack(end, tables), unpack(scratch, tables)
     heeded, limit, sampled = int(parts.settings[8]), 0.0, 0
     q, q0, v, v0, state = parts.q, parts.q0, parts.v, parts.v0, parts.state
@@ -182,3 +156,60 @@ def advance(
     if steps % 2 == 0:
         put(end, start)
     return SETTLED
+
+
+@kernel(
+    "int64(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
+    " float64[::1], float64[:,::1], float64[:,::1], int64[::1])"
+)
+def advance(
+    numbers: Array,
+    values: Array,
+    start: Array,
+    end: Array,
+    scratch: Array,
+    work: Array,
+    spring_work: Array,
+    pushes: Array,
+    samples: Array,
+    plan: Array,
+) -> int:
+    """Do one step or many, with pushes held.
+
+    Args:
+        numbers: constants of the mechanism, whole ones.
+        values: the others; see ``tables.fold``.
+        start: packed terms at the start: to read where they are known, else to fill.
+        end: packed terms, to fill at the end.
+        scratch: packed terms of stages.
+        work: see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, account 0, 1
+            and 5 add up.
+        spring_work: of implicit rules; see ``implicit_kernels.Springs``.
+        pushes: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
+        samples: (samples, nq + nv) to fill.
+        plan: (5,) number of steps, steps from one sample to the next (0: none), number of stages,
+            1 for an implicit rule, 1 where terms at the start are known.
+
+    Returns:
+        0; NEEDS_CARE before a step that starts at, or would leave, a singular position, or has a
+        stage next to one, where ``q0`` and ``v0`` are its start and no terms are left; or how the
+        step failed, see
+        ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. Account 5 is the number of steps
+        done.
+    """
+    implicit, known = plan[3] != 0, plan[4] != 0
+    return advance_many(
+        Tables(numbers, values),
+        Work(numbers, work),
+        start,
+        end,
+        scratch,
+        spring_work,
+        pushes,
+        samples,
+        plan[0],
+        plan[1],
+        plan[2],
+        implicit,
+        known,
+    )

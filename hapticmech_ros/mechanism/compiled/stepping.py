@@ -52,6 +52,26 @@ class _Took(NamedTuple):
     stepped: Stepped | None
 
 
+class Room(NamedTuple):
+    """What the kernel of a step works on; see ``run_kernels.advance``.
+
+    Attributes:
+        work: a ``step_kernels.Work``.
+        springs: of implicit rules.
+        stages: of the rule.
+        implicit: 1 for an implicit rule.
+        parts: views of the work.
+        heeded: what of singular positions ends a run.
+    """
+
+    work: Array
+    springs: Array
+    stages: int
+    implicit: int
+    parts: SimpleNamespace
+    heeded: int
+
+
 class CompiledStepper(Stepper):
     """Steps as :class:`Stepper` does, to rounding, at a fraction of the time."""
 
@@ -76,6 +96,10 @@ class CompiledStepper(Stepper):
         parts.settings[7] = scheme.corrected and nq != nv
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
         parts.scheme[: len(scheme.fractions), 1] = scheme.fractions
+        stages, implicit = len(scheme.weights), int(scheme.implicit)
+        heeded = HEEDLESS if pulled else EVERYTHING
+        # What the kernel of a step works on, for a kernel of more than that.
+        self.room = Room(self._work, self._springs, stages, implicit, parts, heeded)
 
     def advance(self, start: Start, pushes: Pushes) -> Stepped:
         """Advance by one period with pushes held; see ``Simulator.step``."""

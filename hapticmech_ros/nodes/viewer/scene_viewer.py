@@ -16,7 +16,7 @@ from hapticmech_ros.nodes.parameters import ViewerParameters
 from hapticmech_ros.nodes.viewer.scene_inputs import Heard, SceneInputs
 from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs, installed_tf_type
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.counter import first_count
+from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.view import Picture, Placement, Placer, Shape, Snapshot, moving_frames
 from hapticmech_ros.view.contact_shapes import Hulls, touch_shapes
@@ -136,7 +136,7 @@ class SceneViewer(ClockedActor[ViewerParameters]):
         found = self._analyser.analyse(self._mechanism.evaluate(state.q, state.v, state.active))
         count = heard.count
         if count is None:
-            count = first_count(found.spectrum.s, self.scene.perception).count
+            count = rigid_count(found.spectrum.s, self.scene.perception)
         picture = Picture(self._mechanism, parameters.force_scale, parameters.torque_scale)
         snapshot = Snapshot(
             active=state.active,

@@ -2,23 +2,49 @@
 
 import itertools
 
+import numpy as np
 import pytest
 
-from hapticmech_ros.control.link import DelayLine
+from hapticmech_ros.control.channel import Channel
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Connection
+from oracles.delay_line import DelayLine
 
 MS = 1_000_000
 
 
 def heard(connection, messages, direction=0):
-    """Return what a line hands out at each millisecond, for messages that are their own number."""
-    line = DelayLine(connection, direction)
+    """Return what a channel hands out each millisecond, for messages that are their own number."""
+    line = Channel(connection, direction, 2, 1e-3)
     found = []
     for tick in range(messages):
-        line.put(tick * MS, tick)
-        found.append(line.take(tick * MS))
+        line.put(tick * MS, np.array([tick, -tick], dtype=float), 3 * tick)
+        message = line.take(tick * MS)
+        if message is not None:
+            assert message[1] == -message[0]
+            assert line.tag == 3 * message[0]
+        found.append(None if message is None else int(message[0]))
     return found, line
+
+
+@pytest.mark.parametrize("direction", [0, 1])
+@pytest.mark.parametrize("seed", [0, 5, 2**31 - 1])
+def test_it_is_the_readable_line_to_the_bit(seed, direction):
+    connection = Connection(delay=0.0231, jitter=0.7, loss=0.1, seed=seed)
+    found, channel = heard(connection, 5000, direction)
+    line = DelayLine(connection, direction)
+    for tick, message in enumerate(found):
+        line.put(tick * MS, tick)
+        assert line.take(tick * MS) == message
+    assert channel.lost == line.lost > 0
+
+
+def test_more_messages_than_the_period_allows_are_refused():
+    line = Channel(Connection(delay=0.01), 0, 1, 1e-3)
+    for _ in range(12):
+        line.put(5, np.zeros(1))
+    with pytest.raises(InvalidInputError, match="a period after the last message"):
+        line.put(5, np.zeros(1))
 
 
 def test_without_delay_each_message_arrives_at_once():
@@ -63,4 +89,4 @@ def test_the_same_seed_is_the_same_connection_and_directions_differ():
 
 def test_there_are_two_directions():
     with pytest.raises(InvalidInputError, match=r"direction: must be 0 or 1 \(got 2\)"):
-        DelayLine(Connection(), 2)
+        Channel(Connection(), 2, 1, 1e-3)

@@ -1,0 +1,99 @@
+"""All that a session's ticks read and write besides the mechanism: one array, allocated once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hapticmech_ros.compilation import Part, Size, Structure, structure
+from hapticmech_ros.compilation.structures import SIZES
+from hapticmech_ros.mechanism.model import Array
+
+
+@structure
+class SessionData(Structure):
+    """Data of a session; t rows of the task space, d periods of delay.
+
+    Attributes:
+        index: number of the operational point.
+        steps: of the mechanism's integrator in a period.
+        stages: of a step.
+        implicit: 1 for an implicit rule.
+        connected: 1 if a connection is between device and controller.
+        period_ns: of a tick.
+        heard: 1 if a sample has reached the controller in this tick.
+        rows: (t,) rows of a six-vector that the task space has.
+        forth_state, back_state: channels of the connection, see ``channel_kernels``.
+        times: (6,) period, s; length of the mechanism, m; τ of the loop, s; and delay, s, jitter
+            and loss of the connection.
+        metric: constants of the analysis, see ``metric_of``.
+        observation: of the operational point, see ``observation_layout``.
+        controller: its account, settings and so on: see ``loop_layout``.
+        settings: of the controllers.
+        faded: (6,) what is carried on from another grasp.
+        told: (d, 6) what the mechanism was told and does not act yet.
+        account: the device's.
+        safety: its envelope.
+        answers: (d + 2, ...) answers that do not act yet, the row after them, and the last one.
+        sample: (19,) of the device.
+        device: the device, see ``device_layout``.
+        state: (83,) of the device.
+        later: (83,) its next one.
+        counter: of joint constraints.
+        wrenches: (3, 6) on the hand by the device, on the mechanism by the hand, and what the
+            mechanism is told.
+        external: (6,) on the mechanism at the operational point, by others.
+        push: (6,) on the device, by others than the hand.
+        contact: (6,) F_c.
+        locality: (3,) see ``answer_sample``.
+        added: (6,) by the device's driver.
+        forth, back: messages on the way to the controller, and back.
+        given: the last answer that was given, over a connection.
+        q: (nq,) configuration at the tick's start.
+        v: (nv,) rates there.
+        totals: (5,) time of the mechanism, s; work done on it, and energy lost, J; closure error,
+            m or rad; and the number of joint constraints reported.
+    """
+
+    __slots__ = ()
+
+    index, steps, stages, implicit = Size(0), Size(1), Size(2), Size(3)
+    connected, period_ns, heard = Size(4), Size(5), Size(6)
+    rows = Part(0, 1, whole=True)
+    forth_state, back_state = Part(1, 1, whole=True), Part(2, 1, whole=True)
+    times, metric, observation = Part(3, 1), Part(4, 1), Part(5, 1)
+    controller, settings, faded, told = Part(6, 1), Part(7, 1), Part(8, 1), Part(9, 2)
+    account, safety, answers, sample = Part(10, 1), Part(11, 1), Part(12, 2), Part(13, 1)
+    device, state, later, counter = Part(14, 1), Part(15, 1), Part(16, 1), Part(17, 1)
+    wrenches, external, push, contact = Part(18, 2), Part(19, 1), Part(20, 1), Part(21, 1)
+    locality, added, forth, back = Part(22, 1), Part(23, 1), Part(24, 2), Part(25, 2)
+    given, q, v, totals = Part(26, 1), Part(27, 1), Part(28, 1), Part(29, 1)
+
+
+def session_data(sizes: Mapping[str, int], parts: Mapping[str, Array]) -> SessionData:
+    """Return session data with these sizes, and parts that begin with these numbers.
+
+    Args:
+        sizes: by name; all of them.
+        parts: arrays of one or two dimensions, by name; all of them. They are copied.
+    """
+    kinds = vars(SessionData)
+    numbers = np.zeros(SIZES, dtype=np.int64)
+    for name, size in sizes.items():
+        numbers[kinds[name].index] = size
+    ordered = sorted(parts, key=lambda name: int(kinds[name].at))
+    whole = [name for name in ordered if kinds[name].whole]
+    real = [name for name in ordered if not kinds[name].whole]
+    places = np.zeros(3 * len(parts), dtype=np.int64)
+    for names, first in ((whole, SIZES + places.size), (real, 0)):
+        start = first
+        for name in names:
+            shape = parts[name].shape
+            columns = shape[1] if len(shape) == 2 else 1
+            at = kinds[name].at - SIZES
+            places[at : at + 3] = start, shape[0], columns
+            start += parts[name].size
+    integers = [np.asarray(parts[name], dtype=np.int64).ravel() for name in whole]
+    floats = [np.asarray(parts[name], dtype=float).ravel() for name in real]
+    return SessionData(np.concatenate((numbers, places, *integers)), np.concatenate(floats))

@@ -1,0 +1,72 @@
+"""What a session went through in many ticks, as arrays."""
+
+from __future__ import annotations
+
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, WRENCH, Field, Layout
+from hapticmech_ros.mechanism.model import Array
+
+ONE, FORCE = Field(1), Field(6, WRENCH)
+
+
+def run_layout(nq: int, nv: int) -> Layout:
+    """Return how a row of a run is laid out: all that was measured and commanded in one tick.
+
+    Time, s; q and v of the mechanism; the device's sample, and the wrench applied until then; the
+    operational model; wrenches of the controllers, rows as in
+    :class:`~hapticmech_ros.control.measurements.ControlOutput`; what acts from then on, on the hand
+    by the device and on the mechanism by the hand; what others do to the mechanism at the
+    operational point; energies of the controllers and of the device, J, see docs/passivity.md; and
+    the number of joint constraints reported.
+
+    Args:
+        nq: numbers of a configuration.
+        nv: number of rates.
+    """
+    return Layout(
+        {
+            "time": ONE,
+            "q": Field(nq),
+            "v": Field(nv),
+            **{f"device_{name}": field for name, field in DEVICE_SAMPLE.fields.items()},
+            "device_applied": FORCE,
+            **OPERATIONAL_MODEL.fields,
+            "control": Field(36, WRENCH),
+            "on_hand": FORCE,
+            "on_mechanism": FORCE,
+            "external": FORCE,
+            **dict.fromkeys(("to_mechanism", "stored", "injected", "dissipated"), ONE),
+            "actuators": ONE,
+            "count": ONE,
+        }
+    )
+
+
+class Run:
+    """Ticks of a session, one a row.
+
+    ``run["twist"]`` is (k, 6), and so for every name of the layout; a field of one number is (k,).
+
+    Args:
+        rows: (k, ...) all of it.
+        layout: of a row, see :func:`run_layout`.
+
+    Attributes:
+        rows, layout: these.
+    """
+
+    def __init__(self, rows: Array, layout: Layout) -> None:
+        self.rows, self.layout = rows, layout
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a field (k, n), a view; (k,) if it is one number.
+
+        Raises:
+            KeyError: no such field; it names those that there are.
+        """
+        if name not in self.layout:
+            raise KeyError(f"{name}: must be one of {', '.join(self.layout)}")
+        found = self.rows[:, self.layout.slice(name)]
+        return found[:, 0] if self.layout[name] == 1 else found

@@ -1,0 +1,298 @@
+"""Ticks of a session in one kernel: measure, analyse, answer, and move device and mechanism on."""
+
+from __future__ import annotations
+
+from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.control.account_kernels import (
+    CONTACT,
+    GIVEN,
+    LOST,
+    MODELLED,
+    PERIOD,
+    PUSH,
+    TWIST,
+    WRENCHES,
+    account_for_hand,
+    account_for_motion,
+    conclude,
+    give_answer,
+)
+from hapticmech_ros.control.channel_kernels import TAG, receive, send
+from hapticmech_ros.control.device_side_kernels import ACTUATORS
+from hapticmech_ros.control.render_kernels import act
+from hapticmech_ros.device.kernels import (
+    APPLIED,
+    BODY,
+    MEASURED,
+    REPORTED,
+    SENSES_ITSELF,
+    SPEED,
+    command_device,
+    compensate,
+    move_device,
+)
+from hapticmech_ros.device.kernels import PUSH as PUSHED
+from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.mechanism.compiled.packed import unpack
+from hapticmech_ros.mechanism.compiled.run_kernels import advance_many
+from hapticmech_ros.mechanism.compiled.settle_kernels import SETTLED
+from hapticmech_ros.mechanism.compiled.step_kernels import Work
+from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.operational.counter_kernels import count_rigid
+from hapticmech_ros.operational.kernels import metric_of
+from hapticmech_ros.operational.observe_kernels import observe
+from hapticmech_ros.session.data import SessionData
+
+# What a tick consists of, in this order; a call does all of it or some.
+SENSE, OBSERVE, HEAR, RENDER, DEVICE, MECHANISM = 1, 2, 4, 8, 16, 32
+ALL = SENSE | OBSERVE | HEAR | RENDER | DEVICE | MECHANISM
+# Of a run: number of ticks; what they do; number of the next tick; 1 if terms at its start are
+# known; ticks done; from one record to the next, 0 for none; records written; 1 if the answer's
+# wrenches are there already; and which of the arrays of terms is that of the start.
+TICKS, PHASES, TICK, KNOWN, DONE, EVERY, RECORDED, ANSWERED, AT = range(9)
+CLOCK_SIZE = 9
+# What ended a run before its end: the analysis, or the mechanism's step; that is left to do.
+OBSERVATION_FAILED, STEP_FAILED = 1, 2
+MODEL_SIZE = OPERATIONAL_MODEL.size
+# Among the whole numbers of a session.
+HEARD = 6
+
+
+@inner
+def sense(data: SessionData) -> None:
+    """Fill the device's sample, and what its driver adds to the next command."""
+    device, state, sample = data.device, data.state, data.sample
+    put(sample, state[:APPLIED])
+    if device[SENSES_ITSELF] == MEASURED:
+        for i in range(6):
+            sample[PUSH + i] += data.push[i]
+    compensate(device, state[SPEED:REPORTED], data.added)
+
+
+@inner
+def look(tables: Tables, data: SessionData, packed: Array, clock: Array) -> bool:
+    """Analyse the operational point, and count joint constraints; return whether it succeeded."""
+    times, rows, observation = data.times, data.rows, data.observation
+    at = clock[AT]
+    code = observe(
+        tables,
+        unpack(packed[at], tables),
+        clock[KNOWN],
+        data.q,
+        data.v,
+        data.index,
+        metric_of(data.metric, rows.size),
+        rows,
+        times[1],
+        times[2],
+        packed[2],
+        observation,
+    )
+    clock[KNOWN] = int(code == 0)
+    return code == 0
+
+
+@inner
+def hear(data: SessionData, time: float, stamp_ns: int) -> None:
+    """Count joint constraints, say what touches, and send the sample over the connection."""
+    observation, counted = data.observation, data.rows.size
+    data.totals[4] = count_rigid(data.counter, observation[:counted], time)
+    for i in range(6):
+        observation[CONTACT + i] = data.external[i] + data.contact[i]
+    heard = 1
+    if data.connected != 0:
+        times, state, rows = data.times, data.forth_state, data.forth
+        send(state, rows, times[3], times[4], times[5], stamp_ns, stamp_ns, data.sample)
+        heard = int(receive(state, rows, stamp_ns))
+    data.numbers[HEARD] = heard
+
+
+@inner
+def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> None:
+    """Answer what was heard, and fill what acts on device and mechanism."""
+    controller, answers, connected = data.controller, data.answers, data.connected != 0
+    model, last = data.observation[:MODEL_SIZE], answers[answers.shape[0] - 1]
+    account_for_motion(controller, model[TWIST:CONTACT], controller[PERIOD])
+    heard = data.forth[data.forth.shape[0] - 1] if connected else data.sample
+    given = data.given if connected else last
+    if data.heard != 0:
+        settings, locality = data.settings, data.locality
+        account_for_hand(controller, heard)
+        if not answered:
+            told, faded = data.told, data.faded
+            give_answer(controller, settings, faded, told, heard, model, time, 0.0, locality, given)
+        conclude(controller, settings, heard, model, time, locality, given)
+        if connected:
+            times, tag = data.times, data.forth_state[TAG]
+            law = times[3], times[4], times[5]
+            send(data.back_state, data.back, law[0], law[1], law[2], stamp_ns, tag, given)
+    if connected and receive(data.back_state, data.back, stamp_ns):
+        put(last, data.back[data.back.shape[0] - 1])
+    act(
+        controller,
+        given,
+        data.told,
+        data.account,
+        data.safety,
+        answers,
+        data.sample,
+        data.state[APPLIED:BODY],
+        data.added,
+        data.wrenches,
+    )
+
+
+@inner
+def move_hand(data: SessionData, tick: int) -> None:
+    """Move the device, and the hand that holds it, on by a period."""
+    put(data.device[PUSHED : PUSHED + 6], data.push)
+    command_device(data.device, data.state, data.wrenches[0])
+    move_device(data.device, data.state, tick, data.later)
+    put(data.state, data.later)
+
+
+@inner
+def move_mechanism(
+    numbers: Array,
+    values: Array,
+    data: SessionData,
+    packed: Array,
+    work: Array,
+    springs: Array,
+    nobody: Array,
+    clock: Array,
+) -> bool:
+    """Move the mechanism on by a period; return whether it could be done, else nothing is changed.
+
+    ``nobody`` is a matrix (0, 10): of wrenches on links, and of samples of the steps.
+    """
+    parts, index, wrenches = Work(numbers, work), data.index, data.wrenches
+    pushed, account, totals = parts.wrenches, parts.account, data.totals
+    put(parts.q0, data.q)
+    put(parts.v0, data.v)
+    pushed[:] = 0.0
+    for i in range(6):
+        pushed[index, i] = wrenches[1, i] + data.external[i]
+    parts.held[:] = 0.0
+    account[0] = account[1] = account[5] = 0.0
+    at = clock[AT]
+    code = advance_many(
+        Tables(numbers, values),
+        parts,
+        packed[at],
+        packed[1 - at],
+        packed[3],
+        springs,
+        nobody,
+        nobody,
+        data.steps,
+        0,
+        data.stages,
+        data.implicit != 0,
+        clock[KNOWN] != 0,
+    )
+    if code != SETTLED:
+        clock[KNOWN] = 0
+        return False
+    clock[AT], clock[KNOWN] = 1 - at, 1
+    put(data.q, parts.q)
+    put(data.v, parts.v)
+    totals[0] += data.times[0]
+    totals[1] += account[0]
+    totals[2] += account[1]
+    totals[3] = unpack(packed[1 - at], Tables(numbers, values)).tail[0]
+    return True
+
+
+@inner
+def append(row: Array, at: int, part: Array) -> int:
+    """Put a part into a row from ``at`` on; return where the next one goes."""
+    put(row[at : at + part.size], part)
+    return int(at + part.size)
+
+
+@inner
+def write_record(data: SessionData, time: float, row: Array) -> None:
+    """Fill a row of a run; see :func:`~hapticmech_ros.session.run.run_layout`."""
+    given = data.given if data.connected != 0 else data.answers[data.answers.shape[0] - 1]
+    row[0] = time
+    at = append(row, 1, data.q)
+    at = append(row, at, data.v)
+    at = append(row, at, data.sample)
+    at = append(row, at, data.state[APPLIED:BODY])
+    at = append(row, at, data.observation[:MODEL_SIZE])
+    at = append(row, at, given[WRENCHES:MODELLED])
+    at = append(row, at, data.wrenches[0])
+    at = append(row, at, data.wrenches[1])
+    at = append(row, at, data.external)
+    at = append(row, at, data.controller[GIVEN : LOST + 1])
+    row[at], row[at + 1] = data.account[ACTUATORS], data.totals[4]
+
+
+@kernel(
+    "int64(int64[::1], float64[::1], float64[:,::1], float64[::1], float64[::1], int64[::1],"
+    " float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], int64[::1])"
+)
+def run_ticks(
+    numbers: Array,
+    values: Array,
+    packed: Array,
+    work: Array,
+    springs: Array,
+    whole: Array,
+    real: Array,
+    inputs: Array,
+    records: Array,
+    nobody: Array,
+    clock: Array,
+) -> int:
+    """Do ticks, or parts of one.
+
+    Args:
+        numbers: constants of the mechanism, whole ones.
+        values: the others; see ``tables.fold``.
+        packed: (4, ...) terms at a tick's start and at its end, which change places; those that
+            the delay compensation works in, and those of a step's stages.
+        work: of the step; see ``step_kernels.Work``.
+        springs: of implicit rules; see ``implicit_kernels.Springs``.
+        whole: numbers of the session's data.
+        real: the data; see :class:`~hapticmech_ros.session.data.SessionData`.
+        inputs: (ticks or 1, 12) wrenches by others on the mechanism at the operational point, and
+            on the device.
+        records: (records, ...) to fill; see ``run_layout``.
+        nobody: (0, 10).
+        clock: (9,) what to do, and what was done.
+
+    Returns:
+        0, OBSERVATION_FAILED or STEP_FAILED: what is left to do of the tick then.
+    """
+    tables, data = Tables(numbers, values), SessionData(whole, real)
+    phases, every = clock[PHASES], clock[EVERY]
+    times, external, push = data.times, data.external, data.push
+    for done in range(clock[TICKS]):
+        tick = clock[TICK]
+        time, stamp_ns = tick * times[0], tick * data.period_ns
+        if phases & SENSE:
+            row = inputs[min(done, inputs.shape[0] - 1)]
+            put(external, row[:6])
+            put(push, row[6:])
+            sense(data)
+        if phases & OBSERVE and not look(tables, data, packed, clock):
+            return OBSERVATION_FAILED
+        if phases & HEAR:
+            hear(data, time, stamp_ns)
+        if phases & RENDER:
+            render(data, time, stamp_ns, clock[ANSWERED] != 0)
+            if every > 0 and tick % every == 0:
+                write_record(data, time, records[clock[RECORDED]])
+                clock[RECORDED] += 1
+        if phases & DEVICE:
+            move_hand(data, tick)
+        if phases & MECHANISM:
+            moved = move_mechanism(numbers, values, data, packed, work, springs, nobody, clock)
+            if not moved:
+                return STEP_FAILED
+            clock[TICK] += 1
+            clock[DONE] += 1
+    return 0

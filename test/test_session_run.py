@@ -1,0 +1,187 @@
+"""Many ticks in a call: the same numbers as one by one, and what is written in Python in its place."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.control import control_for
+from hapticmech_ros.control.architecture import ControlArchitecture
+from hapticmech_ros.device import ImpedanceDevice, grip_of, hand_law
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene.controller import Connection
+from hapticmech_ros.scene.mechanism import Origin
+
+PUSH = np.array([0.4, -0.2, 0.1, 0.0, 0.01, 0.02])
+UNEVEN = Connection(delay=0.004, jitter=0.5, loss=0.1, seed=2)
+# What a row has from a sample of a tick.
+FIELDS = {
+    "time": lambda sample: sample.time,
+    "q": lambda sample: sample.mechanism.q,
+    "v": lambda sample: sample.mechanism.v,
+    "device_position": lambda sample: sample.device.published[:3],
+    "device_twist": lambda sample: sample.device.measured_twist,
+    "device_hand_wrench": lambda sample: sample.hand_wrench,
+    "device_applied": lambda sample: sample.device.applied,
+    "s": lambda sample: sample.seen.model[:6],
+    "inverse_inertia": lambda sample: sample.model.inverse_inertia.ravel(),
+    "contact": lambda sample: sample.external_wrench + sample.contact_wrench,
+    "control": lambda sample: sample.wrenches.ravel(),
+    "on_hand": lambda sample: sample.acting[0],
+    "on_mechanism": lambda sample: sample.acting[1],
+    "external": lambda sample: sample.external_wrench,
+    "count": lambda sample: sample.count,
+}
+
+
+def rows_of(samples):
+    return {name: np.array([read(sample) for sample in samples]) for name, read in FIELDS.items()}
+
+
+def same(run, samples):
+    for name, expected in rows_of(samples).items():
+        assert np.array_equal(run[name], expected), name
+
+
+def connected(name):
+    return load_scene(name).model_copy(update={"connection": UNEVEN})
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        *map(load_scene, ("five_bar", "spatial_arm", "stewart_platform", "crane", "door")),
+        # A loop that latches on the way, and one whose steps are led past a singular position.
+        load_scene("four_bar_closing"),
+        load_scene("scissor_lift"),
+        connected("two_link"),
+    ],
+    ids=lambda scene: scene.name,
+)
+def test_a_run_is_its_ticks_to_the_bit(scene):
+    one, many = Session(scene), Session(scene)
+    ticks = 900
+    rng = np.random.default_rng(3)
+    pushes = 0.2 * rng.normal(size=(ticks, 6)) * np.array([1, 1, 1, 0.01, 0.01, 0.01])
+    samples = [one.tick(0.1 * push, push) for push in pushes]
+    run = many.run(ticks, 0.1 * pushes, pushes)
+    same(run, samples)
+    assert many.time == one.time
+    assert many.energies == one.energies
+    assert np.array_equal(many.mechanism.q, one.mechanism.q)
+    assert many.mechanism.account == one.mechanism.account
+    assert np.array_equal(many.device.published, one.device.published)
+
+
+def test_grasps_gains_and_closures_change_between_runs_as_between_ticks():
+    one, many = (Session(load_scene("four_bar_closing")) for _ in range(2))
+    softer = one.scene.controller.model_copy(update={"gain_ramp": 0.05})
+    link = one.scene.operational_points[0].link
+    name = one.scene.closures[0].name
+    changes = (
+        lambda session: session.grasp(link, Origin(xyz=(0.01, 0.0, 0.0))),
+        lambda session: session.tune(softer),
+        lambda session: session.mechanism.active[0] and session.switch_closure(name, False),
+    )
+    for change in changes:
+        samples = [one.tick(hand_wrench=PUSH) for _ in range(300)]
+        same(many.run(300, hand_wrench=PUSH), samples)
+        for session in (one, many):
+            change(session)
+    assert many.mechanism.active == one.mechanism.active
+
+
+def test_rows_are_as_far_apart_as_asked_whatever_the_calls():
+    scene = load_scene("five_bar")
+    whole = Session(scene).run(100)
+    session = Session(scene)
+    parts = [session.run(ticks, every=7) for ticks in (10, 0, 25, 65)]
+    assert [len(part) for part in parts] == [2, 0, 3, 10]
+    assert np.array_equal(np.vstack([part.rows for part in parts]), whole.rows[::7])
+
+
+def test_long_runs_are_shown_by_and_by_and_fill_a_file(tmp_path):
+    scene = load_scene("five_bar")
+    whole, shown = Session(scene).run(230, every=2), []
+    last = Session(scene).run(
+        230, every=2, show=lambda part: shown.append(part.rows.copy()), chunk=50
+    )
+    assert [len(rows) for rows in shown] == [25, 25, 25, 25, 15]
+    assert np.array_equal(np.vstack(shown), whole.rows)
+    assert np.array_equal(last.rows, shown[-1])
+    session = Session(scene)
+    shape = (115, session.layout.size)
+    file = np.memmap(tmp_path / "run", dtype=np.float64, mode="w+", shape=shape)
+    counted = []
+    run = session.run(
+        230, every=2, into=file, show=lambda part: counted.append(len(part)), chunk=50
+    )
+    file.flush()
+    assert counted == [25, 25, 25, 25, 15]
+    assert np.array_equal(np.fromfile(tmp_path / "run").reshape(shape), whole.rows)
+    assert np.shares_memory(run.rows, file)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"ticks": -1}, r"ticks: must be 0 or more \(got -1\)"),
+        ({"every": 0}, r"every: must be 1 or more \(got 0\)"),
+        ({"chunk": 0}, r"chunk: must be 1 or more \(got 0\)"),
+        ({"hand_wrench": np.zeros((9, 6))}, r"hand_wrench: must be \(6,\) or \(10, 6\)"),
+        ({"external_wrench": np.zeros(3)}, r"external_wrench: must be \(6,\) or \(10, 6\)"),
+        ({"into": np.zeros((9, 5))}, r"into: must be \(10 or more, \d+\) of float64"),
+    ],
+)
+def test_what_cannot_be_run_is_refused_and_nothing_has_moved(given, words):
+    session = Session(load_scene("two_link"))
+    with pytest.raises(InvalidInputError, match=words):
+        session.run(**({"ticks": 10} | given))
+    assert session.time == 0.0
+
+
+def test_an_unknown_field_names_those_that_there_are():
+    with pytest.raises(KeyError, match="must be one of time, q, v"):
+        Session(load_scene("two_link")).run(1)["speed"]
+
+
+class Halved(ControlArchitecture):
+    """A control law of one's own: the scene's, with half the wrench on the hand."""
+
+    def answer(self, time, engagement, device, rendered, ahead, in_flight=None):
+        found = super().answer(time, engagement, device, rendered, ahead, in_flight)
+        found[0] *= 0.5
+        return found
+
+
+@pytest.mark.parametrize("scene", [load_scene("five_bar"), connected("five_bar")])
+def test_a_control_law_in_python_takes_the_place_of_the_scenes(scene):
+    given, own = Session(scene), Session(scene, control=ControlArchitecture(scene))
+    expected, run = given.run(400, hand_wrench=PUSH), own.run(400, hand_wrench=PUSH)
+    assert np.abs(run["on_hand"] - expected["on_hand"]).max() < 1e-9
+    assert np.abs(run["q"] - expected["q"]).max() < 1e-12
+    halved = Session(scene, control=Halved(scene)).run(30, hand_wrench=PUSH)
+    assert np.abs(halved["control"][:, :6]).max() < 0.6 * np.abs(expected["control"][:30, :6]).max()
+
+
+def test_a_device_with_a_hand_in_python_takes_the_place_of_the_scenes():
+    scene = load_scene("five_bar")
+    hand, period = scene.hand, scene.simulation.period
+    law, calls = hand_law(hand), []
+
+    def own_law(elapsed, pose, twist, held):
+        calls.append(elapsed)
+        return law(elapsed, pose, twist, held)
+
+    planar = scene.task_space == "planar"
+    body = ImpedanceDevice(scene.device, period, planar, own_law, grip_of(hand))
+    expected = Session(scene).run(400, hand_wrench=PUSH)
+    run = Session(scene, device=body).run(400, hand_wrench=PUSH)
+    assert len(calls) > 400
+    assert np.abs(run["device_position"] - expected["device_position"]).max() < 1e-12
+    assert np.abs(run["on_hand"] - expected["on_hand"]).max() < 1e-9
+
+
+def test_a_run_of_no_ticks_changes_nothing():
+    session = Session(load_scene("two_link"), control=control_for(load_scene("two_link")))
+    assert len(session.run(0)) == 0
+    assert session.time == 0.0
