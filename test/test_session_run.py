@@ -1,4 +1,4 @@
-"""Many ticks in a call: the same numbers as one by one, and what is written in Python in its place."""
+"""Many ticks in a call: the same numbers as one by one; and what is written in Python."""
 
 import numpy as np
 import pytest
@@ -159,8 +159,9 @@ def test_a_control_law_in_python_takes_the_place_of_the_scenes(scene):
     expected, run = given.run(400, hand_wrench=PUSH), own.run(400, hand_wrench=PUSH)
     assert np.abs(run["on_hand"] - expected["on_hand"]).max() < 1e-9
     assert np.abs(run["q"] - expected["q"]).max() < 1e-12
-    halved = Session(scene, control=Halved(scene)).run(30, hand_wrench=PUSH)
-    assert np.abs(halved["control"][:, :6]).max() < 0.6 * np.abs(expected["control"][:30, :6]).max()
+    # Nothing but the wrench itself differs in the second tick: the first one's is zero.
+    second = Session(scene, control=Halved(scene)).run(2, hand_wrench=PUSH)["control"][1, :6]
+    assert np.array_equal(second, 0.5 * run["control"][1, :6])
 
 
 def test_a_device_with_a_hand_in_python_takes_the_place_of_the_scenes():

@@ -5,6 +5,8 @@ from __future__ import annotations
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, WRENCH, Field, Layout
 from hapticmech_ros.mechanism.model import Array
 
+ENERGIES = ("to_mechanism", "stored", "injected", "dissipated", "actuators")
+SCALARS = frozenset(("time", *ENERGIES, "count"))
 ONE, FORCE = Field(1), Field(6, WRENCH)
 
 
@@ -34,8 +36,7 @@ def run_layout(nq: int, nv: int) -> Layout:
             "on_hand": FORCE,
             "on_mechanism": FORCE,
             "external": FORCE,
-            **dict.fromkeys(("to_mechanism", "stored", "injected", "dissipated"), ONE),
-            "actuators": ONE,
+            **dict.fromkeys(ENERGIES, ONE),
             "count": ONE,
         }
     )
@@ -44,7 +45,8 @@ def run_layout(nq: int, nv: int) -> Layout:
 class Run:
     """Ticks of a session, one a row.
 
-    ``run["twist"]`` is (k, 6), and so for every name of the layout; a field of one number is (k,).
+    ``run["twist"]`` is (k, 6), and so for every name of the layout; times, energies and the count
+    are (k,).
 
     Args:
         rows: (k, ...) all of it.
@@ -61,7 +63,7 @@ class Run:
         return len(self.rows)
 
     def __getitem__(self, name: str) -> Array:
-        """Return a field (k, n), a view; (k,) if it is one number.
+        """Return a field (k, n), or (k,), a view.
 
         Raises:
             KeyError: no such field; it names those that there are.
@@ -69,4 +71,4 @@ class Run:
         if name not in self.layout:
             raise KeyError(f"{name}: must be one of {', '.join(self.layout)}")
         found = self.rows[:, self.layout.slice(name)]
-        return found[:, 0] if self.layout[name] == 1 else found
+        return found[:, 0] if name in SCALARS else found
