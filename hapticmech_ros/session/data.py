@@ -71,6 +71,10 @@ class SessionData(Structure):
     given, q, v, totals = Part(26, 1), Part(27, 1), Part(28, 1), Part(29, 1)
 
 
+# Names of its parts.
+PARTS = tuple(name for name, part in vars(SessionData).items() if isinstance(part, Part))
+
+
 def session_data(sizes: Mapping[str, int], parts: Mapping[str, Array]) -> SessionData:
     """Return session data with these sizes, and parts that begin with these numbers.
 

@@ -2,24 +2,56 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from hapticmech_ros.control import ControlOutput, RenderingModel
 from hapticmech_ros.control.flat import model_of
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism import MechanismState, PointKinematics
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.state import EnergyAccount
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 
 
-@dataclass(frozen=True, slots=True)
+class LeftState(NamedTuple):
+    """A mechanism's state as a kernel left it.
+
+    Attributes:
+        known: the last state before that was known as such.
+        totals: (5,) see :class:`~hapticmech_ros.session.data.SessionData`.
+        q, v: configuration (nq,) and rates (nv,).
+    """
+
+    known: MechanismState
+    totals: Array
+    q: Array
+    v: Array
+
+    def state(self) -> MechanismState:
+        """Return the state; q and v can be written no more."""
+        before, account = self.known, self.known.account
+        time, work_in, lost, error, _ = self.totals.tolist()
+        others = account.latch_loss, account.contact_loss, account.contact_energy
+        self.q.flags.writeable = self.v.flags.writeable = False
+        return MechanismState(
+            time,
+            self.q,
+            self.v,
+            before.active,
+            error,
+            EnergyAccount(work_in, lost, *others),
+            None,
+            before.released,
+        )
+
+
 class Sample:
     """All that was measured and commanded in one tick, at its start.
 
     Attributes:
         time: s since the session's start; the device is engaged at time 0.
-        device, mechanism: states at ``time``.
+        device: its state at ``time``.
         seen: the operational point there: its motion, Λ_h⁻¹ and what follows.
         hand_wrench: (6,) F_h on the device, by the hand and by others, as the device reports it.
         external_wrench: (6,) on the mechanism at the operational point, by others.
@@ -30,16 +62,35 @@ class Sample:
             by the hand.
     """
 
-    time: float
-    device: DeviceState
-    mechanism: MechanismState
-    seen: Observation
-    hand_wrench: Array
-    external_wrench: Array
-    contact_wrench: Array
-    count: int
-    wrenches: Array
-    acting: Array
+    __slots__ = (
+        *("_mechanism", "acting", "contact_wrench", "count", "device", "external_wrench"),
+        *("hand_wrench", "seen", "time", "wrenches"),
+    )
+
+    def __init__(
+        self,
+        time: float,
+        device: DeviceState,
+        mechanism: MechanismState | LeftState,
+        seen: Observation,
+        hand_wrench: Array,
+        external_wrench: Array,
+        contact_wrench: Array,
+        count: int,
+        wrenches: Array,
+        acting: Array,
+    ) -> None:
+        self.time, self.device, self._mechanism, self.seen = time, device, mechanism, seen
+        self.hand_wrench, self.external_wrench = hand_wrench, external_wrench
+        self.contact_wrench, self.count = contact_wrench, count
+        self.wrenches, self.acting = wrenches, acting
+
+    @property
+    def mechanism(self) -> MechanismState:
+        """State of the mechanism at ``time``."""
+        if isinstance(self._mechanism, LeftState):
+            self._mechanism = self._mechanism.state()
+        return self._mechanism
 
     @property
     def point(self) -> PointKinematics:

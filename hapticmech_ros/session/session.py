@@ -9,6 +9,7 @@ or contacts, is called in its place, and the kernel does the rest of the tick ar
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -35,7 +36,6 @@ from hapticmech_ros.mechanism.compiled.space import CompiledClosing
 from hapticmech_ros.mechanism.compiled.stepping import CompiledStepper
 from hapticmech_ros.mechanism.grasp import grasped
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.state import EnergyAccount
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.compiled import CompiledAnalysis
 from hapticmech_ros.operational.contact_wrench import touching_wrench
@@ -44,9 +44,9 @@ from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Origin
-from hapticmech_ros.session.data import SessionData, session_data
+from hapticmech_ros.session.data import PARTS, SessionData, session_data
 from hapticmech_ros.session.run import Run, run_layout
-from hapticmech_ros.session.sample import Sample
+from hapticmech_ros.session.sample import LeftState, Sample
 from hapticmech_ros.session.tick_kernels import (
     ALL,
     ANSWERED,
@@ -121,6 +121,8 @@ class Session:
         self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
         self._room = cast(CompiledStepper, self.simulator.stepper).room
         self._data = self._allocated()
+        # Found once: each look at the data makes a view.
+        self._parts = SimpleNamespace(**{name: getattr(self._data, name) for name in PARTS})
         mechanism = self.simulator.mechanism
         self.layout = run_layout(mechanism.nq, mechanism.nv)
         self._chosen: Chosen | None = None
@@ -164,25 +166,15 @@ class Session:
     def device(self) -> DeviceState:
         """State of the device at the next tick."""
         if self._device_state is None:
-            self._device_state = CompiledState(self._data.state.copy())
+            self._device_state = CompiledState(self._parts.state.copy())
         return self._device_state
 
     @property
     def mechanism(self) -> MechanismState:
         """State of the mechanism at the next tick."""
-        state = self._mechanism_state
-        if state is None:
-            data, before = self._data, self._known
-            time, work_in, lost, error, _ = data.totals.tolist()
-            account = before.account
-            account = EnergyAccount(
-                work_in, lost, account.latch_loss, account.contact_loss, account.contact_energy
-            )
-            q, v = data.q.copy(), data.v.copy()
-            q.flags.writeable = v.flags.writeable = False
-            state = MechanismState(time, q, v, before.active, error, account, None, before.released)
-            self._mechanism_state = state
-        return state
+        if self._mechanism_state is None:
+            self._mechanism_state = self._left().state()
+        return self._mechanism_state
 
     @property
     def compensation(self) -> Array:
@@ -213,9 +205,10 @@ class Session:
             inputs[0, :6] = external_wrench
         if hand_wrench is not None:
             inputs[0, 6:] = hand_wrench
-        time, device, mechanism, data = self.time, self.device, self.mechanism, self._data
+        time, device, data, state = self.time, self.device, self._parts, self._mechanism_state
+        mechanism = self._left() if state is None else state
         self._go(1, inputs, _NO_RECORDS, 0)
-        analyser, nv = self._analyser, mechanism.v.size
+        analyser, nv = self._analyser, data.v.size
         seen = Observation(data.observation.copy(), self._compiled.layout, analyser.rows, nv)
         return Sample(
             time,
@@ -306,7 +299,7 @@ class Session:
         state = self.mechanism
         self.simulator.grasp(point)
         self._analyser = Analyser(self.simulator.mechanism, point.name, self._lateness)
-        self._data.metric[:] = self._compiled.constants
+        self._parts.metric[:] = self._compiled.constants
         self._side.held_elsewhere()
         self._carried = self._given[_WRENCHES][:6].copy()
         self._counter.begin()
@@ -319,7 +312,8 @@ class Session:
     @property
     def _given(self) -> Array:
         """The last answer that was given, whether it has arrived or not."""
-        return self._data.answers[-1] if self._side.is_ideal else self._data.given
+        answers: Array = self._parts.answers[-1] if self._side.is_ideal else self._parts.given
+        return answers
 
     def _allocated(self) -> SessionData:
         """Return the data of all parts in one array, of which these parts are views from now on."""
@@ -386,9 +380,14 @@ class Session:
             back.state, back.rows = data.back_state, data.back
         return data
 
+    def _left(self) -> LeftState:
+        """Return how the kernel left the mechanism."""
+        data = self._parts
+        return LeftState(self._known, data.totals.copy(), data.q.copy(), data.v.copy())
+
     def _begin(self, state: MechanismState) -> None:
         """Go on from a state of the mechanism."""
-        mechanism, data, clock = self._mechanism, self._data, self._clock
+        mechanism, data, clock = self._mechanism, self._parts, self._clock
         chosen = mechanism.chosen(state.active)
         if chosen is not self._chosen:
             self._chosen, self._packed = chosen, np.zeros((4, chosen.size))
@@ -439,7 +438,6 @@ class Session:
         assert chosen is not None
         clock[TICKS], clock[PHASES] = ticks, phases
         room.parts.settings[8] = room.heeded
-        data = self._data
         if phases & DEVICE:
             self._device_state = None
         if phases & MECHANISM:
@@ -449,8 +447,8 @@ class Session:
             self._packed,
             room.work,
             room.springs,
-            data.numbers,
-            data.data,
+            self._data.numbers,
+            self._data.data,
             inputs,
             rows,
             _NOBODY,
@@ -459,7 +457,7 @@ class Session:
 
     def _tick_in_parts(self, inputs: Array, rows: Array) -> None:
         """Do a tick in which something is done in Python."""
-        data, time, control = self._data, self.time, self._control
+        data, time, control = self._parts, self.time, self._control
         simulated = isinstance(self._device, CompiledDevice)
         if not simulated:
             self._sense_otherwise(inputs[0])
@@ -470,7 +468,7 @@ class Session:
         self._call(HEAR, inputs, rows)
         tie = self._tie(time)
         self._set(time, tie)
-        answers = not control.compiled and bool(data.numbers[6])
+        answers = not control.compiled and bool(self._data.heard)
         if answers:
             self._answer_otherwise(time, tie)
         self._clock[ANSWERED] = not control.compiled
@@ -483,14 +481,14 @@ class Session:
 
     def _set(self, time: float, tie: Engagement) -> None:
         """Say what fixes the controllers at a time (s)."""
-        data, control = self._data, self._control
+        data, control = self._parts, self._control
         data.settings[:] = control.settings_at(time, tie)
         data.faded[:] = control.carried_at(time, tie)
         data.locality[:] = self._side.locality(corrects=True, with_model=True)
 
     def _sense_otherwise(self, given: Array) -> None:
         """Take the sample of a device that is written in Python."""
-        data, device, state = self._data, self._device, self.device
+        data, device, state = self._parts, self._device, self.device
         data.external[:] = given[:6]
         data.push[:] = given[6:]
         data.sample[:] = state.published[: DEVICE_SAMPLE.size]
@@ -500,14 +498,14 @@ class Session:
 
     def _observe_otherwise(self) -> None:
         """Analyse where the kernel could not, or raise what is wrong."""
-        state, data = self.mechanism, self._data
+        state, data = self.mechanism, self._parts
         closing = self.simulator.closing(state)
         found = self._analyser.observe(state.q, state.v, state.active, closing)
         data.observation[:] = found.numbers
 
     def _answer_otherwise(self, time: float, tie: Engagement) -> None:
         """Let a control law that is written in Python answer what was heard."""
-        data, side = self._data, self._side
+        data, side = self._parts, self._side
         heard = data.sample if side.is_ideal else data.forth[-1]
         flying = side.in_flight() if data.locality[0] != 0.0 else None
         model = data.observation[:_MODEL_SIZE]
@@ -516,13 +514,13 @@ class Session:
 
     def _move_otherwise(self) -> None:
         """Move a device that is written in Python on by a period."""
-        command, push = self._data.wrenches[0].copy(), self._data.push.copy()
+        command, push = self._parts.wrenches[0].copy(), self._parts.push.copy()
         tick = int(self._clock[TICK])
         self._device_state = self._device.step(self.device, command, self._held, tick, push)
 
     def _step_otherwise(self) -> None:
         """Move the mechanism on where the kernel cannot: contacts, latches, singular positions."""
-        data, state = self._data, self.mechanism
+        data, state = self._parts, self.mechanism
         wrenches = np.zeros((len(self._mechanism.point_names), 6))
         wrenches[self._analyser.index] = data.wrenches[1] + data.external
         self._begin(self.simulator.step(state, wrenches))
@@ -534,13 +532,13 @@ class Session:
             return NO_WRENCH
         index, terms = self._analyser.index, self.simulator.evaluate(state)
         seen = Observation(
-            self._data.observation, self._compiled.layout, self._analyser.rows, state.v.size
+            self._parts.observation, self._compiled.layout, self._analyser.rows, state.v.size
         )
         return touching_wrench(terms, seen.analysis, state.touching, index)
 
     def _tie(self, time: float) -> Engagement:
         """Return the tie, made anew at the start and if the mechanism is held elsewhere."""
-        tie, control, data = self._engagement, self._control, self._data
+        tie, control, data = self._engagement, self._control, self._parts
         device, model = data.sample.copy(), data.observation[:_MODEL_SIZE].copy()
         if tie is None or self._carried is not None:
             tie = control.engage_flat(time, device, model, 0.0, self._carried)
