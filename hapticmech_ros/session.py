@@ -20,7 +20,7 @@ from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.device.impedance_device import ImpedanceDevice
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism import MechanismState, PointKinematics, Simulator
+from hapticmech_ros.mechanism import PointKinematics
 from hapticmech_ros.mechanism.grasp import grasped
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
@@ -30,6 +30,7 @@ from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Origin
+from hapticmech_ros.simulation import MechanismState, Simulator
 
 _CONTACT = OPERATIONAL_MODEL.slice("contact")
 

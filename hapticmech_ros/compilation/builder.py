@@ -32,7 +32,7 @@ from hapticmech_ros.compilation.decorators import OPTIONS, Kernel
 from hapticmech_ros.errors import HapticMechError
 
 # Import every kernel, directly or not.
-_HOMES = ("mechanism.compiled.stepping", "operational.compiled", "control.compiled")
+_HOMES = ("mechanism.stepping", "operational.compiled", "control.compiled")
 _MORE_HOMES = (
     *("device.compiled", "wire.readings", "contact.search", "contact.stepping"),
     "control.rendering_loop",

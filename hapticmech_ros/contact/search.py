@@ -16,8 +16,7 @@ from hapticmech_ros.contact.touch_kernels import (
     POINT_VALUES,
     touching_points,
 )
-from hapticmech_ros.mechanism.compiled.mechanism import placement_view
-from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.mechanism.mechanism import Mechanism, placement_view
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.contacts import Shape
 

@@ -13,11 +13,11 @@ from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.device import device_for
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.contact_wrench import touching_wrench
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.simulation import Simulator
 
 # In the order of a tick.
 PARTS = ("evaluate", "analyse", "control", "step", "device")

@@ -16,8 +16,8 @@ from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.compiled.articulated_kernels import pair_to_metric
 from hapticmech_ros.mechanism.compiled.packed import Packed
 from hapticmech_ros.mechanism.compiled.tables import Tables
-from hapticmech_ros.mechanism.constraint_space import PASSING, RESOLVED, SOLVER_RANK_TOLERANCE
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.tolerances import PASSING, RESOLVED, SOLVER_RANK_TOLERANCE
 
 # Columns of ``Packed.row_places``.
 BEGIN, PIVOT, INVERSE, LAST, FIRST = range(5)

@@ -19,8 +19,8 @@ from hapticmech_ros.mechanism.compiled.packed import Packed
 from hapticmech_ros.mechanism.compiled.pair_kernels import add_pair
 from hapticmech_ros.mechanism.compiled.small_matrices import dot_rows, orthogonalise, solve_lower
 from hapticmech_ros.mechanism.compiled.tables import Tables
-from hapticmech_ros.mechanism.constraint_space import RESOLVED
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.tolerances import RESOLVED
 
 # What a kernel returns where an SVD does not converge.
 NO_SVD = -1

@@ -1,4 +1,4 @@
-"""Stages of the linearly implicit rule in a kernel: what :mod:`implicit` says in plain NumPy."""
+"""Stages of the linearly implicit rule, see :mod:`~hapticmech_ros.mechanism.implicit`."""
 
 from __future__ import annotations
 

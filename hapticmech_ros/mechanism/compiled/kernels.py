@@ -23,12 +23,12 @@ from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
 from hapticmech_ros.mechanism.compiled.small_matrices import cholesky
 from hapticmech_ros.mechanism.compiled.tables import SPARSE, Tables
 from hapticmech_ros.mechanism.compiled.tree_kernels import inertia_of, place_tree
-from hapticmech_ros.mechanism.constraint_space import (
+from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,
     DRIFT_FACTOR,
     SOLVER_RANK_TOLERANCE,
 )
-from hapticmech_ros.mechanism.model import Array
 
 # What a kernel returns that could not do its work, beside ``dense_kernels.NO_SVD`` and
 # ``band_kernels.UNDECIDED``; below SINGULAR: D is not positive definite at degree of freedom

@@ -1,4 +1,4 @@
-"""q ⊕ θ and the rate of θ, joint by joint, as :mod:`integrator` has them from Pinocchio.
+"""q ⊕ θ and the rate of θ, joint by joint, as Pinocchio has them.
 
 Positions of revolute and prismatic joints are numbers. The others are poses: of a planar joint x,
 y, cosine and sine, of a spherical one a quaternion x, y, z, w, of a free one both a position and a

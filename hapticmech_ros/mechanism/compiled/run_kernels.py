@@ -1,4 +1,4 @@
-"""Steps of the mechanism by one kernel, one or many: what :mod:`stepping` says in plain NumPy."""
+"""Steps of the mechanism by one kernel, one or many."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from hapticmech_ros.mechanism.compiled.step_kernels import (
     start_step,
 )
 from hapticmech_ros.mechanism.compiled.tables import Tables
-from hapticmech_ros.mechanism.constraint_space import NEAR, PASSING
 from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.tolerances import NEAR, PASSING
 
 # A run ended before a step that starts at, or would leave, a singular position, or has a stage
 # next to one.

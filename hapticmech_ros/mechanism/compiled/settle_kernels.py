@@ -1,4 +1,4 @@
-"""The end of a step inside a kernel: what :mod:`projection` says in plain NumPy."""
+"""The end of a step inside a kernel: see :mod:`~hapticmech_ros.mechanism.projection`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hapticmech_ros.mechanism.compiled.small_matrices import dot
 from hapticmech_ros.mechanism.compiled.step_kernels import Work
 from hapticmech_ros.mechanism.compiled.tables import Tables
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.projection import (
+from hapticmech_ros.mechanism.tolerances import (
     JUMP,
     LEAST_TOLERANCE,
     NEAR_SINGULAR,

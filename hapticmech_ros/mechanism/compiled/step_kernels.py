@@ -1,6 +1,6 @@
 """A step of the mechanism inside a kernel: the work that its parts share, and explicit stages.
 
-What :mod:`~hapticmech_ros.mechanism.integrator` says in plain NumPy, on one array of work.
+The rules are those of :mod:`~hapticmech_ros.mechanism.schemes`.
 """
 
 from __future__ import annotations

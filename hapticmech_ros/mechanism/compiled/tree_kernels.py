@@ -1,10 +1,9 @@
 """The tree at a configuration: poses, joint axes, inertias, D and h, as loops inside kernels.
 
-What Pinocchio computes for the readable mechanism, from the constants that its model has: tests
-hold both together. Calls from Python would take longer than the work that is in them, and they
-would end a kernel that could do a whole step. Everything is in the world's axes about the world's
-origin, where inertias and wrenches of a subtree are sums (Featherstone, Rigid Body Dynamics
-Algorithms, 6.2 and 5.3).
+What Pinocchio computes, from the constants that its model has: tests hold both together. Calls
+from Python would take longer than the work that is in them, and they would end a kernel that could
+do a whole step. Everything is in the world's axes about the world's origin, where inertias and
+wrenches of a subtree are sums (Featherstone, Rigid Body Dynamics Algorithms, 6.2 and 5.3).
 """
 
 from __future__ import annotations

@@ -8,16 +8,16 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import ClosureError, InvalidInputError
-from hapticmech_ros.mechanism import Simulator
-from hapticmech_ros.mechanism.build import build_stepper
-from hapticmech_ros.mechanism.compiled.stepping import CompiledStepper
-from hapticmech_ros.mechanism.constraint_space import SingularInertiaError
-from hapticmech_ros.mechanism.motion import Pushes, Start
-from hapticmech_ros.mechanism.schemes import INTEGRATORS, SCHEMES
-from hapticmech_ros.mechanism.stepping import Plan, Stepper
+from hapticmech_ros.mechanism.inertia import SingularInertiaError
+from hapticmech_ros.mechanism.motion import Plan, Pushes, Start, plan_of
+from hapticmech_ros.mechanism.schemes import SCHEMES
+from hapticmech_ros.mechanism.stepping import Stepper
 from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition
+from oracles.mechanism.integrators import INTEGRATORS
+from oracles.mechanism.stepping import ReadableSimulator, ReadableStepper
 from oracles.planar_linkages import (
     INERTIAS,
     LENGTHS,
@@ -52,7 +52,7 @@ def both(document, integrator):
     """Return both simulators of a document."""
     step = {"period": PERIOD, "integrator": integrator}
     scene = scene_from_document(document | {"simulation": step})
-    return Simulator(scene, compiled=False), Simulator(scene)
+    return ReadableSimulator(scene), Simulator(scene)
 
 
 def push(sim, seed=0):
@@ -87,7 +87,7 @@ def test_the_documents_hold_what_is_promised():
 @pytest.mark.parametrize("integrator", RULES)
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_steps_are_the_same(document, integrator):
-    readable, compiled = both(document, integrator)
+    readable, found = both(document, integrator)
     state = readable.initial_state()
     links = {document["links"][-1]["name"]: push(readable, 1)[0]}
     terms = readable.evaluate(state)
@@ -95,7 +95,7 @@ def test_steps_are_the_same(document, integrator):
     for pushed in ({}, links):
         one, other = (
             sim._stepper.advance(start_of(state), Pushes(push(sim), pushed))
-            for sim in (readable, compiled)
+            for sim in (readable, found)
         )
         compare(one, other, magnified)
     assert np.abs(one.v - state.v).max() > 1e-6
@@ -109,10 +109,10 @@ def test_steps_of_shipped_scenes_are_the_same(name, integrator):
     scene = load_scene(name)
     simulation = scene.simulation.model_copy(update={"integrator": integrator})
     scene = scene.model_copy(update={"simulation": simulation, "contacts": ()})
-    readable, compiled = (Simulator(scene, compiled=kind) for kind in (False, True))
+    readable, found = (ReadableSimulator(scene), Simulator(scene))
     plan = Plan(integrator, PERIOD)
-    one = Stepper(readable.mechanism, plan)
-    other = CompiledStepper(compiled.mechanism, plan)
+    one = ReadableStepper(readable.mechanism, plan)
+    other = Stepper(found.mechanism, plan)
     for state in run(readable, 0.02, push(readable))[::5]:
         magnified = ROUNDING * condition(readable.evaluate(state).space)
         wrenches = push(readable, 2)
@@ -124,7 +124,8 @@ def test_steps_of_shipped_scenes_are_the_same(name, integrator):
 def test_what_is_known_changes_no_bit(document):
     _, sim = both(document, "rk4")
     state = sim.initial_state()
-    mechanism, stepper, wrenches = sim.mechanism, build_stepper(sim.mechanism), push(sim)
+    mechanism, wrenches = sim.mechanism, push(sim)
+    stepper = Stepper(mechanism, plan_of(sim.scene.simulation))
     closing = mechanism.closing_terms(state.q, state.active)
     terms = mechanism.evaluate(state.q, state.v, state.active)
     mechanism.evaluate(mechanism.integrate(state.q, state.v), state.v, state.active)  # scratch
@@ -192,12 +193,12 @@ class TestVectors:
                 assert pin.integrate(model, q, change).tobytes() == (q + change).tobytes()
 
 
-@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("kind", [Simulator, ReadableSimulator])
 class TestErrors:
     """Both say the same of what cannot be stepped."""
 
-    def start(self, compiled, integrator="rk4"):
-        sim = both(FIVE_BAR, integrator)[compiled]
+    def start(self, kind, integrator="rk4"):
+        sim = both(FIVE_BAR, integrator)[kind is Simulator]
         return sim, sim.initial_state(), np.zeros((len(sim.mechanism.point_names), 6))
 
     @pytest.mark.parametrize(
@@ -206,39 +207,39 @@ class TestErrors:
     )
     @pytest.mark.parametrize("bad", [np.nan, np.inf])
     @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
-    def test_what_is_not_finite_is_refused(self, compiled, integrator, what, bad):
-        sim, state, wrenches = self.start(compiled, integrator=integrator)
+    def test_what_is_not_finite_is_refused(self, kind, integrator, what, bad):
+        sim, state, wrenches = self.start(kind, integrator=integrator)
         wrenches[0, 0] = bad
         with pytest.raises(InvalidInputError, match=f"mechanism {what}: must stay finite"):
             sim.step(state, wrenches)
 
-    def test_wrenches_of_another_shape_are_refused(self, compiled):
-        sim, state, wrenches = self.start(compiled)
+    def test_wrenches_of_another_shape_are_refused(self, kind):
+        sim, state, wrenches = self.start(kind)
         with pytest.raises(InvalidInputError, match="wrenches: must have shape"):
             sim.step(state, wrenches[0])
 
-    def test_an_unknown_link_is_refused(self, compiled):
-        sim, state, wrenches = self.start(compiled)
+    def test_an_unknown_link_is_refused(self, kind):
+        sim, state, wrenches = self.start(kind)
         with pytest.raises(InvalidInputError, match="nothing"):
             sim.step(state, wrenches, {"nothing": np.zeros(6)})
 
-    def test_a_loop_that_comes_apart_is_named(self, compiled):
+    def test_a_loop_that_comes_apart_is_named(self, kind):
         document = pin_end(chain(LENGTHS, MASSES, INERTIAS), np.array([0.25, 0.0]))
         scene = scene_from_document(document | {"simulation": {"period": PERIOD}})
-        stepper = Simulator(scene, compiled)._stepper
+        stepper = kind(scene)._stepper
         start = Start(np.array([0.3, 0.2, 0.1, -0.1]), np.zeros(4), (True,))
         with pytest.raises(ClosureError, match="came apart") as caught:
             stepper.advance(start, Pushes(np.zeros((len(scene.operational_points), 6))))
         assert caught.value.closures == ("pin",)
 
-    def test_a_massless_end_link_is_singular(self, compiled):
+    def test_a_massless_end_link_is_singular(self, kind):
         document = chain(LENGTHS, MASSES, INERTIAS)
         nothing = {"mass": 0.0, "inertia": {"ixx": 0.0, "iyy": 0.0, "izz": 0.0}}
         document["links"][-1]["inertial"] = nothing
         document["operational_points"] = document["operational_points"][:2]
         scene = scene_from_document(document)
         with pytest.raises(SingularInertiaError, match="joint4"):
-            Simulator(scene, compiled)
+            kind(scene)
 
 
 def test_wrenches_of_another_shape_are_refused():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from hapticmech_ros.mechanism.evaluation import Active
+from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hapticmech_ros.mechanism.evaluation import Active
+from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.model import Array
 
 if TYPE_CHECKING:

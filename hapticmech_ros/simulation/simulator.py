@@ -10,19 +10,21 @@ import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
-from hapticmech_ros.mechanism.build import build, build_contact_stepper, build_stepper
-from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
-from hapticmech_ros.mechanism.latching import Latches
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.mechanism.constraint_space import Closing
+from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.motion import NOTHING, Pushes, Start
+from hapticmech_ros.mechanism.motion import NOTHING, Pushes, Start, Stepped, plan_of
 from hapticmech_ros.mechanism.projection import project
-from hapticmech_ros.mechanism.state import MechanismState, Trajectory
-from hapticmech_ros.mechanism.stepping import Stepped
+from hapticmech_ros.mechanism.stepping import Stepper
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
+from hapticmech_ros.simulation.latching import Latches
+from hapticmech_ros.simulation.state import MechanismState, Trajectory
 
 if TYPE_CHECKING:
-    from hapticmech_ros.contact.stepping import Touched
+    from hapticmech_ros.contact.stepping import ContactStepper, Touched
 
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.
 CLOSE_BY_HAND = 0.02
@@ -33,15 +35,18 @@ class Simulator:
 
     Args:
         scene: what to simulate.
-        compiled: by kernels, or by the readable implementation; see :func:`build`.
+
+    Raises:
+        SceneError: a mesh that cannot be read.
+        SingularInertiaError: a joint moves no mass.
     """
 
-    def __init__(self, scene: Scene, compiled: bool = True) -> None:
+    def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.mechanism = build(scene, compiled)
+        self.mechanism = Mechanism(scene)
         self.period = scene.simulation.period
-        self._stepper = build_stepper(self.mechanism)
-        self._contacts = build_contact_stepper(self.mechanism)
+        self._stepper = Stepper(self.mechanism, plan_of(scene.simulation))
+        self._contacts = _contact_stepper(self.mechanism)
         self._evaluated: tuple[MechanismState, Evaluation] | None = None
         self._projected: tuple[MechanismState, Closing] | None = None
         self._latches = Latches(self.mechanism)
@@ -241,6 +246,16 @@ class Simulator:
         if distance > limit or self.mechanism.on_wrong_branch(index, q):
             rule = f"can be closed only within {limit:.4g} (m, rad) of its frames, axes alike"
             raise InvalidInputError(f"distance of closure {loop.name}", distance, rule)
+
+
+def _contact_stepper(mechanism: Mechanism) -> ContactStepper | None:
+    """Return what steps a mechanism with contacts; None if its scene has none."""
+    if not mechanism.scene.contacts:
+        return None
+    # Here, so that a scene without contacts imports nothing of them.
+    from hapticmech_ros.contact.stepping import ContactStepper
+
+    return ContactStepper(mechanism)
 
 
 def _frozen(array: Array) -> Array:

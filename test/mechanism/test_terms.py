@@ -1,17 +1,17 @@
-"""The compiled mechanism against the readable one: same terms, same motion, same errors."""
+"""The mechanism against the readable one: same terms, same motion, same errors."""
 
 import numpy as np
 import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import ClosureError, HapticMechError, InvalidInputError
-from hapticmech_ros.mechanism import Mechanism, Simulator, build
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
-from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
 from hapticmech_ros.mechanism.compiled.small_matrices import orthogonalise
-from hapticmech_ros.mechanism.constraint_space import SingularInertiaError
+from hapticmech_ros.mechanism.inertia import SingularInertiaError
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import (
     apart,
@@ -21,6 +21,8 @@ from oracles.implementations import (
     projector,
     sample_pair,
 )
+from oracles.mechanism.mechanism import ReadableMechanism
+from oracles.mechanism.stepping import ReadableSimulator
 from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, chain, five_bar, pin_end
 from oracles.running import run
 
@@ -59,7 +61,7 @@ def test_the_cases_hold_what_is_promised():
     assert types == {"revolute", "prismatic", "spherical", "free", "planar"}
     redundant = 0
     for pair, active in CASES:
-        space = pair.compiled.closing_terms(pair.q, active).space
+        space = pair.mechanism.closing_terms(pair.q, active).space
         redundant += 0 < space.rank < space.rows.shape[0]
     assert redundant > 20
 
@@ -118,7 +120,7 @@ def test_accelerations_and_closure_forces_are_the_same(pair, active):
 
 @pytest.mark.parametrize(("pair", "active"), CASES)
 def test_known_closing_terms_change_no_bit(pair, active):
-    mechanism = pair.compiled
+    mechanism = pair.mechanism
     closing = mechanism.closing_terms(pair.q, active)
     mechanism.evaluate(mechanism.integrate(pair.q, 0.1 * pair.v), pair.v, active)  # other scratch
     once = mechanism.evaluate(pair.q, pair.v, active, closing)
@@ -135,13 +137,13 @@ def test_known_closing_terms_change_no_bit(pair, active):
 def test_distances_of_closures_are_the_same(pair):
     for index in range(len(pair.readable.closures)):
         expected, rate = pair.readable.distance_of(index, pair.q, pair.v)
-        found, found_rate = pair.compiled.distance_of(index, pair.q, pair.v)
+        found, found_rate = pair.mechanism.distance_of(index, pair.q, pair.v)
         assert abs(found - expected) < ROUNDING * max(expected, 1.0)
         # The direction of φ is known to rounding over its length.
         assert abs(found_rate - rate) * min(expected, 1.0) < ROUNDING * max(abs(rate), 1.0)
-        loops = (pair.readable.closures[index], pair.compiled.closures[index])
+        loops = (pair.readable.closures[index], pair.mechanism.closures[index])
         wrong = loops[0].on_wrong_branch(pair.readable.data)
-        assert loops[1].on_wrong_branch(pair.compiled.data) == wrong
+        assert loops[1].on_wrong_branch(pair.mechanism.data) == wrong
 
 
 def test_results_are_copies():
@@ -149,7 +151,7 @@ def test_results_are_copies():
     _, terms = pair.evaluate((True,))
     before = [part.tobytes() for part in terms[:5]]
     held = terms.points[0].pose.homogeneous, terms.points[0].jacobian.copy()
-    pair.compiled.evaluate(pair.q + 0.1, pair.v + 1.0, (True,))
+    pair.mechanism.evaluate(pair.q + 0.1, pair.v + 1.0, (True,))
     assert [part.tobytes() for part in terms[:5]] == before
     assert (terms.points[0].pose.homogeneous == held[0]).all()
     assert (terms.points[0].jacobian == held[1]).all()
@@ -157,10 +159,10 @@ def test_results_are_copies():
 
 def test_states_that_cannot_be_written_are_taken():
     pair = pair_of(load_scene("five_bar"), 1, 0.2)
-    expected = pair.compiled.evaluate(pair.q, pair.v, (True,)).bias_force
+    expected = pair.mechanism.evaluate(pair.q, pair.v, (True,)).bias_force
     for array in (pair.q, pair.v):
         array.flags.writeable = False
-    assert (pair.compiled.evaluate(pair.q, pair.v, (True,)).bias_force == expected).all()
+    assert (pair.mechanism.evaluate(pair.q, pair.v, (True,)).bias_force == expected).all()
 
 
 # Both start from the same bits and round differently, 1e-16 of a step's change. On five_bar, which
@@ -170,7 +172,7 @@ def test_states_that_cannot_be_written_are_taken():
 def test_trajectories_are_the_same(name, bound):
     scene = load_scene(name)
     wrenches = np.array([[-0.5, 0.0, 0.0, 0.0, 0.0, -0.0025]])
-    expected = run(Simulator(scene, compiled=False), 2.0, wrenches)
+    expected = run(ReadableSimulator(scene), 2.0, wrenches)
     found = run(Simulator(scene), 2.0, wrenches)
     assert [state.active for state in found] == [state.active for state in expected]
     assert max(np.abs(a.q - b.q).max() for a, b in zip(found, expected, strict=True)) < bound
@@ -194,13 +196,8 @@ def test_same_bits_on_every_run():
     assert runs[0].v.tobytes() == runs[1].v.tobytes()
 
 
-def test_the_compiled_mechanism_is_what_runs():
-    assert isinstance(Simulator(load_scene("five_bar")).mechanism, CompiledMechanism)
-    assert not build(load_scene("five_bar"), compiled=False).compiled
-
-
-def compiled(document):
-    return build(scene_from_document(document))
+def mechanism_of(document):
+    return Mechanism(scene_from_document(document))
 
 
 def test_a_massless_end_link_is_singular():
@@ -208,20 +205,20 @@ def test_a_massless_end_link_is_singular():
     nothing = {"mass": 0.0, "inertia": {"ixx": 0.0, "iyy": 0.0, "izz": 0.0}}
     document["links"][-1]["inertial"] = nothing
     document["operational_points"] = document["operational_points"][:2]
-    for make in (CompiledMechanism, Mechanism):
+    for make in (Mechanism, ReadableMechanism):
         with pytest.raises(SingularInertiaError, match="'joint4' moves no mass"):
             make(scene_from_document(document))
 
 
 def test_a_loop_that_came_apart_is_named():
-    mechanism = compiled(pin_end(chain(LENGTHS, MASSES, INERTIAS), np.array([0.25, 0.0])))
+    mechanism = mechanism_of(pin_end(chain(LENGTHS, MASSES, INERTIAS), np.array([0.25, 0.0])))
     with pytest.raises(ClosureError, match="came apart") as caught:
         project(mechanism, np.array([0.3, 0.2, 0.1, -0.1]), np.zeros(4), (True,))
     assert caught.value.closures == ("pin",)
 
 
 def test_wrong_names_are_refused_as_before():
-    mechanism = compiled(five_bar())
+    mechanism = mechanism_of(five_bar())
     with pytest.raises(InvalidInputError, match="hook"):
         mechanism.closure_index("hook")
     with pytest.raises(ValueError, match="zip"):
@@ -229,7 +226,7 @@ def test_wrong_names_are_refused_as_before():
 
 
 def test_closures_that_are_not_finite_are_an_error():
-    mechanism = compiled(five_bar())
+    mechanism = mechanism_of(five_bar())
     # The unit of the first row follows the damping.
     _, values = mechanism._single[0].constants
     assert values[mechanism.nv] == mechanism.length

@@ -14,12 +14,11 @@ from scipy.integrate import solve_ivp
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
-from hapticmech_ros.mechanism.build import build
-from hapticmech_ros.mechanism.integrator import local_rate
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene.document import Scene
+from oracles.mechanism.integrators import local_rate
 
 # A segment starts on the closures, in local coordinates of its own. In between, closures keep their
 # second derivative at zero, so that they open with the square of the segment's length, s...
@@ -55,7 +54,7 @@ def reference_motion(
         InvalidInputError: times that do not increase, or wrenches of another shape.
         HapticMechError: the solver gave up; ClosureError: a closed loop came apart.
     """
-    mechanism = build(scene)
+    mechanism = Mechanism(scene)
     points = len(mechanism.point_names)
     held = np.array(wrenches, dtype=float)
     held = np.zeros((points, 6)) + held if held.ndim == 0 else held
