@@ -58,7 +58,7 @@ def test_it_moves_as_one_joint_with_the_inertia_of_both(kind):
     assert np.abs(residual).max() < 1e-12 * np.abs(terms.bias_force).max()
 
 
-def test_compiled_terms_are_those_of_the_readable_ones():
+def test_terms_are_those_of_the_readable_ones():
     document = geared(links=4)
     ours, plain = simulator(document), simulator(document, ReadableSimulator)
     state = ours.initial_state()

@@ -18,7 +18,7 @@ from hapticmech_ros.mechanism.compiled.many_rows import (
 from oracles.generator import closed_chain
 from oracles.implementations import apart, condition, pair_of, projector, sample_pair
 
-# As in test_compiled.py.
+# As in test_terms.py.
 ROUNDING = 1e-12
 
 

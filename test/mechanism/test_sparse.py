@@ -21,7 +21,7 @@ from oracles.implementations import apart, condition, pair_of, sample_pair
 from oracles.mechanism.stepping import ReadableSimulator
 from oracles.planar_linkages import chain
 
-# As in test_compiled.py; articulated inertias about the world's origin lose a digit more.
+# As in test_terms.py; articulated inertias about the world's origin lose a digit more.
 ROUNDING = 1e-11
 KINDS = ("spherical", "revolute", "weld", "planar_pin")
 

@@ -17,8 +17,8 @@ from hapticmech_ros.mechanism.model import Array
 # over all pairs of rows several times; one of a dense QR.
 _SWEEP, _IN_BAND, _IN_SVD, _IN_QR = 200.0, 4.0, 20.0, 4.0
 # Redundant rows are left out of a sparse factorisation, and not averaged with the others: off the
-# closures, inside a step, that is another mechanism by the order of the distance. Only where the
-# readable one would take its time is it worth that.
+# closures, inside a step, that is another mechanism by the order of the distance. Only where a
+# dense one would take its time is it worth that.
 MANY_RATES = 24
 # Rows that are dropped in other configurations widen the band by a few places.
 _SLACK = 4
