@@ -86,7 +86,6 @@ class Stepper:
         self._mechanism = mechanism
         self._plan = plan
         self._step = plan.period / plan.substeps
-        self._pull = plan.baumgarte_rate
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
         scheme = SCHEMES[plan.integrator]
         self._springs = np.zeros(springs_size(nv) if scheme.implicit else 0)
@@ -96,7 +95,7 @@ class Stepper:
         # Found once: each look at the work makes a view.
         self._parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in PARTS})
         self._counts = np.array((1, 0, len(scheme.weights), scheme.implicit, 0))
-        pulled = self._pull > 0.0
+        self._pulled = pulled = plan.baumgarte_rate > 0.0
         most_open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
         fractions = (PROJECTION_TOLERANCE, ROUNDING_TOLERANCE, PROJECTION_FAILURE)
         parts.settings[:2] = self._step, scheme.late
@@ -169,7 +168,7 @@ class Stepper:
 
         There closures gain rank in a step, or keep a σ that says little of the direction.
         """
-        if self._pull > 0.0:
+        if self._pulled:
             return self._substep(start, pushes)
         known = start.closing if start.terms is None else start.terms.closing
         closing = known or self._mechanism.closing_terms(start.q, start.active)
@@ -262,7 +261,7 @@ class Stepper:
         parts.wrenches[:] = pushes.wrenches
         parts.held[:] = 0.0 if pushes.in_joints is None else pushes.in_joints
         # States that are pulled are off the closures anyway: no step needs care.
-        parts.settings[8] = HEEDLESS if self._pull > 0.0 else heeded
+        parts.settings[8] = HEEDLESS if self._pulled else heeded
         account = parts.account
         account[0] = account[1] = account[5] = 0.0
         counts[0], counts[1], counts[4] = count, apart, known is not None

@@ -60,7 +60,7 @@ class ReadableStepper(Stepper):
         self._mechanism = mechanism
         self._plan = plan
         self._step = plan.period / plan.substeps
-        self._pull = plan.baumgarte_rate
+        self._pulled = plan.baumgarte_rate > 0.0
 
     def run(
         self, start: Start, pushes: Pushes, periods: int, samples: Array, every: int
@@ -79,11 +79,13 @@ class ReadableStepper(Stepper):
 
     def _substep(self, start: Start, pushes: Pushes) -> Stepped:
         """Do a step of the integrator, and bring it onto the closures."""
-        return self._follow(ReadableMotion(self._mechanism, start, pushes, self._pull), start)
+        return self._follow(
+            ReadableMotion(self._mechanism, start, pushes, self._plan.baumgarte_rate), start
+        )
 
     def _watched_substep(self, start: Start, pushes: Pushes) -> Stepped | None:
         """Do a step; None if a stage of it lies where a relative σ is below the limit of care."""
-        motion = ReadableMotion(self._mechanism, start, pushes, self._pull)
+        motion = ReadableMotion(self._mechanism, start, pushes, self._plan.baumgarte_rate)
         stepped = self._follow(motion, start)
         limit = care_limit(self._step * float(np.abs(start.v).max()))
         return None if motion.least < limit else stepped
@@ -99,7 +101,7 @@ class ReadableStepper(Stepper):
         moved = integrate(mechanism.model, motion, start.q, start.v, step)
         if not math.isfinite(moved.q @ moved.q + moved.v @ moved.v):
             raise not_finite("state", moved.q)
-        if self._pull > 0.0:
+        if self._pulled:
             closing = mechanism.closing_terms(moved.q, start.active)
             if not closing.error <= BAUMGARTE_FAILURE * mechanism.length:
                 raise came_apart(closing.error, mechanism.names_of(start.active))
