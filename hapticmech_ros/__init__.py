@@ -15,10 +15,11 @@ if TYPE_CHECKING:
         InvalidInputError,
         SceneError,
     )
-    from hapticmech_ros.mechanism import Mechanism, MechanismState, Simulator
+    from hapticmech_ros.mechanism import Mechanism
     from hapticmech_ros.operational import OperationalAnalysis, analyse
     from hapticmech_ros.scene import Scene, load_scene
     from hapticmech_ros.session import Sample, Session
+    from hapticmech_ros.simulation import MechanismState, Simulator
 
 _HOMES = {
     "BagError": "errors",
@@ -26,13 +27,13 @@ _HOMES = {
     "HapticMechError": "errors",
     "InvalidInputError": "errors",
     "Mechanism": "mechanism",
-    "MechanismState": "mechanism",
+    "MechanismState": "simulation",
     "OperationalAnalysis": "operational",
     "Sample": "session",
     "Scene": "scene",
     "SceneError": "errors",
     "Session": "session",
-    "Simulator": "mechanism",
+    "Simulator": "simulation",
     "analyse": "operational",
     "load_scene": "scene",
 }

@@ -18,12 +18,13 @@ from hapticmech_ros.bench.ablation import ladder
 from hapticmech_ros.control import control_for
 from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.device import device_for
-from hapticmech_ros.mechanism import Simulator, build
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.plan.scene_plan import plan_scene
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
+from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import DEVICE_MEASURED, RENDERED, RENDERING_FIELDS
 from hapticmech_ros.wire.rendering_wire import RenderingWriter
@@ -51,7 +52,7 @@ def session(scene: Scene) -> Tick:
 def nodes(scene: Scene) -> Tick:
     """Do what the four nodes do in a period, without their messages' way between them."""
     simulator = Simulator(scene)
-    analyser = Analyser(build(scene))
+    analyser = Analyser(Mechanism(scene))
     layout, rendering = StateLayout(simulator.mechanism), RenderingWriter(analyser)
     state_wire, rendering_wire = FlatArray(layout.fields), FlatArray(RENDERING_FIELDS)
     control, device = control_for(scene), device_for(scene)

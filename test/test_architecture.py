@@ -11,7 +11,7 @@ PACKAGE = Path(hapticmech_ros.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
 CORE = (
     *("scene", "mechanism", "operational", "control", "device", "wire", "session", "errors"),
-    *("formats", "plan", "contact"),
+    *("formats", "plan", "contact", "simulation"),
 )
 # Above the core, still without ROS: they run sessions and read files.
 TOOLS = ("experiment", "bag", "view")
@@ -95,7 +95,17 @@ def test_the_core_does_not_depend_on_what_is_above_it(path):
     assert not inside & {*TOOLS, "nodes", "cli"}
 
 
-@named([path for path in FILES if part_of(path) in ("scene", "mechanism", "operational")])
+# From below: each knows only those before it.
+MOTION = ("mechanism", "contact", "simulation", "operational")
+
+
+@named([path for path in FILES if part_of(path) in MOTION])
+def test_what_moves_a_mechanism_is_in_layers(path):
+    inside = {name.split(".")[1] for name in imports(path) if name.startswith("hapticmech_ros.")}
+    assert not inside & {*MOTION[MOTION.index(part_of(path)) + 1 :]}
+
+
+@named([path for path in FILES if part_of(path) in ("scene", *MOTION)])
 def test_the_model_does_not_depend_on_device_or_control(path):
     inside = {name.split(".")[1] for name in imports(path) if name.startswith("hapticmech_ros.")}
     assert not inside & {"control", "device", "session", "wire"}

@@ -34,12 +34,12 @@ def analyse(
 ) -> None:
     """Compute Λ_h⁻¹, spectrum and count at every state of a recording: a table and a plot."""
     from hapticmech_ros.experiment.figure_style import save
-    from hapticmech_ros.mechanism import build
+    from hapticmech_ros.mechanism import Mechanism
     from hapticmech_ros.offline import analyse_states, states_from_bag
     from hapticmech_ros.offline.figure import analysis_figure
     from hapticmech_ros.scene import load_scene
 
-    mechanism = build(load_scene(scene))
+    mechanism = Mechanism(load_scene(scene))
     states = states_from_bag(bag, mechanism, topic, namespace)
     begun = time.perf_counter()
     with progress() as bar:

@@ -34,7 +34,7 @@ from hapticmech_ros.compilation.decorators import Kernel
 from hapticmech_ros.errors import HapticMechError
 
 # Import every kernel, directly or not.
-_HOMES = ("mechanism.compiled.stepping", "operational.compiled", "control.compiled")
+_HOMES = ("mechanism.stepping", "operational.compiled", "control.compiled")
 _MORE_HOMES = (
     *("device.compiled", "wire.readings", "contact.search", "contact.stepping"),
     *("control.rendering_loop", "session.session"),
@@ -46,7 +46,7 @@ _C_LIBRARY = frozenset(
 # Kernels with much in common, by what their names begin with; all others are one more family.
 _FAMILIES: tuple[tuple[str, ...], ...] = (("mechanism_", "operational_"), ("contact_",))
 # Those that take longest begin first.
-_LONG = ("run_kernels", "observe_kernels", "mechanism_compiled_kernels_factor", "contact_solver")
+_LONG = ("run_kernels", "observe_kernels", "mechanism_kernels_factor", "contact_solver")
 # Beyond the families only LLVM's part is faster.
 _MOST_LANES = 8
 _PR_SET_PDEATHSIG = 1

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.contact.effect_kernels import contact_effects
 from hapticmech_ros.contact.search import Search
 from hapticmech_ros.contact.solver_kernels import (
@@ -24,11 +25,9 @@ from hapticmech_ros.contact.solver_kernels import (
 )
 from hapticmech_ros.contact.touch_kernels import POINT_VALUES
 from hapticmech_ros.contact.touching import Touching, nothing_touching
-from hapticmech_ros.mechanism.build import build_stepper, plan_of
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.motion import HeldMotion, Pushes, Start
-from hapticmech_ros.mechanism.stepping import Stepped, end_of
+from hapticmech_ros.mechanism.motion import HeldMotion, Pushes, Start, Stepped, plan_of
+from hapticmech_ros.mechanism.stepping import Stepper, end_of
 from hapticmech_ros.scene.contacts import ContactPair
 
 # Shapes further apart than this share of their size, and than they come in a step, are stepped as
@@ -65,8 +64,8 @@ class ContactStepper:
         self._pull = plan.baumgarte_rate
         # Positions move by the mean of both rates, or by the new one.
         self._ahead = 0.0 if plan.integrator == "semi_implicit_euler" else 0.5
-        self._whole = build_stepper(mechanism)
-        self._stepper = build_stepper(mechanism, plan._replace(period=self._step, substeps=1))
+        self._whole = Stepper(mechanism, plan)
+        self._stepper = Stepper(mechanism, plan._replace(period=self._step, substeps=1))
         self._search = Search(mechanism)
         self._laws = np.array([_law(contact) for contact in scene.contacts])
         self._nothing = nothing_touching(mechanism.nv)

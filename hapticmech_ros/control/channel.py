@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.channel_kernels import (
     LOST,
     NEWEST,
@@ -21,7 +22,6 @@ from hapticmech_ros.control.channel_kernels import (
     send_message,
 )
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.controller import Connection
 
 

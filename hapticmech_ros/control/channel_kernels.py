@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.layout import Field, Layout
-from hapticmech_ros.mechanism.model import Array
 
 ONE = Field(1)
 # Random numbers' stream; messages sent, and lost; number of the newest that was received, and its

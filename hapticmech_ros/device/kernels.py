@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.device.device_layout import DEVICE_MODEL, DEVICE_STATE
 from hapticmech_ros.device.grip import OPEN
 from hapticmech_ros.device.hand_kernels import WORK_SIZE, grip_window, hand_wrench
 from hapticmech_ros.device.resistance_kernels import rub, stop
-from hapticmech_ros.mechanism.compiled.small_matrices import dot
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.rotation_kernels import (
     exp3,
     log3,

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats.model import Document
-from hapticmech_ros.mechanism.constraint_space import SingularInertiaError, cholesky_of_upper
+from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_upper
 from hapticmech_ros.mechanism.model import authored_state, build_tree
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.loader import scene_from_document

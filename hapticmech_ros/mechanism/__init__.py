@@ -1,17 +1,24 @@
-"""Eq. 1: Pinocchio model of the tree, loop closures, dynamics, integration, simulator."""
+"""Eq. 1: a scene's mechanism, its loop closures and dynamics, and steps of it.
 
-from hapticmech_ros.mechanism.build import build
-from hapticmech_ros.mechanism.evaluation import Evaluation, PointKinematics
-from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.simulator import Simulator
-from hapticmech_ros.mechanism.state import MechanismState, Trajectory
+A mechanism is compiled once from a scene: Pinocchio's model of the tree (:mod:`model`,
+:mod:`multibody`) and the constants that kernels take (:mod:`kernels.tables`). What is known at a
+configuration is one array (:mod:`kernels.packed`), and kernels compute on both. The names below
+are loaded when first used: reading a scene needs no kernels.
+"""
 
-__all__ = [
-    "Evaluation",
-    "Mechanism",
-    "MechanismState",
-    "PointKinematics",
-    "Simulator",
-    "Trajectory",
-    "build",
-]
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hapticmech_ros.mechanism.evaluation import Evaluation, PointKinematics
+    from hapticmech_ros.mechanism.mechanism import Mechanism
+
+_HOMES = {"Evaluation": "evaluation", "Mechanism": "mechanism", "PointKinematics": "evaluation"}
+
+__all__ = ["Evaluation", "Mechanism", "PointKinematics"]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -1,4 +1,4 @@
-"""Springs, dampers, friction, stops and efforts: forces, their slopes and elastic energy.
+"""Springs, dampers, friction, stops and efforts: what they are, and their elastic energy.
 
 In a joint with coordinate q and rate v (docs/notation.md):
 
@@ -6,33 +6,23 @@ In a joint with coordinate q and rate v (docs/notation.md):
 * a stop entered by d >= 0 pushes out with max(k d + b min(d / depth, 1) ḋ, 0): it never pulls.
 
 Between the origins of two frames, l apart: tension k (l - rest) + c l̇, which acts along the line.
-None of them makes energy: T8 of docs/derivations.md.
+None of them makes energy: T8 of docs/derivations.md. Kernels compute the forces
+(``element_kernels``).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.model import Array, TreeModel
-from hapticmech_ros.scene.mechanism import Joint, JointLimits, Spring
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.model import TreeModel
+from hapticmech_ros.scene.mechanism import Joint, Spring
 
-WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 # Below this fraction of the mechanism's length the line between two points has no direction.
 SHORTEST = 1e-9
-
-
-class Contact(NamedTuple):
-    """A stop at a state: +1 (lower) or -1 (upper), how far it is entered (rad, m), and ḋ."""
-
-    outwards: float
-    depth: float
-    speed: float
 
 
 @dataclass(frozen=True)
@@ -49,60 +39,13 @@ class JointElement:
     position: int
     joint: Joint
 
-    def forces(self, q: float, v: float) -> tuple[float, float]:
-        """Return elastic and dissipative force, N m or N, at coordinate q and rate v."""
-        joint = self.joint
-        elastic = joint.stiffness * (joint.rest - q)
-        lossy = -joint.friction * math.tanh(v / joint.friction_speed)
-        for limits, contact in self._contacts(q, v):
-            if contact.depth > 0.0:
-                spring = limits.stiffness * contact.depth
-                soft = min(contact.depth / limits.depth, 1.0)
-                push = max(spring + limits.damping * soft * contact.speed, 0.0)
-                elastic += contact.outwards * spring
-                lossy += contact.outwards * (push - spring)
-        return elastic, lossy
-
-    def slopes(self, q: float, v: float, horizon: float) -> tuple[float, float]:
-        """Return stiffness and damping; a stop counts if it is met within ``horizon`` (s)."""
-        joint = self.joint
-        # The secant: friction already there, over the speed. Its largest slope would hold a joint
-        # that slides as if it stuck.
-        relative = abs(v) / joint.friction_speed
-        share = math.tanh(relative) / relative if relative > 1e-6 else 1.0
-        stiffness, damping = joint.stiffness, share * joint.friction / joint.friction_speed
-        for limits, contact in self._contacts(q, v):
-            deepest = contact.depth + horizon * max(contact.speed, 0.0)
-            if deepest > 0.0:
-                stiffness += limits.stiffness
-                damping += limits.damping * min(deepest / limits.depth, 1.0)
-        return stiffness, damping
-
-    def tangents(self, q: float, v: float) -> tuple[float, float]:
-        """Return -∂/∂q of the elastic and -∂/∂v of the whole force; of stops where they push."""
-        joint = self.joint
-        steep = 1.0 - math.tanh(v / joint.friction_speed) ** 2
-        stiffness, damping = joint.stiffness, steep * joint.friction / joint.friction_speed
-        for limits, contact in self._contacts(q, v):
-            soft = limits.damping * min(contact.depth / limits.depth, 1.0)
-            pushes = limits.stiffness * contact.depth + soft * contact.speed > 0.0
-            if contact.depth > 0.0 and pushes:
-                stiffness += limits.stiffness
-                damping += soft
-        return stiffness, damping
-
     def energy(self, q: float) -> float:
         """Return the elastic energy, J, of spring and stops."""
         energy = 0.5 * self.joint.stiffness * (q - self.joint.rest) ** 2
-        for limits, contact in self._contacts(q, 0.0):
-            energy += 0.5 * limits.stiffness * max(contact.depth, 0.0) ** 2
+        stops = self.joint.limits
+        if stops is not None:
+            energy += 0.5 * stops.stiffness * max(stops.lower - q, q - stops.upper, 0.0) ** 2
         return energy
-
-    def _contacts(self, q: float, v: float) -> Iterator[tuple[JointLimits, Contact]]:
-        limits = self.joint.limits
-        if limits is not None:
-            yield limits, Contact(1.0, limits.lower - q, -v)
-            yield limits, Contact(-1.0, q - limits.upper, v)
 
 
 @dataclass(frozen=True)
@@ -154,77 +97,10 @@ class Elements:
         # Handed out by every evaluation.
         self.effort.flags.writeable = False
 
-    def forces(self, model: pin.Model, data: pin.Data, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return all forces but efforts, and their dissipative part; each (nv,), N m or N.
-
-        ``data`` has joint Jacobians and frames' placements at q.
-        """
-        dissipative = -self.damping * v
-        passive = dissipative.copy()
-        for element in self.joints:
-            at = element.rate
-            elastic, lossy = element.forces(float(q[element.position]), float(v[at]))
-            dissipative[at] += lossy
-            passive[at] += elastic + lossy
-        for spring in self.springs:
-            length, gradient = self.stretch(model, data, spring)
-            loss = spring.damping * float(gradient @ v)
-            dissipative -= loss * gradient
-            passive -= (spring.stiffness * (length - spring.rest_length) + loss) * gradient
-        return passive, dissipative
-
-    def slopes(
-        self, model: pin.Model, data: pin.Data, q: Array, v: Array, horizon: float
-    ) -> tuple[Array, Array]:
-        """Return stiffness and damping, each (nv, nv); see ``Mechanism.slopes``."""
-        joints = (
-            element.slopes(float(q[element.position]), float(v[element.rate]), horizon)
-            for element in self.joints
-        )
-        return self._summed(model, data, joints)
-
-    def tangents(self, model: pin.Model, data: pin.Data, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return K and C (nv, nv): what all forces lose per change of position, and of rate.
-
-        As :meth:`slopes`, but of what pushes now, and with friction's own slope instead of its
-        secant. Lines of springs are taken as fixed. ``data`` as in :meth:`forces`.
-        """
-        joints = (
-            element.tangents(float(q[element.position]), float(v[element.rate]))
-            for element in self.joints
-        )
-        return self._summed(model, data, joints)
-
-    def _summed(
-        self, model: pin.Model, data: pin.Data, joints: Iterable[tuple[float, float]]
-    ) -> tuple[Array, Array]:
-        """Return stiffness and damping of joints, given in order, dampers and springs."""
-        stiffness, damping = np.zeros((model.nv, model.nv)), np.diag(self.damping)
-        for element, slopes in zip(self.joints, joints, strict=True):
-            stiffness[element.rate, element.rate] += slopes[0]
-            damping[element.rate, element.rate] += slopes[1]
-        for spring in self.springs:
-            _, gradient = self.stretch(model, data, spring)
-            square = np.outer(gradient, gradient)
-            stiffness += spring.stiffness * square
-            damping += spring.damping * square
-        return stiffness, damping
-
     def energy(self, data: pin.Data, q: Array) -> float:
         """Return the elastic energy, J; ``data`` has frames' placements at q."""
         energy = sum(element.energy(float(q[element.position])) for element in self.joints)
         return float(energy + sum(spring.energy(data) for spring in self.springs))
-
-    def stretch(self, model: pin.Model, data: pin.Data, spring: PointSpring) -> tuple[float, Array]:
-        """Return l (m) and g = ∂l/∂q (nv,); g = 0 where the line has no direction."""
-        gap = spring.gap(data)
-        length = float(np.linalg.norm(gap))
-        if length <= self.shortest:
-            return length, np.zeros(model.nv)
-        shape = (6, model.nv)
-        jacobian_a = pin.getFrameJacobian(model, data, spring.frame_a, WORLD_AXES).reshape(shape)
-        jacobian_b = pin.getFrameJacobian(model, data, spring.frame_b, WORLD_AXES).reshape(shape)
-        return length, (gap / length) @ (jacobian_a[:3] - jacobian_b[:3])
 
 
 def bind_spring(spring: Spring, tree: TreeModel) -> PointSpring:

@@ -2,45 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
-from hapticmech_ros.mechanism.model import Array
-
-Active = tuple[bool, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Closing:
-    """Active closures at a configuration: φ (m,), W (m, nv), and the factorisation of D and W."""
-
-    residual: Array
-    jacobian: Array
-    space: ConstraintSpace
-
-    @property
-    def error(self) -> float:
-        """Largest |φ|, m or rad; 0 without closures."""
-        return float(np.abs(self.residual).max()) if self.residual.size else 0.0
-
-    @property
-    def rank(self) -> int:
-        """Number r of independent rows."""
-        return self.space.rank
-
-    @property
-    def least(self) -> float:
-        """Smallest σ that is more than rounding over the largest; 1 without closures."""
-        return self.space.least
-
-    @property
-    def resolved(self) -> int:
-        """Number of rows that differ by more than rounding."""
-        return self.space.resolved
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.constraint_space import Closing, ConstraintSpace
+from hapticmech_ros.mechanism.kernels.factor_kernels import solve_motion
 
 
 class PointKinematics(NamedTuple):
@@ -106,15 +75,22 @@ class Evaluation(NamedTuple):
     def acceleration(self, joint_force: Array) -> tuple[Array, Array]:
         """Solve Eq. 1 for joint forces Σ Jᵀ F, on top of passive forces and efforts.
 
+        Args:
+            joint_force: (nv,) N m or N.
+
         Returns:
             v̇ (nv,) and closure forces λ (m,), the smallest ones where closures are redundant.
         """
-        space = self.space
-        own = self.effort + self.passive_force - self.bias_force
-        free = space.to_mass_metric(joint_force + own)
-        if space.rank == 0:
-            return space.from_mass_metric(free), np.zeros(self.closure_bias.size)
-        needed = -(space.rows.T @ self.closure_bias) / space.sigma
-        surplus = space.basis.T @ free - needed
-        acceleration = space.from_mass_metric(free - space.basis @ surplus)
-        return acceleration, space.multipliers(surplus)
+        # λ is the smallest one only in the dense factorisation.
+        dense, nv, bias = self.closing.dense, self.bias_force.size, self.closure_bias
+        result = np.empty(nv + bias.size)
+        np.add(joint_force, self.effort, out=result[:nv])
+        solve_motion(
+            *dense.chosen.constants,
+            dense.packed,
+            self.bias_force,
+            self.passive_force,
+            bias,
+            result,
+        )
+        return result[:nv], result[nv:]

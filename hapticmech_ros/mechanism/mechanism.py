@@ -1,91 +1,82 @@
-"""Eq. 1 evaluated at a state: D, h, J, W and what follows from them.
+"""A mechanism: its model as constants for kernels, and its terms of Eq. 1 from a few of them.
 
-D(q) v̇ + h(q, v) = τ + Σ Jᵀ F - Wᵀ λ,      W v̇ + Ẇ v = 0
-
-where τ is what springs, dampers, friction, stops and efforts do (see :mod:`elements`).
+Pinocchio builds the model and says what it holds; kernels evaluate it.
 """
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.closures import (
-    WORLD_AXES,
-    LoopClosure,
-    bind_closure,
-    bind_coupling,
-)
-from hapticmech_ros.mechanism.constraint_space import (
-    SingularInertiaError,
-    cholesky_of_upper,
-    constraint_space,
-    refuse_massless,
-    singular_joint,
-)
-from hapticmech_ros.mechanism.elements import Elements, bind_spring
-from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation, PointKinematics
-from hapticmech_ros.mechanism.model import Array, TreeModel, build_tree
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.mechanism.constraint_space import Closing, factored
+from hapticmech_ros.mechanism.evaluation import Evaluation, PointKinematics
+from hapticmech_ros.mechanism.kernels.chosen import Chosen
+from hapticmech_ros.mechanism.kernels.closure_kernels import KINDS
+from hapticmech_ros.mechanism.kernels.layout import sparse_or_dense
+from hapticmech_ros.mechanism.kernels.motion_kernels import move_frames
+from hapticmech_ros.mechanism.kernels.tables import DENSE, JOINT_COLUMNS, Constants
+from hapticmech_ros.mechanism.kernels.tree_kernels import JOINT_KINDS, joint_row
+from hapticmech_ros.mechanism.model import authored_state
+from hapticmech_ros.mechanism.multibody import MultibodyModel
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.mechanism import OperationalPoint
+from hapticmech_ros.scene.mechanism import Joint, OperationalPoint
 
-_NOTHING = np.zeros(0)
+# A pose in memory: the columns of its rotation, then its translation.
+_POSE_SIZE = 12
 
 
-class Mechanism:
+class Mechanism(MultibodyModel):
     """A scene's tree, closures and operational points, evaluated at states.
 
-    The only mutable part is Pinocchio's scratch data; every result is a copy.
+    Every result is an array of its own.
+
+    Args:
+        scene: what to model.
 
     Attributes:
-        nv: number of degrees of freedom of the open tree.
-        nq: length of the configuration vector.
-        length: characteristic length, m; the unit of closures' point rows.
-        elements: springs, dampers, friction, stops and efforts.
-        compiled: whether kernels compute the terms.
+        needs_matrix: whether the scene's integrator needs D as a matrix, as implicit ones do.
+
+    Raises:
+        SingularInertiaError: a joint moves no mass.
     """
 
-    compiled: ClassVar[bool] = False
-
     def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self.tree: TreeModel = build_tree(scene)
-        self.closures: tuple[LoopClosure, ...] = (
-            *(bind_closure(closure, self.tree) for closure in scene.closures),
-            *(bind_coupling(coupling, self.tree) for coupling in scene.couplings),
-        )
-        self.point_names = tuple(point.name for point in scene.operational_points)
-        self._point_frames = tuple(
-            self.tree.add_frame(f"point/{point.name}", point.link, point.origin)
-            for point in scene.operational_points
-        )
-        springs = tuple(bind_spring(spring, self.tree) for spring in scene.springs)
-        self.model: pin.Model = self.tree.pinocchio
-        self.data: pin.Data = self.model.createData()
-        self.nv, self.nq = int(self.model.nv), int(self.model.nq)
-        self.length = self.tree.extent()
-        refuse_massless(self.tree, self.length)
-        self.elements = Elements(self.tree, springs, self.length)
-        self._zero = np.zeros(self.model.nv)
-        self._neutral: Array = np.asarray(pin.neutral(self.model))
-        self._choices: dict[Active, tuple[list[LoopClosure], Array]] = {}
-        closed = [closure.active for closure in scene.closures]
-        self.initially_active: Active = (*closed, *(True for _ in scene.couplings))
+        super().__init__(scene)
+        # Copying a pose is a fifth of making one.
+        poses = pin.StdVec_SE3([pin.SE3.Identity()] * len(self.point_names))
+        self._point_poses = tuple(poses)
+        self._point_places = placement_view(poses)
+        self._all_placements = self._placements()
+        self._carriers = np.array([int(frame.parentJoint) for frame in self.model.frames])
+        self._joint_rows = np.zeros((self.model.njoints, JOINT_COLUMNS))
+        for index, joint in enumerate(self.tree.joints, 1):
+            axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
+            placement = self.model.jointPlacements[index]
+            self._joint_rows[index] = joint_row(placement, axis, self.model.inertias[index])
+        self._sets: dict[Active, Chosen] = {}
+        self.needs_matrix: bool = SCHEMES[scene.simulation.integrator].implicit
+        self._authored, _ = authored_state(scene, self.tree)
+        self._single = [self._choose([index]) for index in range(len(self.closures))]
 
     def grasp(self, point: OperationalPoint) -> None:
-        """Put the operational point of that name elsewhere; ``scene`` has it there from now on.
-
-        Terms evaluated before are of the place before. The unit ``length`` stays what it was.
-        """
+        """Put an operational point elsewhere; see :meth:`MultibodyModel.grasp`."""
+        super().grasp(point)
         index = self.point_index(point.name)
-        points = list(self.scene.operational_points)
-        points[index] = point
-        self.scene = self.scene.model_copy(update={"operational_points": tuple(points)})
-        frame = self.model.frames[self._point_frames[index]]
-        frame.parentJoint, frame.placement = self.tree.place(point.link, point.origin)
+        at = self._point_frames[index]
+        frame = self.model.frames[at]
+        self._carriers[at], self._all_placements[at] = (
+            frame.parentJoint,
+            _in_memory(frame.placement),
+        )
+        for chosen in {*self._sets.values(), *self._single}:
+            for tables in (chosen.tables, chosen.dense.tables):
+                place = tables.points[index]
+                tables.carriers[place] = self._carriers[at]
+                tables.placements[place] = self._all_placements[at]
 
     def evaluate(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
@@ -103,21 +94,27 @@ class Mechanism:
         """
         if closing is None:
             closing = self.closing_terms(q, active)
-        model, data = self.model, self.data
-        pin.computeAllTerms(model, data, q, v)
-        # Once more, for accelerations at v̇ = 0 that do not contain gravity.
-        pin.forwardKinematics(model, data, q, v, self._zero)
-        pin.updateFramePlacements(model, data)
-        passive, dissipative = self.elements.forces(model, data, q, v)
+        nv, chosen = self.nv, closing.chosen
+        first = 3 * nv + chosen.m
+        each = 6 * nv + 12
+        terms = np.empty(first + each * len(self._point_frames))
+        state = np.array(q, dtype=float), np.array(v, dtype=float)
+        move_frames(*chosen.constants, closing.packed, *state, terms, self._point_places)
+        points = []
+        for at, pose in zip(range(first, terms.size, each), self._point_poses, strict=True):
+            moving = at + 6 * nv
+            jacobian = terms[at:moving].reshape(6, nv)
+            twist, drift = terms[moving : moving + 6], terms[moving + 6 : moving + 12]
+            points.append(PointKinematics(pose.copy(), jacobian, twist, drift))
         return Evaluation(
-            bias_force=data.nle.copy(),
-            passive_force=passive,
-            dissipative_force=dissipative,
-            effort=self.elements.effort,
-            closure_bias=self._closure_bias(active),
-            closing=closing,
-            points=tuple(self._point(frame, v) for frame in self._point_frames),
-            v=v,
+            terms[:nv],
+            terms[nv : 2 * nv],
+            terms[2 * nv : 3 * nv],
+            self.elements.effort,
+            terms[3 * nv : first],
+            closing,
+            tuple(points),
+            state[1],
         )
 
     def closing_terms(self, q: Array, active: Active) -> Closing:
@@ -126,173 +123,124 @@ class Mechanism:
         Raises:
             SingularInertiaError: D is not positive definite at q.
         """
-        model, data = self.model, self.data
-        try:
-            factor = cholesky_of_upper(pin.crba(model, data, q).reshape(self.nv, self.nv))
-        except SingularInertiaError as error:
-            raise singular_joint(self.tree, error.rate) from None
-        pin.computeJointJacobians(model, data, q)
-        pin.updateFramePlacements(model, data)
-        loops, lengths = self._chosen(active)
-        if len(loops) == 1:
-            residual, jacobian = loops[0].residual(model, data), loops[0].jacobian(model, data)
-        elif loops:
-            residual = np.concatenate([loop.residual(model, data) for loop in loops])
-            jacobian = np.vstack([loop.jacobian(model, data) for loop in loops])
-        else:
-            residual, jacobian = _NOTHING, np.zeros((0, self.nv))
-        space = constraint_space(factor, jacobian, lengths, residual)
-        return Closing(residual, jacobian, space)
-
-    def slopes(self, q: Array, v: Array, horizon: float) -> tuple[Array, Array]:
-        """Return how passive forces resist change: stiffness and damping, each (nv, nv).
-
-        Symmetric, positive semi-definite approximations of -∂τ/∂q and -∂τ/∂v. Friction counts with
-        its secant, a stop if it is met or will be within ``horizon`` (s) at the present speed, and
-        springs between points as if their direction stayed.
-        """
-        pin.computeJointJacobians(self.model, self.data, q)
-        pin.updateFramePlacements(self.model, self.data)
-        return self.elements.slopes(self.model, self.data, q, v, horizon)
+        return factored(self.tree, self.chosen(active), q)
 
     def distance_of(self, index: int, q: Array, v: Array) -> tuple[float, float]:
         """Return |φ| of closure ``index``, active or not, and the rate at which it grows."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        pin.updateFramePlacements(self.model, self.data)
-        residual = self.closures[index].residual(self.model, self.data)
+        closing = factored(self.tree, self._single[index], q)
+        residual = closing.residual
         distance = float(np.sqrt(residual @ residual))
-        rate = residual @ (self.closures[index].jacobian(self.model, self.data) @ v)
+        rate = residual @ (closing.jacobian @ v)
         return distance, float(rate) / distance if distance > 0.0 else 0.0
 
-    def on_wrong_branch(self, index: int, q: Array) -> bool:
-        """Return whether closure ``index`` has axes more than 90° apart at q."""
-        loop = self.closures[index]
-        if not loop.has_axes:
-            return False
-        pin.framesForwardKinematics(self.model, self.data, q)
-        return loop.on_wrong_branch(self.data)
+    def chosen(self, active: Active) -> Chosen:
+        """Return what a set of closures fixes; found once."""
+        found = self._sets.get(active)
+        if found is None:
+            numbered = zip(enumerate(self.closures), active, strict=True)
+            found = self._choose([index for (index, _), on in numbered if on])
+            if not self.needs_matrix:
+                found = sparse_or_dense(found, self._authored)
+            self._sets[active] = found
+        return found
 
-    def link_place(self, link: str) -> tuple[int, pin.SE3]:
-        """Return the joint that carries a link, and the link's frame in it.
+    def take(self, active: Active, chosen: Chosen) -> None:
+        """Use this factorisation for a set of closures, be it the quicker one or not."""
+        self._sets[active] = chosen
 
-        Raises:
-            InvalidInputError: no such link.
-        """
-        if link not in self.tree.link_joint:
-            raise InvalidInputError("link", link, f"must be one of {list(self.tree.link_joint)}")
-        return self.tree.link_joint[link]
+    def _choose(self, indices: list[int]) -> Chosen:
+        """Return the tables of some closures, with the frames that anything needs."""
+        loops = [self.closures[index] for index in indices]
+        springs = self.elements.springs
+        used = [*self._point_frames, *(f for s in springs for f in (s.frame_a, s.frame_b))]
+        used += [frame for loop in loops for frame in (loop.frame_a, loop.frame_b)]
+        place = {frame: at for at, frame in enumerate(dict.fromkeys(used))}
+        rows = np.array([0, *(loop.rows for loop in loops)], dtype=np.int64).cumsum()
+        closures = [
+            (KINDS[loop.kind], place[loop.frame_a], place[loop.frame_b], first)
+            for loop, first in zip(loops, rows[:-1].tolist(), strict=True)
+        ]
+        lengths = [np.zeros(0), *(loop.row_lengths(self.length) for loop in loops)]
+        frames = list(place)
+        model = self.model
+        return Chosen(
+            Constants(
+                self.nq,
+                self.nv,
+                int(rows[-1]),
+                DENSE,
+                width=0,
+                independent=-1,
+                carriers=self._carriers[frames],
+                joints=np.array([self._joint_numbers(i) for i in range(model.njoints)]),
+                closures=np.array(closures, dtype=np.int64).reshape(-1, 4),
+                points=np.array([place[frame] for frame in self._point_frames]),
+                elements=np.array([(e.rate, e.position) for e in self.elements.joints]),
+                springs=np.array([(place[s.frame_a], place[s.frame_b]) for s in springs]),
+                order=np.zeros(0, dtype=np.int64),
+                sequence=np.zeros((0, 5), dtype=np.int64),
+                damping=np.array(self.tree.damping, dtype=float),
+                lengths=np.concatenate(lengths),
+                placements=self._all_placements[frames],
+                effort=self.elements.effort,
+                element_values=np.array([_joint_values(e.joint) for e in self.elements.joints]),
+                spring_values=np.array(
+                    [
+                        (s.stiffness, s.damping, s.rest_length, self.elements.shortest)
+                        for s in springs
+                    ]
+                ),
+                joint_values=self._joint_rows,
+                gravity=np.array(model.gravity.linear),
+            )
+        )
 
-    def link_jacobian(self, q: Array, link: str) -> Array:
-        """Return (6, nv) Jacobian of a link's frame at q: world axes, at the frame's origin.
+    def _joint_numbers(self, joint: int) -> tuple[int, int, int, int, int]:
+        """Return a joint's row of ``Tables.joints``; the world's has no rates."""
+        if joint == 0:
+            return (0, 0, 0, 0, 0)
+        model, kind = self.model, JOINT_KINDS[self.tree.joint_types[joint - 1]]
+        first, count, position = model.idx_vs[joint], model.nvs[joint], model.idx_qs[joint]
+        return (int(model.parents[joint]), int(first), int(count), kind, int(position))
 
-        Raises:
-            InvalidInputError: no such link.
-        """
-        joint, placement = self.link_place(link)
-        pin.computeJointJacobians(self.model, self.data, q)
-        jacobian = pin.getJointJacobian(self.model, self.data, joint, WORLD_AXES)
-        x, y, z = self.data.oMi[joint].rotation @ placement.translation
-        jacobian[:3] -= np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))) @ jacobian[3:]
-        return np.asarray(jacobian)
+    def _placements(self) -> Array:
+        """Return (frames, 12) frames in their joints; first axes of rods' frames a stretched."""
+        placements = np.array([_in_memory(frame.placement) for frame in self.model.frames])
+        for loop in self.closures:
+            if loop.kind == "rod":
+                placements[loop.frame_a, :3] *= loop.rod_length
+            elif loop.kind == "coupling":
+                placements[loop.frame_a, :2] = loop.gear
+        return placements
 
-    def frame_pose(self, q: Array, frame: str) -> pin.SE3:
-        """Return the pose in ``world`` of a link, a point, or ``<point>_world`` (world's axes).
 
-        Raises:
-            InvalidInputError: no such frame.
-        """
-        pin.forwardKinematics(self.model, self.data, q)
-        pin.updateFramePlacements(self.model, self.data)
-        if frame in self.tree.link_joint:
-            joint, placement = self.tree.link_joint[frame]
-            return self.data.oMi[joint] * placement
-        point = frame.removesuffix("_world")
-        if point not in self.point_names:
-            known = [*self.tree.link_joint, *self.point_names]
-            raise InvalidInputError("frame", frame, f"must be one of {known}")
-        pose = self.data.oMf[self._point_frames[self.point_names.index(point)]].copy()
-        return pose if frame == point else pin.SE3(np.eye(3), pose.translation)
+def placement_view(poses: pin.StdVec_SE3) -> Array:
+    """Return (n, 12) a view of poses in Pinocchio's memory: each one's axes, then its origin.
 
-    def names_of(self, active: Active) -> list[str]:
-        """Return the names of the active closures."""
-        return [c.name for c, on in zip(self.closures, active, strict=True) if on]
+    Raises:
+        HapticMechError: this build of Pinocchio keeps poses in another order.
+    """
+    rotations = [pose.rotation for pose in poses]
+    starts = [rotation.__array_interface__["data"][0] for rotation in rotations]
+    origins = [pose.translation.__array_interface__["data"][0] for pose in poses]
+    stride = 8 * _POSE_SIZE
+    even = all(at == starts[0] + i * stride for i, at in enumerate(starts))
+    packed = all(at - start == 9 * 8 for at, start in zip(origins, starts, strict=True))
+    if not (even and packed and rotations[0].flags.f_contiguous):
+        raise HapticMechError("Pinocchio's placements are not one array of rotation, translation")
+    shape = (len(starts), _POSE_SIZE)
+    return np.lib.stride_tricks.as_strided(rotations[0].T, shape, (stride, 8))
 
-    def integrate(self, q: Array, change: Array) -> Array:
-        """Return q ⊕ change on the configuration manifold."""
-        return np.asarray(pin.integrate(self.model, q, change))
 
-    def coordinates(self, q: Array) -> Array:
-        """Return (nv,) positions of all degrees of freedom as seen from the neutral ones."""
-        # Where q and v are as long as each other the neutral ones are zero.
-        return q if self.nq == self.nv else self.difference(self._neutral, q)
+def _joint_values(joint: Joint) -> tuple[float, ...]:
+    """Return a joint's row of ``Tables.element_values``; no stop is met at infinity."""
+    own = (joint.stiffness, joint.rest, joint.friction, joint.friction_speed)
+    stop = joint.limits
+    if stop is None:
+        return (*own, -np.inf, np.inf, 0.0, 0.0, 1.0)
+    return (*own, stop.lower, stop.upper, stop.stiffness, stop.damping, stop.depth)
 
-    def configuration(self, coordinates: Array) -> Array:
-        """Return q (nq,) of such positions."""
-        return coordinates if self.nq == self.nv else self.integrate(self._neutral, coordinates)
 
-    def difference(self, start: Array, end: Array) -> Array:
-        """Return the change (nv,) that leads from one configuration (nq,) to another."""
-        return np.asarray(pin.difference(self.model, start, end))
-
-    def energy(self, q: Array, v: Array) -> tuple[float, float]:
-        """Return kinetic and potential energy, J; the latter with that of springs and stops."""
-        kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
-        potential = float(pin.computePotentialEnergy(self.model, self.data, q))
-        if self.elements.springs:
-            pin.updateFramePlacements(self.model, self.data)
-        return float(kinetic), potential + self.elements.energy(self.data, q)
-
-    def point_index(self, name: str = "") -> int:
-        """Return the index of an operational point; the first one if ``name`` is empty.
-
-        Raises:
-            InvalidInputError: no such point.
-        """
-        return self.point_names.index(self.scene.operational_point(name).name)
-
-    def closure_index(self, name: str) -> int:
-        """Return the index of a closure.
-
-        Raises:
-            InvalidInputError: no such closure.
-        """
-        names = [closure.name for closure in self.closures]
-        if name not in names:
-            raise InvalidInputError("closure", name, f"must be one of {names}")
-        return names.index(name)
-
-    def check_state(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return copies of (q, v) after checking sizes and finiteness.
-
-        Raises:
-            InvalidInputError: wrong size, NaN or infinity.
-        """
-        checked = []
-        for what, value, size in (("q", q, self.nq), ("v", v, self.nv)):
-            array = np.array(value, dtype=float)
-            if array.shape != (size,) or not np.isfinite(array).all():
-                raise InvalidInputError(what, value, f"must be {size} finite numbers")
-            checked.append(array)
-        return checked[0], checked[1]
-
-    def _point(self, frame: int, v: Array) -> PointKinematics:
-        model, data = self.model, self.data
-        jacobian = pin.getFrameJacobian(model, data, frame, WORLD_AXES).reshape(6, self.nv)
-        drift = pin.getFrameClassicalAcceleration(model, data, frame, WORLD_AXES).vector
-        return PointKinematics(data.oMf[frame].copy(), jacobian, jacobian @ v, drift)
-
-    def _closure_bias(self, active: Active) -> Array:
-        loops, _ = self._chosen(active)
-        if len(loops) == 1:
-            return loops[0].bias(self.model, self.data)
-        if not loops:
-            return _NOTHING
-        return np.concatenate([loop.bias(self.model, self.data) for loop in loops])
-
-    def _chosen(self, active: Active) -> tuple[list[LoopClosure], Array]:
-        """Return the active closures and their row units; found once per set of closures."""
-        if active not in self._choices:
-            loops = [loop for loop, on in zip(self.closures, active, strict=True) if on]
-            lengths = [loop.row_lengths(self.length) for loop in loops]
-            self._choices[active] = (loops, np.concatenate(lengths) if lengths else _NOTHING)
-        return self._choices[active]
+def _in_memory(pose: pin.SE3) -> Array:
+    """Return (12,) a pose as Pinocchio keeps it."""
+    return np.concatenate((pose.rotation.T.ravel(), pose.translation))

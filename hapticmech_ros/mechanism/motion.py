@@ -1,4 +1,4 @@
-"""The equations of motion during a step: where it starts, and what is held while it lasts."""
+"""What goes into a step of a mechanism and what comes out, and the equations of motion in it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
-from hapticmech_ros.mechanism.implicit import Springs
-from hapticmech_ros.mechanism.integrator import Rates
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.mechanism.constraint_space import Closing
+from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.scene.mechanism import Simulation
 
 NOTHING: Mapping[str, Array] = MappingProxyType({})
 
@@ -43,18 +44,64 @@ class Pushes(NamedTuple):
     in_joints: Array | None = None
 
 
+class Stepped(NamedTuple):
+    """A step's outcome.
+
+    Attributes:
+        q, v: the state, arrays of its own.
+        error: largest residual of the active closures, m or rad.
+        closing: terms at q.
+        work_in: work by wrenches and joint forces, J.
+        energy_lost: in damping, friction and stops, J.
+    """
+
+    q: Array
+    v: Array
+    error: float
+    closing: Closing
+    work_in: float
+    energy_lost: float
+
+
+class Plan(NamedTuple):
+    """How a period is stepped through.
+
+    Attributes:
+        integrator: name of a rule of ``SCHEMES``.
+        period: s.
+        substeps: steps of the integrator in a period.
+        baumgarte_rate: a of T4 (docs/derivations.md), 1/s; 0 where states are projected instead.
+    """
+
+    integrator: str
+    period: float
+    substeps: int = 1
+    baumgarte_rate: float = 0.0
+
+
+def plan_of(simulation: Simulation) -> Plan:
+    """Return how a scene's simulation steps through a period."""
+    pulled = simulation.stabilisation == "baumgarte"
+    rate = simulation.baumgarte_rate if pulled else 0.0
+    return Plan(simulation.integrator, simulation.period, simulation.substeps, rate)
+
+
+class Rates(NamedTuple):
+    """What the equations of motion give at a state: v̇ (nv,), and two powers (W)."""
+
+    acceleration: Array
+    power_in: float
+    power_lost: float
+
+
 class HeldMotion:
-    """The equations of motion with pushes held; see ``integrator.Motion``.
+    """The equations of motion with pushes held.
 
     Args:
         mechanism: that moves.
         start: of the step.
         pushes: held.
         pull: Baumgarte's rate, 1/s; 0 for none.
-
-    Attributes:
-        least: smallest σ kept over the largest one, of all stages but the first; 0 if a stage kept
-            fewer than the first one.
     """
 
     def __init__(
@@ -65,10 +112,13 @@ class HeldMotion:
         self._pushes = pushes
         self._pull = pull
         self._first: Evaluation | None = None
-        self.least = 1.0
 
     def __call__(self, q: Array, v: Array) -> Rates:
-        """Return the rates at a stage."""
+        """Return the rates at a state.
+
+        Raises:
+            InvalidInputError: v is not finite.
+        """
         if not math.isfinite(v @ v):
             raise not_finite("rates", v)
         terms = self._evaluate(q, v)
@@ -78,13 +128,6 @@ class HeldMotion:
         acceleration, _ = self._pulled(terms, v).acceleration(force)
         return Rates(acceleration, power_in, power_lost)
 
-    def resistance(self, q: Array, v: Array, period: float, reach: float) -> Springs | None:
-        """Return springs and dampers at the step's start, or None where there is none."""
-        stiffness, damping = self._mechanism.slopes(q, v, period)
-        if not (stiffness.any() or damping.any()):
-            return None
-        return Springs(self._evaluate(q, v).space, stiffness, damping, reach)
-
     @property
     def first(self) -> Evaluation:
         """The terms at the step's start."""
@@ -93,10 +136,7 @@ class HeldMotion:
     def _evaluate(self, q: Array, v: Array) -> Evaluation:
         start = self._start
         if q is not start.q or v is not start.v:
-            terms = self._mechanism.evaluate(q, v, start.active)
-            fewer = self._first is not None and terms.space.rank < self._first.space.rank
-            self.least = min(self.least, 0.0 if fewer else terms.space.least_kept)
-            return terms
+            return self._mechanism.evaluate(q, v, start.active)
         if self._first is None:
             known = start.terms
             self._first = known or self._mechanism.evaluate(q, v, start.active, start.closing)

@@ -12,31 +12,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism.evaluation import Active, Closing
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.mechanism.constraint_space import Closing
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
-
-# The loop stops once φ is this fraction of the mechanism's length (rad for axes): next to rounding,
-# since close to a singular position, at a relative singular value σ, an error of φ turns the free
-# velocities by φ/σ². On the N-four-bar 1e-11 cost five digits.
-PROJECTION_TOLERANCE = 1e-14
-# Closer still where σ itself is small: φ may turn the free velocities by this much. Below the
-# second number, a fraction of the length as well, all is rounding.
-NEAR_SINGULAR, LEAST_TOLERANCE = 1e-3, 2e-16
-# It also stops where φ is this small and halves no more: rounding, far from the world's origin...
-ROUNDING_TOLERANCE = 1e-11
-# ...and a loop that is still open by this fraction after all iterations has come apart.
-PROJECTION_FAILURE = 1e-6
-PROJECTION_ITERATIONS = 10
-# A projection that moves the mechanism by more than this fraction of the step before it, in mass
-# metric, may have found another assembly. After a quarter of a radian by the coarsest rule it moves
-# it by 0.11 at most, after a whole radian by 0.55; by rk4 then by 0.05.
-JUMP = 0.5
-# Baumgarte's pull leaves loops open, by about the error of a step over (a h)². This far open (of
-# the length) it has lost them: hands and eyes notice, and accelerations are those of another
-# mechanism.
-BAUMGARTE_FAILURE = 1e-2
+from hapticmech_ros.mechanism.tolerances import (
+    JUMP,
+    LEAST_TOLERANCE,
+    NEAR_SINGULAR,
+    PROJECTION_FAILURE,
+    PROJECTION_ITERATIONS,
+    PROJECTION_TOLERANCE,
+    ROUNDING_TOLERANCE,
+)
 
 
 class Projected(NamedTuple):
@@ -95,15 +84,13 @@ def tolerance_of(closing: Closing) -> float:
     return min(PROJECTION_TOLERANCE, max(NEAR_SINGULAR * closing.least**2, LEAST_TOLERANCE))
 
 
-def refuse_open(
-    mechanism: Mechanism, worst: float, active: Active, most: float = PROJECTION_FAILURE
-) -> None:
+def refuse_open(mechanism: Mechanism, worst: float, active: Active) -> None:
     """Check the largest residual (m or rad) that is left.
 
     Raises:
-        ClosureError: it is above this fraction of the mechanism's length.
+        ClosureError: it is above 1e-6 of the mechanism's length.
     """
-    if not worst <= most * mechanism.length:
+    if not worst <= PROJECTION_FAILURE * mechanism.length:
         raise came_apart(worst, mechanism.names_of(active))
 
 

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.mechanism.closures import LoopClosure
-from hapticmech_ros.mechanism.constraint_space import SOLVER_RANK_TOLERANCE, solve_lower
-from hapticmech_ros.mechanism.evaluation import Active, Closing
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.closures import Active, LoopClosure
+from hapticmech_ros.mechanism.constraint_space import Closing, solve_lower
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.tolerances import SOLVER_RANK_TOLERANCE
 from hapticmech_ros.scene.mechanism import LoopKind
 
 POINT = ("x", "y", "z")
@@ -90,7 +90,7 @@ def redundancy(mechanism: Mechanism, q: Array, active: Active) -> Redundancy:
     """Return which rows of the active closures are redundant at q.
 
     Args:
-        mechanism: readable or compiled.
+        mechanism: whose closures.
         q: (nq,) configuration, on the closures or near.
         active: which closures are closed.
 

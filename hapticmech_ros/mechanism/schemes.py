@@ -1,28 +1,28 @@
-"""The integrators by name: as functions, and as numbers for kernels."""
+"""The rules of integration by name, as numbers for kernels.
+
+Steps are of fixed length, on the configuration manifold; what drifts off the closures is put back
+(see :mod:`projection`). Runge–Kutta stages live in local coordinates θ around the step's start,
+q = q₀ ⊕ θ, whose rate is θ̇ = J_r(θ)⁻¹ v with J_r the right Jacobian of ⊕ (Munthe-Kaas); on
+vector-space joints θ̇ = v.
+
+* ``rk4``: classical Runge–Kutta of order 4;
+* ``rk2``: explicit midpoint rule, order 2: half of rk4's evaluations, enough at haptic rates. On
+  the manifold it needs no correction: θ̇ = v holds to the order of the rule;
+* ``semi_implicit_euler``: velocity first, then position with the new velocity: order 1;
+* ``linearly_implicit``: ROS34PW2, order 3, see :mod:`implicit`.
+
+Work done and energy lost are integrated with the same weights.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
-import pinocchio as pin
-
-from hapticmech_ros.mechanism.implicit import REACHED, WEIGHTS, linearly_implicit
-from hapticmech_ros.mechanism.integrator import Advance, Motion, rk2, rk4, semi_implicit_euler
-from hapticmech_ros.mechanism.model import Array
-
-Integrator = Callable[[pin.Model, Motion, Array, Array, float], Advance]
-
-INTEGRATORS: dict[str, Integrator] = {
-    "rk4": rk4,
-    "rk2": rk2,
-    "semi_implicit_euler": semi_implicit_euler,
-    "linearly_implicit": linearly_implicit,
-}
+from hapticmech_ros.mechanism.implicit import REACHED, WEIGHTS
 
 
 class Scheme(NamedTuple):
-    """One of the rules above as numbers, for kernels.
+    """One of these rules.
 
     Attributes:
         weights: of the stages in the sums of θ̇, v̇ and powers.

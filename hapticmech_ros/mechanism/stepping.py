@@ -1,78 +1,101 @@
-"""One step of the mechanism: integration, then projection onto the closures, or their pull."""
+"""Steps of a mechanism, one or many, in a call of one kernel: integrated, then projected.
+
+Where branches of the motion cross, or nearly do, the kernel stops, and the step is done with care.
+"""
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from hapticmech_ros.mechanism.constraint_space import NEAR, PASSING, ConstraintSpace
-from hapticmech_ros.mechanism.evaluation import Active, Closing
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.mechanism.constraint_space import Closing, ConstraintSpace, factored, failure
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.chosen import Chosen
+from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE
+from hapticmech_ros.mechanism.kernels.implicit_kernels import springs_size
+from hapticmech_ros.mechanism.kernels.packed import ERROR
+from hapticmech_ros.mechanism.kernels.run_kernels import (
+    EVERYTHING,
+    HEEDLESS,
+    NEEDS_CARE,
+    RATES_NOT_FINITE,
+    STAGES,
+    advance,
+)
+from hapticmech_ros.mechanism.kernels.settle_kernels import FLIPPED, JUMPED, OPEN, SETTLED
+from hapticmech_ros.mechanism.kernels.step_kernels import PARTS, Work, work_size
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion import (
     HeldMotion,
+    Plan,
     Pushes,
     Start,
+    Stepped,
     check_pushes,
     not_finite,
 )
 from hapticmech_ros.mechanism.projection import (
-    BAUMGARTE_FAILURE,
-    PROJECTION_TOLERANCE,
     Projected,
+    came_apart,
+    flipped,
+    jumped,
     project,
     refuse_flipped,
-    refuse_open,
 )
-from hapticmech_ros.mechanism.schemes import INTEGRATORS
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.singular import nearest_branch
+from hapticmech_ros.mechanism.tolerances import (
+    BAUMGARTE_FAILURE,
+    NEAR,
+    PASSING,
+    PROJECTION_FAILURE,
+    PROJECTION_TOLERANCE,
+    ROUNDING_TOLERANCE,
+)
 
 # Leaving a singular position at speed takes so much of a step, and the rest is a step as any other:
 # in that time an acceleration that points off the branch does little harm, and beyond it the
 # closures are well determined.
 SHORT = 0.05
 _NO_SAMPLES = np.zeros((0, 0))
+_NO_PUSHES = np.zeros((0, 10))
 
 
-class Stepped(NamedTuple):
-    """A step's outcome.
+class _Took(NamedTuple):
+    """What a call of the kernel did: why it ended, how many steps, and their end if there are."""
 
-    Attributes:
-        q, v: the state, arrays of its own.
-        error: largest residual of the active closures, m or rad.
-        closing: terms at q.
-        work_in: work by wrenches and joint forces, J.
-        energy_lost: in damping, friction and stops, J.
-    """
-
-    q: Array
-    v: Array
-    error: float
-    closing: Closing
-    work_in: float
-    energy_lost: float
+    code: int
+    steps: int
+    stepped: Stepped | None
 
 
-class Plan(NamedTuple):
-    """How a period is stepped through.
+class Room(NamedTuple):
+    """What the kernel of a step works on; see ``run_kernels.advance``.
 
     Attributes:
-        integrator: name of a rule of ``INTEGRATORS``.
-        period: s.
-        substeps: steps of the integrator in a period.
-        baumgarte_rate: a of T4 (docs/derivations.md), 1/s; 0 where states are projected instead.
+        work: a ``step_kernels.Work``.
+        springs: of implicit rules.
+        stages: of the rule.
+        implicit: 1 for an implicit rule.
+        parts: views of the work.
+        heeded: what of singular positions ends a run.
     """
 
-    integrator: str
-    period: float
-    substeps: int = 1
-    baumgarte_rate: float = 0.0
+    work: Array
+    springs: Array
+    stages: int
+    implicit: int
+    parts: SimpleNamespace
+    heeded: int
 
 
 class Stepper:
-    """Steps a mechanism by one period, in plain NumPy.
+    """Steps a mechanism by periods.
 
     Args:
         mechanism: to step.
@@ -83,7 +106,28 @@ class Stepper:
         self._mechanism = mechanism
         self._plan = plan
         self._step = plan.period / plan.substeps
-        self._pull = plan.baumgarte_rate
+        nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
+        scheme = SCHEMES[plan.integrator]
+        self._springs = np.zeros(springs_size(nv) if scheme.implicit else 0)
+        self._work = np.zeros(work_size(nq, nv, points))
+        numbers = mechanism.chosen(mechanism.initially_active).constants[0]
+        work = Work(numbers, self._work)
+        # Found once: each look at the work makes a view.
+        self._parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in PARTS})
+        self._counts = np.array((1, 0, len(scheme.weights), scheme.implicit, 0))
+        self._pulled = pulled = plan.baumgarte_rate > 0.0
+        most_open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
+        fractions = (PROJECTION_TOLERANCE, ROUNDING_TOLERANCE, PROJECTION_FAILURE)
+        parts.settings[:2] = self._step, scheme.late
+        parts.settings[2:5] = np.array(fractions) * mechanism.length
+        parts.settings[5:7] = plan.baumgarte_rate, most_open * mechanism.length
+        parts.settings[7] = scheme.corrected and nq != nv
+        parts.scheme[: len(scheme.weights), 0] = scheme.weights
+        parts.scheme[: len(scheme.fractions), 1] = scheme.fractions
+        stages, implicit = len(scheme.weights), int(scheme.implicit)
+        heeded = HEEDLESS if pulled else EVERYTHING
+        # What the kernel of a step works on, for a kernel of more than that.
+        self.room = Room(self._work, self._springs, stages, implicit, parts, heeded)
 
     def advance(self, start: Start, pushes: Pushes) -> Stepped:
         """Advance by one period with pushes held; see ``Simulator.step``."""
@@ -103,27 +147,52 @@ class Stepper:
 
         Returns:
             The end, with work and loss of all steps.
-        """
-        self._check(pushes)
-        work_in, energy_lost, substeps = 0.0, 0.0, self._plan.substeps
-        for step in range(1, periods * substeps + 1):
-            stepped = self._careful_substep(start, pushes)
-            work_in += stepped.work_in
-            energy_lost += stepped.energy_lost
-            start = end_of(stepped, start)
-            if every and step % (every * substeps) == 0:
-                samples[step // (every * substeps) - 1] = np.concatenate((stepped.q, stepped.v))
-        return stepped._replace(work_in=work_in, energy_lost=energy_lost)
 
-    def _check(self, pushes: Pushes) -> None:
+        Raises:
+            InvalidInputError: pushes of another shape, or a state that is not finite.
+            ClosureError: a closed loop came apart, jumped, or turned to its other branch.
+        """
         check_pushes(pushes, len(self._mechanism.point_names), self._mechanism.nv)
+        total, apart = periods * self._plan.substeps, every * self._plan.substeps
+        now, done, work_in, lost = start, 0, 0.0, 0.0
+        while True:
+            # After a step that was done alone there may be some before the next sample.
+            since = done % apart if apart else 0
+            count = min(total - done, apart - since) if since else total - done
+            rows = samples[done // apart :] if apart and not since else _NO_SAMPLES
+            chosen = self._mechanism.chosen(now.active)
+            code, steps, stepped = self._call(chosen, now, pushes, count, rows, apart)
+            if stepped is not None:
+                if steps == total:
+                    return stepped
+                work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
+                now = end_of(stepped, start)
+            if steps < count:
+                stepped = self._alone(code, now, pushes)
+                work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
+                now = end_of(stepped, start)
+                steps, since = steps + 1, 1
+            done += steps
+            if apart and since and done % apart == 0:
+                samples[done // apart - 1] = np.concatenate((now.q, now.v))
+            if done == total and stepped is not None:
+                return stepped._replace(work_in=work_in, energy_lost=lost)
+
+    def _alone(self, code: int, start: Start, pushes: Pushes) -> Stepped:
+        """Do the step that the kernel stopped before."""
+        if code == UNDECIDED:
+            dense = self._mechanism.chosen(start.active).dense
+            took = self._call(dense, start, pushes, 1, _NO_SAMPLES, 0)
+            if took.stepped is not None:
+                return took.stepped
+        return self._careful_substep(start, pushes)
 
     def _careful_substep(self, start: Start, pushes: Pushes) -> Stepped:
         """Do a step; with care where branches of the motion cross, or nearly do.
 
         There closures gain rank in a step, or keep a σ that says little of the direction.
         """
-        if self._pull > 0.0:
+        if self._pulled:
             return self._substep(start, pushes)
         known = start.closing if start.terms is None else start.terms.closing
         closing = known or self._mechanism.closing_terms(start.q, start.active)
@@ -131,7 +200,7 @@ class Stepper:
         limit = care_limit(self._step * float(np.abs(start.v).max()))
         if closing.least < limit:
             return self._leave(start, pushes, closing) or self._substep(start, pushes)
-        stepped = self._watched_substep(start, pushes, limit)
+        stepped = self._watched_substep(start, pushes)
         if stepped is None:
             stepped = self._step_around(start, pushes, closing)
         if stepped.closing.resolved <= closing.resolved:
@@ -163,31 +232,6 @@ class Stepper:
             return led
         return _sum_of(led, self._part(end_of(led, start), pushes, step - part))
 
-    def _substep(self, start: Start, pushes: Pushes) -> Stepped:
-        """Do a step of the integrator, and bring it onto the closures."""
-        return self._follow(HeldMotion(self._mechanism, start, pushes, self._pull), start)
-
-    def _watched_substep(self, start: Start, pushes: Pushes, limit: float) -> Stepped | None:
-        """Do a step; None if a stage of it lies where a relative σ is below ``limit``."""
-        motion = HeldMotion(self._mechanism, start, pushes, self._pull)
-        stepped = self._follow(motion, start)
-        return None if motion.least < limit else stepped
-
-    def _follow(self, motion: HeldMotion, start: Start) -> Stepped:
-        mechanism, step = self._mechanism, self._step
-        integrate = INTEGRATORS[self._plan.integrator]
-        moved = integrate(mechanism.model, motion, start.q, start.v, step)
-        if not math.isfinite(moved.q @ moved.q + moved.v @ moved.v):
-            raise not_finite("state", moved.q)
-        if self._pull > 0.0:
-            closing = mechanism.closing_terms(moved.q, start.active)
-            refuse_open(mechanism, closing.error, start.active, BAUMGARTE_FAILURE)
-            ended = Projected(moved.q, moved.v, closing.error, closing)
-        else:
-            ended = project(mechanism, moved.q, moved.v, start.active, moved.change)
-        refuse_flipped(mechanism, ended.q, ended.error, start.active)
-        return Stepped(*ended, moved.work_in, moved.energy_lost)
-
     def _step_around(self, start: Start, pushes: Pushes, closing: Closing) -> Stepped:
         """Do a step as two, of which no stage lies where this step's own would be singular."""
         after = self._substep(start, pushes).closing.least
@@ -198,8 +242,121 @@ class Stepper:
 
     def _part(self, start: Start, pushes: Pushes, step: float) -> Stepped:
         """Do a step of another length."""
-        plan = self._plan._replace(period=step, substeps=1)
-        return Stepper(self._mechanism, plan)._substep(start, pushes)
+        settings = self._parts.settings
+        settings[0] = step
+        try:
+            return self._substep(start, pushes)
+        finally:
+            settings[0] = self._step
+
+    def _substep(self, start: Start, pushes: Pushes) -> Stepped:
+        """Do a step whatever it starts at, leaves, or passes."""
+        return cast(Stepped, self._once(start, pushes, HEEDLESS))
+
+    def _watched_substep(self, start: Start, pushes: Pushes) -> Stepped | None:
+        """Do a step; None if a stage of it is next to a singular position: see :func:`advance`."""
+        return self._once(start, pushes, STAGES)
+
+    def _once(self, start: Start, pushes: Pushes, heeded: int) -> Stepped | None:
+        chosen = self._mechanism.chosen(start.active)
+        took = self._call(chosen, start, pushes, 1, _NO_SAMPLES, 0, heeded)
+        if took.code == UNDECIDED:
+            took = self._call(chosen.dense, start, pushes, 1, _NO_SAMPLES, 0, heeded)
+        return took.stepped
+
+    def _call(
+        self,
+        chosen: Chosen,
+        start: Start,
+        pushes: Pushes,
+        count: int,
+        samples: Array,
+        apart: int,
+        heeded: int = EVERYTHING,
+    ) -> _Took:
+        """Do steps by the kernel until one needs care, or cannot be done sparse.
+
+        Raises:
+            HapticMechError: a step failed.
+        """
+        parts, known, counts = self._parts, _known(start, chosen), self._counts
+        parts.q0[:] = start.q
+        parts.v0[:] = start.v
+        parts.wrenches[:] = pushes.wrenches
+        parts.held[:] = 0.0 if pushes.in_joints is None else pushes.in_joints
+        # States that are pulled are off the closures anyway: no step needs care.
+        parts.settings[8] = HEEDLESS if self._pulled else heeded
+        account = parts.account
+        account[0] = account[1] = account[5] = 0.0
+        counts[0], counts[1], counts[4] = count, apart, known is not None
+        end = np.empty(chosen.size)
+        # Others may hold what is known, and many steps use both arrays.
+        first = np.empty(chosen.size) if known is None else known if count == 1 else known.copy()
+        code = advance(
+            *chosen.constants,
+            first,
+            end,
+            chosen.scratch,
+            self._work,
+            self._springs,
+            self._on_links(pushes),
+            samples,
+            counts,
+        )
+        work_in, lost, _, stepped, moved, steps = account.tolist()
+        done = int(steps)
+        if code not in (SETTLED, NEEDS_CARE, UNDECIDED):
+            packed = end if done % 2 == 0 else first
+            raise self._failure(code, packed, start.active, stepped, moved)
+        if done == 0:
+            return _Took(code, 0, None)
+        if code == SETTLED:
+            q, v = parts.q.copy(), parts.v.copy()
+            closing = Closing(self._mechanism.tree, chosen, end, q)
+        else:
+            q, v = parts.q0.copy(), parts.v0.copy()
+            closing = factored(self._mechanism.tree, chosen, q)
+        return _Took(code, done, Stepped(q, v, closing.error, closing, work_in, lost))
+
+    def _failure(
+        self, code: int, packed: Array, active: Active, stepped: float, moved: float
+    ) -> HapticMechError:
+        """Return the error of a step that the kernel could not end."""
+        mechanism, parts, worst = self._mechanism, self._parts, float(packed.item(ERROR))
+        names = mechanism.names_of(active)
+        if code == OPEN:
+            return came_apart(worst, names)
+        if code == JUMPED:
+            return jumped(moved / stepped, names)
+        if code == FLIPPED:
+            turned = [i for i, on in enumerate(active) if on and self._turned(i)]
+            return flipped(worst, [mechanism.closures[i].name for i in turned[:1]] or names)
+        if code == RATES_NOT_FINITE:
+            return not_finite("rates", parts.v)
+        if code == NOT_FINITE:
+            return not_finite("state", parts.q)
+        return failure(code, mechanism.tree)
+
+    def _turned(self, index: int) -> bool:
+        return self._mechanism.on_wrong_branch(index, self._parts.q)
+
+    def _on_links(self, pushes: Pushes) -> Array:
+        """Return (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``."""
+        if not pushes.on_links:
+            return _NO_PUSHES
+        mechanism, rows = self._mechanism, []
+        for link, wrench in pushes.on_links.items():
+            joint, placement = mechanism.link_place(link)
+            rows.append(np.concatenate(([joint], placement.translation, wrench)))
+        return np.array(rows, dtype=float)
+
+
+def _known(start: Start, chosen: Chosen) -> Array | None:
+    """Return the terms at a step's start if they are known, and of the same kind."""
+    closing = start.closing if start.terms is None else start.terms.closing
+    if closing is None:
+        return None
+    return closing.packed if closing.chosen is chosen else None
 
 
 def split_around(where: float) -> float:

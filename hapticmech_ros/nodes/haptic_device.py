@@ -10,11 +10,10 @@ import pinocchio as pin
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism import Simulator
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
@@ -27,6 +26,7 @@ from hapticmech_ros.nodes.local_loop import LocalLoop
 from hapticmech_ros.nodes.parameters import DeviceParameters
 from hapticmech_ros.nodes.refuge import Refuge
 from hapticmech_ros.nodes.statistics import DurationHistogram
+from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.device_wire import DeviceWriter
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, gain_bounds
@@ -329,7 +329,6 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def _start_pose(self) -> pin.SE3:
         """Return where the device stands at the start: at the operational point."""
-        # Once, at the start: not worth the time that compiled kernels take to load.
-        simulator = Simulator(self.scene, compiled=False)
+        simulator = Simulator(self.scene)
         terms = simulator.evaluate(simulator.initial_state())
         return terms.points[simulator.mechanism.point_index(self.point)].pose

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from std_msgs.msg import Float64MultiArray, UInt8
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
@@ -45,7 +45,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
 
     def __init__(self, node: Host, parameters: AnalyserParameters) -> None:
         super().__init__(node, parameters)
-        self._mechanism = build(self.scene)
+        self._mechanism = Mechanism(self.scene)
         # Of the loop: a command computed from a state acts a period later.
         self._lateness = loop_lateness(self.scene)
         self._analyser = Analyser(self._mechanism, self.point, self._lateness)

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import Mechanism, build
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.offline.analysis import FeltStates, felt_states
 from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.scene import Scene
@@ -89,7 +89,7 @@ def sweep(
         InvalidInputError: no joint, no such joint or one with several degrees of freedom, one named
             twice, no values or such that are not finite, or nothing that can be reached.
     """
-    mechanism = build(scene)
+    mechanism = Mechanism(scene)
     columns = _columns(mechanism, led)
     mechanism.point_index(point)
     reached = dict([_first(mechanism, led, columns)])
@@ -172,7 +172,7 @@ _PREPARED: list[tuple[Mechanism, list[int]]] = []
 
 
 def _prepare(scene: Scene, columns: list[int]) -> None:
-    _PREPARED.append((build(scene), columns))
+    _PREPARED.append((Mechanism(scene), columns))
 
 
 def _lead_prepared(goal: Goal) -> Array | None:

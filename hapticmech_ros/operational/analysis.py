@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.mechanism.constraint_space import Closing
+from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.inverse_inertia import (
     PLANAR_ROWS,
     SPATIAL_ROWS,
@@ -51,7 +53,7 @@ class Analyser:
         self.index = mechanism.point_index(point)
         self.rows = PLANAR_ROWS if scene.task_space == "planar" else SPATIAL_ROWS
         self.metric = TaskMetric(scene, self.point)
-        self.compiled = self._load() if mechanism.compiled else None
+        self.compiled = self._load() if hasattr(mechanism, "chosen") else None
 
     def observe(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None

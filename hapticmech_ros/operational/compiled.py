@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
-from hapticmech_ros.mechanism.compiled.chosen import Chosen
-from hapticmech_ros.mechanism.compiled.mechanism import (
-    CompiledEvaluation,
-    CompiledMechanism,
-    failure,
-)
-from hapticmech_ros.mechanism.compiled.space import CompiledClosing
-from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.mechanism.constraint_space import Closing, failure
+from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.chosen import Chosen
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.metric import TaskMetric
 from hapticmech_ros.operational.observation import Observation, observation_layout
 from hapticmech_ros.operational.observe_kernels import NO_SPECTRUM, observe_point
@@ -40,7 +34,7 @@ class CompiledAnalysis:
         metric: TaskMetric,
         perception: Perception,
     ) -> None:
-        self._mechanism = cast(CompiledMechanism, mechanism)
+        self._mechanism = mechanism
         self._index = index
         self._rows = rows
         limits = metric.mass, float(perception.s_on), float(perception.s_off)
@@ -53,11 +47,11 @@ class CompiledAnalysis:
     @staticmethod
     def understands(terms: Evaluation) -> bool:
         """Return whether the terms are in arrays that kernels take."""
-        return isinstance(terms, CompiledEvaluation)
+        return isinstance(terms, Evaluation)
 
     def observe_terms(self, terms: Evaluation, v: Array, lateness: float) -> Observation:
         """Analyse the point at the configuration of terms that kernels found, and rates (nv,)."""
-        known = cast(CompiledClosing, terms.closing)
+        known = terms.closing
         return self._observe(known.q, v, known.chosen, known.packed, 1, lateness)
 
     def observe(
@@ -65,8 +59,7 @@ class CompiledAnalysis:
     ) -> Observation:
         """Analyse the point at a state; see :meth:`Analyser.observe`."""
         if closing is not None:
-            known = cast(CompiledClosing, closing)
-            return self._observe(q, v, known.chosen, known.packed, 1, lateness)
+            return self._observe(q, v, closing.chosen, closing.packed, 1, lateness)
         chosen = self._mechanism.chosen(active)
         return self._observe(q, v, chosen, chosen.scratch, 0, lateness)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.operational.counter_kernels import BEGUN, COUNTER, count_constraints
 from hapticmech_ros.scene.rendering import Perception
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.layout import Field, Layout
-from hapticmech_ros.mechanism.model import Array
 
 ONE, SIX = Field(1), Field(6)
 # Thresholds; dwell, s; 1 once s has been seen; per direction, s descending, 1 if it is reported as

@@ -24,15 +24,18 @@ position, where what is left of φ there turns free rates by more than 1 %, q' i
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.evaluation import Active, Evaluation
-from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.operational.spectrum import RANK_TOLERANCE, Spectrum
+
+# The readable ones, of test/oracles/mechanism.
+Mechanism = Any
+Evaluation = Any
 
 # Off the closures by φ, at a relative singular value σ, free rates turn by φ/σ²: by no more than
 # this share of the length, or what is foreseen is not used.

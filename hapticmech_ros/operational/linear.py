@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism import MechanismState, Simulator
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.operational.analysis import Analyser
 from hapticmech_ros.operational.late_answer import LateAnswer
 from hapticmech_ros.operational.results import OperationalAnalysis
+from hapticmech_ros.simulation import MechanismState, Simulator
 
 # Of a difference, in √kg m and √kg m/s, and N and N m. Errors are about 1e-9 of it where nothing
 # but rounding counts, and its square where something bends.

@@ -8,12 +8,11 @@ from typing import cast
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.compiled_state import CompiledState
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
-from hapticmech_ros.mechanism.compiled.packed import PARTS, views_of
-from hapticmech_ros.mechanism.compiled.step_kernels import work_size
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.kernels.packed import PARTS, views_of
+from hapticmech_ros.mechanism.kernels.step_kernels import work_size
 from hapticmech_ros.plan.running import Running
 
 
@@ -38,7 +37,7 @@ def arrays_of_tick(run: Running) -> tuple[ArraySize, ...]:
 
 
 def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
-    mechanism = cast(CompiledMechanism, run.mechanism)
+    mechanism = run.mechanism
     points, t = len(mechanism.point_names), run.analyser.rows.size
     yield "q", run.state.q
     yield "v", run.state.v

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import cast
 
-from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
-from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
+from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
 from hapticmech_ros.plan.running import Running
 
 
@@ -28,16 +26,10 @@ class Choice:
 
 def choices(run: Running) -> Iterator[Choice]:
     """Yield every choice. One that is added to the solver gets its line here."""
-    yield _implementation(run)
     yield _configuration(run)
     yield _path(run)
     yield _closure_rows(run)
     yield _stabilisation(run)
-
-
-def _implementation(run: Running) -> Choice:
-    taken = "kernels" if run.mechanism.compiled else "NumPy"
-    return Choice("implementation", taken, "what the session and the nodes build")
 
 
 def _configuration(run: Running) -> Choice:
@@ -49,7 +41,7 @@ def _configuration(run: Running) -> Choice:
 
 
 def _path(run: Running) -> Choice:
-    mechanism = cast(CompiledMechanism, run.mechanism)
+    mechanism = run.mechanism
     chosen, nv = mechanism.chosen(run.state.active), mechanism.nv
     if chosen.is_sparse:
         why = f"{nv} rates, and a band of {chosen.tables.width} places: dense where it is in doubt"
@@ -61,7 +53,7 @@ def _path(run: Running) -> Choice:
 
 def _closure_rows(run: Running) -> Choice:
     m = run.rows.rows
-    if cast(CompiledMechanism, run.mechanism).chosen(run.state.active).is_sparse and m:
+    if run.mechanism.chosen(run.state.active).is_sparse and m:
         return Choice("rows factored by", "QR inside a band", "see path")
     if m == 0:
         return Choice("rows factored by", "nothing", "no closure is active")

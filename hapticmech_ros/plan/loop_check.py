@@ -11,11 +11,11 @@ from __future__ import annotations
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, loop_margins
 from hapticmech_ros.control.rendering_model import rendering_model
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.gain_rule import BORNE, lag_of
+from hapticmech_ros.simulation import Simulator
 
 # Of ω τ = 0.3, at which a late spring becomes unstable.
 MARGIN = 3.0
@@ -29,8 +29,7 @@ def loop_warning(scene: Scene, point: str, gains: Controller) -> str:
         point: operational point that is held.
         gains: of the controllers.
     """
-    # Once, at a start: not worth the time that compiled kernels take to load.
-    simulator = Simulator(scene, compiled=False)
+    simulator = Simulator(scene)
     terms = simulator.evaluate(simulator.initial_state())
     analysis = Analyser(simulator.mechanism, point).analyse(terms)
     control = ControlArchitecture(scene)

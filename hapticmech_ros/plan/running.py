@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hapticmech_ros.device import ImpedanceDevice, device_for
-from hapticmech_ros.mechanism import Mechanism, MechanismState, Simulator
-from hapticmech_ros.mechanism.build import plan_of
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.motion import Plan, plan_of
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.mechanism.schemes import SCHEMES, Scheme
-from hapticmech_ros.mechanism.stepping import Plan
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.simulation import MechanismState, Simulator
 
 
 @dataclass(frozen=True, slots=True)

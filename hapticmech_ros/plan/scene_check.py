@@ -10,13 +10,13 @@ import numpy as np
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, LoopMargins, loop_margins
 from hapticmech_ros.control.rendering_model import rendering_model
-from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.plan.loop_check import connection_warning
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.simulation import MechanismState, Simulator
 
 # Relative σ below which a start is next to a singular position: directions change within degrees.
 NEAR_SINGULAR = 1e-2

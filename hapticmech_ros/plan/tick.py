@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.mechanism.projection import PROJECTION_ITERATIONS
+from hapticmech_ros.mechanism.tolerances import PROJECTION_ITERATIONS
 from hapticmech_ros.plan.running import Running
 
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import Part, Size, Structure, structure
 from hapticmech_ros.compilation.structures import SIZES
-from hapticmech_ros.mechanism.model import Array
 
 
 @structure

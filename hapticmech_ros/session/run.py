@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, WRENCH, Field, Layout
-from hapticmech_ros.mechanism.model import Array
 
 ENERGIES = ("to_mechanism", "stored", "injected", "dissipated", "actuators")
 SCALARS = frozenset(("time", *ENERGIES, "count"))

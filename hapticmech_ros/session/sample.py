@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlOutput, RenderingModel
 from hapticmech_ros.control.flat import model_of
 from hapticmech_ros.device import DeviceState
-from hapticmech_ros.mechanism import MechanismState, PointKinematics
-from hapticmech_ros.mechanism.model import Array
-from hapticmech_ros.mechanism.state import EnergyAccount
+from hapticmech_ros.mechanism import PointKinematics
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
+from hapticmech_ros.simulation.state import EnergyAccount, MechanismState
 
 
 class LeftState(NamedTuple):

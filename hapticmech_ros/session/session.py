@@ -14,6 +14,7 @@ from typing import cast
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import Engagement, control_for
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.controller_side import ControllerSide, LedgerEntry
@@ -29,13 +30,8 @@ from hapticmech_ros.device.impedance_device import ImpedanceDevice
 from hapticmech_ros.device.safety import SafetyEnvelope
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism import MechanismState, Simulator
-from hapticmech_ros.mechanism.compiled.chosen import Chosen
-from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
-from hapticmech_ros.mechanism.compiled.space import CompiledClosing
-from hapticmech_ros.mechanism.compiled.stepping import CompiledStepper
 from hapticmech_ros.mechanism.grasp import grasped
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.kernels.chosen import Chosen
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.compiled import CompiledAnalysis
 from hapticmech_ros.operational.contact_wrench import touching_wrench
@@ -67,6 +63,7 @@ from hapticmech_ros.session.tick_kernels import (
     TICKS,
     run_ticks,
 )
+from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import nanoseconds
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
@@ -119,7 +116,7 @@ class Session:
         self._counter = ConstraintCounter(scene.perception)
         self._carried: Array | None = None
         self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
-        self._room = cast(CompiledStepper, self.simulator.stepper).room
+        self._room = self.simulator.stepper.room
         self._data = self._allocated()
         # Found once: each look at the data makes a view.
         self._parts = SimpleNamespace(**{name: getattr(self._data, name) for name in PARTS})
@@ -387,7 +384,7 @@ class Session:
 
     def _begin(self, state: MechanismState) -> None:
         """Go on from a state of the mechanism."""
-        mechanism, data, clock = self._mechanism, self._parts, self._clock
+        mechanism, data, clock = self.simulator.mechanism, self._parts, self._clock
         chosen = mechanism.chosen(state.active)
         if chosen is not self._chosen:
             self._chosen, self._packed = chosen, np.zeros((4, chosen.size))
@@ -395,16 +392,12 @@ class Session:
         data.v[:] = state.v
         account = state.account
         data.totals[:4] = state.time, account.work_in, account.damping_loss, state.closure_error
-        closing = cast(CompiledClosing, self.simulator.closing(state))
+        closing = self.simulator.closing(state)
         clock[AT] = 0
         clock[KNOWN] = closing.chosen is chosen
         if clock[KNOWN]:
             self._packed[0] = closing.packed
         self._mechanism_state = self._known = state
-
-    @property
-    def _mechanism(self) -> CompiledMechanism:
-        return cast(CompiledMechanism, self.simulator.mechanism)
 
     def _go(self, ticks: int, inputs: Array, rows: Array, every: int) -> None:
         """Do ticks, as many in a call of the kernel as nothing interrupts."""
@@ -521,7 +514,7 @@ class Session:
     def _step_otherwise(self) -> None:
         """Move the mechanism on where the kernel cannot: contacts, latches, singular positions."""
         data, state = self._parts, self.mechanism
-        wrenches = np.zeros((len(self._mechanism.point_names), 6))
+        wrenches = np.zeros((len(self.simulator.mechanism.point_names), 6))
         wrenches[self._analyser.index] = data.wrenches[1] + data.external
         self._begin(self.simulator.step(state, wrenches))
         self._clock[TICK] += 1

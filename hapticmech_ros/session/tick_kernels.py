@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.control.account_kernels import (
     CONTACT,
@@ -33,12 +34,11 @@ from hapticmech_ros.device.kernels import (
 )
 from hapticmech_ros.device.kernels import PUSH as PUSHED
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.compiled.packed import unpack
-from hapticmech_ros.mechanism.compiled.run_kernels import advance_many
-from hapticmech_ros.mechanism.compiled.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.compiled.step_kernels import Work
-from hapticmech_ros.mechanism.compiled.tables import Tables
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.mechanism.kernels.packed import unpack
+from hapticmech_ros.mechanism.kernels.run_kernels import advance_many
+from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
+from hapticmech_ros.mechanism.kernels.step_kernels import Work
+from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.operational.counter_kernels import count_rigid
 from hapticmech_ros.operational.kernels import metric_of
 from hapticmech_ros.operational.observe_kernels import observe

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.view.drawn import SIDE_PIXELS, draw_shapes
 from hapticmech_ros.view.picture import Picture, Snapshot
 from hapticmech_ros.view.placement import Placer

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.mechanism import Mechanism, MechanismState
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.simulation import MechanismState
 from hapticmech_ros.wire.layouts import Energy
 
 

@@ -13,8 +13,8 @@ from hapticmech_ros.bench.accuracy.endurance import hour_of, lines, minute_of_wi
 from hapticmech_ros.bench.accuracy.plan import Setting, settings
 from hapticmech_ros.bench.accuracy.run import Run, measure
 from hapticmech_ros.bench.accuracy.watch import Watch
-from hapticmech_ros.mechanism import build
-from hapticmech_ros.mechanism.simulator import MechanismState
+from hapticmech_ros.simulation import MechanismState
+from oracles.mechanism.mechanism import ReadableMechanism
 
 from .conftest import G, falling
 
@@ -24,7 +24,7 @@ LIBRARY = {case.name: case for case in cases()}
 @pytest.fixture(scope="module")
 def stone_runs() -> tuple[Run, ...]:
     chosen = settings(multiples=(2.0, 1.0), known=[falling()])
-    return tuple(measure(setting, compiled=False) for setting in chosen)
+    return tuple(measure(setting) for setting in chosen)
 
 
 def of(runs: tuple[Run, ...], integrator: str) -> list[Run]:
@@ -70,7 +70,7 @@ def test_cpu_time_is_given_per_simulated_second(stone_runs: tuple[Run, ...]) -> 
 
 def test_a_step_that_misses_the_times_of_a_case_is_a_line_not_a_crash() -> None:
     (setting,) = settings(integrators=["rk4"], multiples=[3.0], known=[falling()])
-    run = measure(setting, compiled=False)
+    run = measure(setting)
     assert run.error is None
     assert run.kept is None
     assert "InvalidInputError: step: must divide 0.02 s" in run.failure
@@ -78,7 +78,7 @@ def test_a_step_that_misses_the_times_of_a_case_is_a_line_not_a_crash() -> None:
 
 def test_an_integrator_that_is_not_there_is_a_line_not_a_crash() -> None:
     setting = Setting(falling(), "not_there", 1e-3)  # type: ignore[arg-type]
-    run = measure(setting, compiled=False)
+    run = measure(setting)
     assert "not_there" in run.failure
     assert run.error is None
 
@@ -87,21 +87,19 @@ def test_a_mechanism_that_does_not_close_is_a_line_with_its_error() -> None:
     case = LIBRARY["n_four_bar_2"]
     far = case.scene.initial_state.model_copy(update={"v": {"j_upright0": 1e200}})
     broken = replace(case, scene=case.scene.model_copy(update={"initial_state": far}))
-    run = measure(Setting(broken, "rk4", 1e-3), compiled=False)
+    run = measure(Setting(broken, "rk4", 1e-3))
     assert "Error: " in run.failure
 
 
 def test_units_are_metres_or_radians() -> None:
-    units = {
-        name: measure(Setting(LIBRARY[name], "rk4", 0.3), compiled=False).unit for name in LIBRARY
-    }
+    units = {name: measure(Setting(LIBRARY[name], "rk4", 0.3)).unit for name in LIBRARY}
     assert units["andrews"] == "rad"
     assert units["bricard"] == "m"
 
 
 def test_ranks_are_counted_and_compared_with_singular_times() -> None:
     case = replace(LIBRARY["n_four_bar_2"], singular_times=(0.0021,))
-    mechanism = build(case.scene, compiled=False)
+    mechanism = ReadableMechanism(case.scene)
     upright = np.array([np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2, np.pi / 2])
     watch = Watch(case, 1e-3, mechanism)
     for number, q in enumerate([upright, upright, 0.0 * upright, upright, upright, 0.0 * upright]):

@@ -128,7 +128,7 @@ def test_the_table_of_a_document_has_a_line_for_each_case_and_integrator() -> No
 def test_files_are_written_and_hold_every_run(tmp_path: Path) -> None:
     chosen = settings(integrators=["rk4", "rk2"], multiples=(3.0, 1.0), known=[falling()])
     told: list[str] = []
-    results = run_accuracy(chosen, tmp_path / "out", told.append, compiled=False)
+    results = run_accuracy(chosen, tmp_path / "out", told.append)
     document = json.loads((tmp_path / "out" / "bench_accuracy.json").read_text("utf-8"))
     assert [run["integrator"] for run in document["runs"]] == ["rk4", "rk4", "rk2", "rk2"]
     assert document["sound"] is results.sound is True

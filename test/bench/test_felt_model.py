@@ -11,9 +11,9 @@ from hapticmech_ros.control.felt_model import felt_model, loop_model
 from hapticmech_ros.control.loop_stability import loop_margins
 from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.operational.linear import linear_point
 from hapticmech_ros.scene import shipped_scenes
+from hapticmech_ros.simulation import Simulator
 
 FREQUENCIES = np.array(FREQUENCIES_HZ, dtype=float)
 # All that is left out is what a push of 0.5 mN per Hz bends: 0.7 % is the most that was found in

@@ -6,8 +6,8 @@ import pytest
 import hapticmech_ros.contact.stepping as contact_stepping
 from contact.test_felt import against_a_wall
 from contact.test_solver import tumbling
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.scene import document_of, scene_from_document
+from hapticmech_ros.simulation import Simulator
 from oracles.touching import FLOOR, UPRIGHT, body, on_floor, pair, run, scene, shape
 
 INTEGRATORS = ("rk2", "rk4", "semi_implicit_euler")

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from contact.test_felt import against_a_wall
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.contact_wrench import contact_wrench
 from hapticmech_ros.scene import document_of, scene_from_document
+from hapticmech_ros.simulation import Simulator
+from oracles.mechanism.stepping import ReadableSimulator
 from oracles.touching import G, broken_law
 
 ROUGH = {"stiffness": 5e3, "damping": 20.0, "friction": 0.3}
@@ -177,8 +178,8 @@ def test_the_readable_mechanism_moves_alike(name, substeps):
     document = document_of(against_a_wall(name, ROUGH))
     document["simulation"] |= {"substeps": substeps}
     runs = []
-    for compiled in (True, False):
-        sim = Simulator(scene_from_document(document), compiled)
+    for kind in (Simulator, ReadableSimulator):
+        sim = kind(scene_from_document(document))
         state = sim.initial_state()
         for _ in range(200):
             state = sim.step(state, PUSH)

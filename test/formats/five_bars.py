@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.mechanism import Simulator
+from hapticmech_ros.simulation import Simulator
 
 BARS = ((1.0, 0.0225, 0.0021), (1.0, 0.0225, 0.0021), (1.0, 0.0225, 0.0021), (0.5, 0.03, 0.00105))
 ENDS = (0.0, 0.045, 0.045, 0.045)

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.mechanism import Simulator
+from hapticmech_ros.simulation import Simulator
 
 ARM = """<robot name="arm"><link name="base"/>
 <link name="upper"><inertial><origin xyz="0.1 0 0"/><mass value="2"/>

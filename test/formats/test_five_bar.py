@@ -5,9 +5,9 @@ import pytest
 
 from formats.five_bars import START, written
 from hapticmech_ros import load_scene
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import document_of, scene_from_document
+from hapticmech_ros.simulation import Simulator
 
 SAME = 1e-9
 

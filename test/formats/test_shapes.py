@@ -21,7 +21,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import left_out, read_model
-from hapticmech_ros.mechanism import Simulator
+from hapticmech_ros.simulation import Simulator
 
 # Rounding of a few transforms, and of roll, pitch, yaw.
 SAME = 1e-12

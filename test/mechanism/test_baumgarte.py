@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism import Simulator
-from hapticmech_ros.mechanism.compiled.stepping import CompiledStepper
-from hapticmech_ros.mechanism.motion import Pushes, Start
-from hapticmech_ros.mechanism.projection import BAUMGARTE_FAILURE
-from hapticmech_ros.mechanism.schemes import INTEGRATORS
-from hapticmech_ros.mechanism.stepping import Plan, Stepper
+from hapticmech_ros.mechanism.motion import Plan, Pushes, Start
+from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE
 from hapticmech_ros.scene import scene_from_document
+from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition
+from oracles.mechanism.integrators import INTEGRATORS
+from oracles.mechanism.stepping import ReadableSimulator
 from oracles.planar_linkages import five_bar, five_bar_bent
 from oracles.running import run, with_start
 
@@ -29,9 +28,12 @@ SAMPLES = [
 DOCUMENTS = [FIVE_BAR, *(with_start(s.document, s.q, 0.3 * s.v) for s in SAMPLES)]
 
 
-def held(document, period=1e-3, compiled=True, **simulation):
+KINDS = (ReadableSimulator, Simulator)
+
+
+def held(document, period=1e-3, kind=Simulator, **simulation):
     step = {"period": period, "stabilisation": "baumgarte"} | simulation
-    return Simulator(scene_from_document(document | {"simulation": step}), compiled)
+    return kind(scene_from_document(document | {"simulation": step}))
 
 
 def off_the_closures(mechanism, state, size):
@@ -44,7 +46,7 @@ def off_the_closures(mechanism, state, size):
 @pytest.mark.parametrize("integrator", sorted(INTEGRATORS))
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_steps_by_kernels_are_the_same(document, integrator):
-    sims = [held(document, compiled=kind, integrator=integrator) for kind in (False, True)]
+    sims = [held(document, kind=kind, integrator=integrator) for kind in KINDS]
     state = sims[0].initial_state()
     q = off_the_closures(sims[0].mechanism, state, 1e-5)
     start = Start(q, state.v, state.active)
@@ -60,14 +62,13 @@ def test_steps_by_kernels_are_the_same(document, integrator):
     assert one.error > 1e-7
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-def test_an_open_loop_closes_as_the_equation_says(compiled):
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_open_loop_closes_as_the_equation_says(kind):
     """φ'' + 2a φ' + a² φ = 0 from rest: φ = φ₀ (1 + a t) exp(-a t)."""
     rate, period, steps = 40.0, 1e-3, 50
-    sim = held(FIVE_BAR, period, compiled)
+    sim = held(FIVE_BAR, period, kind)
     mechanism, state = sim.mechanism, sim.initial_state()
-    kind = CompiledStepper if compiled else Stepper
-    stepper = kind(mechanism, Plan("rk4", period, baumgarte_rate=rate))
+    stepper = type(sim._stepper)(mechanism, Plan("rk4", period, baumgarte_rate=rate))
     q, v = off_the_closures(mechanism, state, 1e-3), np.zeros(state.v.size)
     first = mechanism.closing_terms(q, state.active).residual
     pushes = Pushes(np.zeros((len(mechanism.point_names), 6)))
@@ -91,9 +92,9 @@ def test_loops_end_closer_with_pull(integrator):
     assert ends[50.0] < 2e-6
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-def test_a_loop_that_is_lost_is_named(compiled):
-    sim = held(FIVE_BAR, compiled=compiled)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_loop_that_is_lost_is_named(kind):
+    sim = held(FIVE_BAR, kind=kind)
     state = sim.initial_state()
     limit = BAUMGARTE_FAILURE * sim.mechanism.length
     pushes = Pushes(np.zeros((len(sim.mechanism.point_names), 6)))
@@ -110,10 +111,10 @@ def test_a_loop_that_is_lost_is_named(compiled):
         assert caught.value.residual > limit
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-def test_a_pull_too_strong_for_the_step_is_refused(compiled):
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_pull_too_strong_for_the_step_is_refused(kind):
     """a h = 4 is beyond rk2's stability: loops are torn open, and that is said."""
-    sim = held(FIVE_BAR, compiled=compiled, integrator="rk2", baumgarte_rate=4000.0)
+    sim = held(FIVE_BAR, kind=kind, integrator="rk2", baumgarte_rate=4000.0)
     with pytest.raises(ClosureError, match="came apart"):
         run(sim, 0.2)
 
@@ -130,9 +131,9 @@ def test_latching_takes_an_impulse_onto_the_closures():
     assert state.account.latch_loss > 0.0
 
 
-@pytest.mark.parametrize("kind", ["baumgarte", "projection"])
-def test_both_follow_the_same_motion(kind):
+@pytest.mark.parametrize("stabilisation", ["baumgarte", "projection"])
+def test_both_follow_the_same_motion(stabilisation):
     """Held softly or put back, loops that hardly open say the same."""
-    motion = run(held(FIVE_BAR, 2.5e-4, stabilisation=kind), 0.2)[-1]
+    motion = run(held(FIVE_BAR, 2.5e-4, stabilisation=stabilisation), 0.2)[-1]
     finer = run(held(FIVE_BAR, 1.25e-4, stabilisation="projection"), 0.2)[-1]
     assert np.abs(motion.q - finer.q).max() < 1e-8

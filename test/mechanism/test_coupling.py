@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import SceneError
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.scene import scene_from_document
+from hapticmech_ros.simulation import Simulator
 from oracles.implementations import apart, condition
+from oracles.mechanism.stepping import ReadableSimulator
 from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, chain
 from oracles.running import run, unaccounted
 
-BOTH = pytest.mark.parametrize("compiled", [True, False])
+BOTH = pytest.mark.parametrize("kind", [Simulator, ReadableSimulator])
 RATIO, OFFSET = -2.5, 0.3
 
 
@@ -26,14 +27,14 @@ def geared(links=2, gravity_y=-9.81, sliding=False, **changes):
     return document
 
 
-def simulator(document, compiled=True):
-    return Simulator(scene_from_document(document), compiled)
+def simulator(document, kind=Simulator):
+    return kind(scene_from_document(document))
 
 
 @BOTH
 @pytest.mark.parametrize("sliding", [False, True])
-def test_joints_keep_their_ratio_and_energy_stays(compiled, sliding):
-    sim = simulator(geared(sliding=sliding), compiled)
+def test_joints_keep_their_ratio_and_energy_stays(kind, sliding):
+    sim = simulator(geared(sliding=sliding), kind)
     states = run(sim, 0.5)
     assert max(abs(s.q[1] - RATIO * s.q[0] - OFFSET) for s in states) < 1e-13
     assert max(abs(s.v[1] - RATIO * s.v[0]) for s in states) < 1e-12
@@ -44,9 +45,9 @@ def test_joints_keep_their_ratio_and_energy_stays(compiled, sliding):
 
 
 @BOTH
-def test_it_moves_as_one_joint_with_the_inertia_of_both(compiled):
+def test_it_moves_as_one_joint_with_the_inertia_of_both(kind):
     """With θ₂ = r θ₁ + c, [1 r] D [1 r]ᵀ θ̈₁ = [1 r] τ where nothing moves yet."""
-    sim = simulator(geared(), compiled)
+    sim = simulator(geared(), kind)
     state = sim.initial_state()
     terms = sim.evaluate(state)
     along = np.array((1.0, RATIO))
@@ -57,9 +58,9 @@ def test_it_moves_as_one_joint_with_the_inertia_of_both(compiled):
     assert np.abs(residual).max() < 1e-12 * np.abs(terms.bias_force).max()
 
 
-def test_compiled_terms_are_those_of_the_readable_ones():
+def test_terms_are_those_of_the_readable_ones():
     document = geared(links=4)
-    ours, plain = simulator(document), simulator(document, compiled=False)
+    ours, plain = simulator(document), simulator(document, ReadableSimulator)
     state = ours.initial_state()
     generator = np.random.default_rng(5)
     for _ in range(20):
@@ -88,7 +89,7 @@ def test_a_gear_beside_a_closed_loop_counts_as_any_other_row():
 def test_baumgarte_pulls_it_as_it_pulls_closures():
     document = geared()
     document["simulation"] = {"stabilisation": "baumgarte", "baumgarte_rate": 50.0}
-    found = [run(simulator(document, compiled), 0.3)[-1] for compiled in (True, False)]
+    found = [run(simulator(document, kind), 0.3)[-1] for kind in (Simulator, ReadableSimulator)]
     assert np.abs(found[0].q - found[1].q).max() < 1e-10
     assert abs(found[0].q[1] - RATIO * found[0].q[0] - OFFSET) < 1e-6
 

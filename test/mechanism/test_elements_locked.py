@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import SceneError
-from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
-from hapticmech_ros.mechanism.constraint_space import SingularInertiaError, cholesky_of_upper
+from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_upper
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document
@@ -19,6 +18,7 @@ from hapticmech_ros.wire.joints import coordinate_names
 from oracles.generator import RATE_SIZE, random_mechanism
 from oracles.implementations import apart
 from oracles.kinematics import POSITION_SIZE, link_poses, origin_in
+from oracles.mechanism.mechanism import ReadableMechanism
 from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, chain
 from oracles.running import with_start
 
@@ -52,7 +52,7 @@ def locked_and_fixed(seed, planar):
     return with_start(locked, base.q, v), with_start(fixed, q, rates), q, rates
 
 
-@pytest.mark.parametrize("build", [Mechanism, CompiledMechanism])
+@pytest.mark.parametrize("build", [Mechanism, ReadableMechanism])
 @pytest.mark.parametrize(("seed", "planar"), CASES)
 def test_a_locked_joint_is_a_fixed_one(seed, planar, build):
     locked, fixed, q, v = locked_and_fixed(seed, planar)
@@ -114,7 +114,7 @@ def test_rates_of_a_locked_joint_are_refused():
         scene_from_document(locked)
 
 
-@pytest.mark.parametrize("build", [Mechanism, CompiledMechanism])
+@pytest.mark.parametrize("build", [Mechanism, ReadableMechanism])
 def test_a_joint_that_moves_no_mass_is_named_when_the_mechanism_is_built(build):
     document = chain(LENGTHS, MASSES, INERTIAS)
     document["links"][-1]["inertial"] = NOTHING
@@ -152,7 +152,7 @@ def test_a_point_mass_on_the_axis_is_not_moved_by_it():
     Mechanism(scene_from_document(document))
 
 
-@pytest.mark.parametrize("build", [Mechanism, CompiledMechanism])
+@pytest.mark.parametrize("build", [Mechanism, ReadableMechanism])
 def test_joints_that_move_the_same_mass_are_named_at_the_step(build):
     # Two hinges on one axis: each moves the body, but both do it in the same way.
     document = chain(LENGTHS, MASSES, INERTIAS)

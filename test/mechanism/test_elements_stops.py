@@ -5,15 +5,15 @@ import itertools
 import numpy as np
 import pytest
 
-from hapticmech_ros.mechanism.elements import JointElement
 from hapticmech_ros.scene.mechanism import Joint, JointLimits
+from oracles.mechanism.elements import ReadableJoint
 
 STIFFNESS, DEPTH = 400.0, 0.05
 
 
 def stop(damping):
     limits = JointLimits(lower=-1.0, upper=0.5, stiffness=STIFFNESS, damping=damping, depth=DEPTH)
-    return JointElement(0, 0, Joint(name="slide", type="prismatic", limits=limits))
+    return ReadableJoint(0, 0, Joint(name="slide", type="prismatic", limits=limits))
 
 
 def force_at(element, q, v):

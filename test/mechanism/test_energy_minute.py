@@ -5,8 +5,8 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.bench.accuracy import cases
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.scene import scene_from_document
+from hapticmech_ros.simulation import Simulator
 from oracles.planar_linkages import five_bar, five_bar_bent
 from oracles.running import total_energy, with_start
 

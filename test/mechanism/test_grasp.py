@@ -8,7 +8,7 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import Simulator, build
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import (
     flat_grasp,
     flat_grasps,
@@ -20,9 +20,12 @@ from hapticmech_ros.mechanism.grasp import (
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.mechanism import Origin
+from hapticmech_ros.simulation import Simulator
 from oracles.analysed import Terms, terms_of
 from oracles.closed_form import inverse_inertia
 from oracles.generator import closed_chain, random_mechanism
+from oracles.mechanism.mechanism import ReadableMechanism
+from oracles.mechanism.stepping import ReadableSimulator
 from oracles.running import with_start
 
 SAMPLES = [
@@ -48,10 +51,10 @@ def document_with(document, link, origin):
     return {**document, "operational_points": [moved, *others]}
 
 
-@pytest.mark.parametrize("compiled", [False, True], ids=["readable", "compiled"])
+@pytest.mark.parametrize("kind", [ReadableMechanism, Mechanism])
 @pytest.mark.parametrize("sample", SAMPLES)
-def test_x_at_any_place_is_that_of_a_scene_which_has_the_point_there(sample, compiled):
-    mechanism = build(scene_from_document(sample.document), compiled)
+def test_x_at_any_place_is_that_of_a_scene_which_has_the_point_there(sample, kind):
+    mechanism = kind(scene_from_document(sample.document))
     active = mechanism.initially_active
     w = mechanism.evaluate(sample.q, sample.v, active).closure_jacobian
     # Rates that the closures allow: of others, redundant rows make what the unit of length makes.
@@ -79,14 +82,14 @@ def test_x_at_any_place_is_that_of_a_scene_which_has_the_point_there(sample, com
         assert np.abs(terms.points[1].jacobian - anew.evaluation.points[1].jacobian).max() < 1e-12
 
 
-@pytest.mark.parametrize("compiled", [False, True], ids=["readable", "compiled"])
-def test_steps_push_where_the_point_is_now(compiled):
+@pytest.mark.parametrize("kind", [ReadableSimulator, Simulator])
+def test_steps_push_where_the_point_is_now(kind):
     sample = random_mechanism(3)
     document = with_start(sample.document, sample.q, sample.v)
     scene = scene_from_document(document)
     link, origin = next(places(sample))
     moved = scene_from_document(document_with(document, link, origin))
-    simulator, other = Simulator(scene, compiled), Simulator(moved, compiled)
+    simulator, other = kind(scene), kind(moved)
     push = np.vstack((np.array([3.0, -1.0, 2.0, 0.1, 0.2, -0.1]), np.zeros(6)))
     state = simulator.step(simulator.initial_state(), push)
     simulator.evaluate(state)
@@ -101,7 +104,7 @@ def test_steps_push_where_the_point_is_now(compiled):
 
 def test_closures_chosen_later_have_the_point_at_its_new_place():
     scene = load_scene("four_bar_closing")
-    mechanism, other = build(scene), build(scene, compiled=False)
+    mechanism, other = Mechanism(scene), ReadableMechanism(scene)
     point = grasped(scene, "", "link1", Origin(xyz=(0.01, 0.02, 0.0)))
     q = np.array([-0.1, -1.34, -2.31])
     mechanism.evaluate(q, q, (False,))
@@ -124,7 +127,7 @@ def test_what_is_sent_as_numbers_comes_back_to_the_bit():
 def test_another_point_can_be_meant_and_an_offset_from_it():
     sample = random_mechanism(1)
     scene = scene_from_document(sample.document)
-    mechanism = build(scene)
+    mechanism = Mechanism(scene)
     active = mechanism.initially_active
     middle = mechanism.evaluate(sample.q, sample.v, active).points[1].pose
     assert grasped(scene, "tip", "middle").origin == scene.operational_point("middle").origin
@@ -187,7 +190,7 @@ def test_a_link_that_says_nothing_of_units_needs_a_point_with_a_metric():
 
 def test_coming_back_is_as_if_nothing_had_been():
     scene = load_scene("spatial_arm")
-    mechanism, other = build(scene), build(scene)
+    mechanism, other = Mechanism(scene), Mechanism(scene)
     rng = np.random.default_rng(0)
     q, v = rng.normal(size=(2, mechanism.nv))
     for link, point in itertools.product(scene.links, (scene.operational_point(),)):

@@ -9,19 +9,20 @@ import pytest
 from scipy.optimize import brentq
 
 from hapticmech_ros.bench.accuracy import n_four_bar
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.mechanism.stepping import split_around
+from hapticmech_ros.simulation import Simulator
 from oracles import pendulum
+from oracles.mechanism.stepping import ReadableSimulator
 from oracles.planar_linkages import chain, elbow, pin_end
 from oracles.running import run, simulator, total_energy, unaccounted, with_start
 
 UPRIGHTS = [0, 2, 4]
 CLOSED = 1e-11
-BOTH = pytest.mark.parametrize("compiled", [True, False])
+BOTH = pytest.mark.parametrize("kind", [Simulator, ReadableSimulator])
 
 
-def windows(compiled=True, gravity=(0.0, -9.81, 0.0), start=None, count=2, **simulation):
+def windows(kind=Simulator, gravity=(0.0, -9.81, 0.0), start=None, count=2, **simulation):
     scene = n_four_bar(count)
     changes = {
         "simulation": scene.simulation.model_copy(update=simulation),
@@ -29,7 +30,7 @@ def windows(compiled=True, gravity=(0.0, -9.81, 0.0), start=None, count=2, **sim
     }
     if start is not None:
         changes["initial_state"] = scene.initial_state.model_copy(update=start)
-    return Simulator(scene.model_copy(update=changes), compiled)
+    return kind(scene.model_copy(update=changes))
 
 
 def in_line(speed=0.0, count=2):
@@ -45,10 +46,10 @@ def falls_in_line():
 
 @BOTH
 @pytest.mark.parametrize("steps", [714, 1428])
-def test_a_sample_on_a_singular_position_keeps_the_branch(compiled, steps):
+def test_a_sample_on_a_singular_position_keeps_the_branch(kind, steps):
     half = falls_in_line()
     period = half / steps
-    sim = windows(compiled, period=period)
+    sim = windows(kind, period=period)
     states = run(sim, 2 * half)
     on_it = states[steps]
     found = redundancy(sim.mechanism, on_it.q, on_it.active)
@@ -69,16 +70,14 @@ def test_a_sample_on_a_singular_position_keeps_the_branch(compiled, steps):
 @BOTH
 @pytest.mark.parametrize("period", [1e-3, 2.5e-4])
 @pytest.mark.parametrize("share", [0.46, 0.5, 0.501, 0.54])
-def test_a_step_with_its_middle_next_to_a_singular_position_keeps_the_energy(
-    compiled, period, share
-):
+def test_a_step_with_its_middle_next_to_a_singular_position_keeps_the_energy(kind, period, share):
     """Stages of a step are not on the closures, and there the rows say nothing of a branch."""
     passed = falls_in_line()
     steps = round(passed / period)
     period = passed / (steps + share)
-    quick, nothing = windows(True, period=period), np.zeros((1, 6))
+    quick, nothing = windows(period=period), np.zeros((1, 6))
     before = quick.run(quick.initial_state(), steps - 5).end
-    sim = windows(compiled, period=period)
+    sim = windows(kind, period=period)
     states = [before]
     for _ in range(10):
         states.append(sim.step(states[-1], nothing))
@@ -97,8 +96,8 @@ def test_a_split_step_has_no_stage_where_it_is_singular(where):
 
 @BOTH
 @pytest.mark.parametrize("speed", [2.0, -5.0])
-def test_a_start_on_a_singular_position_goes_on_along_its_branch(compiled, speed):
-    sim = windows(compiled, start=in_line(speed))
+def test_a_start_on_a_singular_position_goes_on_along_its_branch(kind, speed):
+    sim = windows(kind, start=in_line(speed))
     states = run(sim, 0.1)
     assert np.abs(states[0].v[UPRIGHTS] - speed).max() < 1e-12
     assert max(np.ptp(state.q[UPRIGHTS]) for state in states) < 1e-9
@@ -108,8 +107,8 @@ def test_a_start_on_a_singular_position_goes_on_along_its_branch(compiled, speed
 
 
 @BOTH
-def test_it_hangs_at_a_singular_position_under_its_weight(compiled):
-    sim = windows(compiled, gravity=(9.81, 0.0, 0.0), start=in_line())
+def test_it_hangs_at_a_singular_position_under_its_weight(kind):
+    sim = windows(kind, gravity=(9.81, 0.0, 0.0), start=in_line())
     states = run(sim, 0.3)
     assert max(np.abs(state.q).max() for state in states) < 1e-12
     assert max(np.abs(state.v).max() for state in states) < 1e-12
@@ -118,27 +117,25 @@ def test_it_hangs_at_a_singular_position_under_its_weight(compiled):
 
 @BOTH
 @pytest.mark.parametrize("force", [1.0, 100.0])
-def test_pulled_along_the_line_it_stays_there(compiled, force):
-    sim = windows(compiled, gravity=(0.0, 0.0, 0.0), start=in_line())
+def test_pulled_along_the_line_it_stays_there(kind, force):
+    sim = windows(kind, gravity=(0.0, 0.0, 0.0), start=in_line())
     states = run(sim, 0.2, np.array([[force, 0.0, 0.0, 0.0, 0.0, 0.0]]))
     assert max(np.abs(state.q).max() for state in states) < 1e-12
     assert abs(states[-1].account.work_in) < 1e-12
 
 
-def pushed_off(count, compiled, force):
+def pushed_off(count, kind, force):
     """Return simulator and states of windows at rest in line, their first tip pushed across."""
-    sim = windows(compiled, count=count, gravity=(0.0, 0.0, 0.0), start=in_line(count=count))
+    sim = windows(kind, count=count, gravity=(0.0, 0.0, 0.0), start=in_line(count=count))
     return sim, run(sim, 0.2, np.array([[0.0, force, 0.0, 0.0, 0.0, 0.0]]))
 
 
 @BOTH
 @pytest.mark.parametrize("count", [1, 2, 3])
 @pytest.mark.parametrize("force", [1.0, -30.0, 1e3])
-def test_pushed_off_a_singular_position_it_stays_closed_and_keeps_its_energy(
-    count, compiled, force
-):
+def test_pushed_off_a_singular_position_it_stays_closed_and_keeps_its_energy(count, kind, force):
     """Which branch it leaves by is open: first-order mobility says so before anything moves."""
-    sim, states = pushed_off(count, compiled, force)
+    sim, states = pushed_off(count, kind, force)
     assert redundancy(sim.mechanism, states[0].q, states[0].active).mobility == count + 1
     assert max(state.closure_error for state in states) < CLOSED
     assert all(np.isfinite(state.q).all() for state in states)
@@ -150,7 +147,7 @@ def test_pushed_off_a_singular_position_it_stays_closed_and_keeps_its_energy(
 
 @pytest.mark.parametrize("force", [1.0, -30.0, 1e3])
 def test_one_window_pushed_off_its_singular_position_swings(force):
-    _, states = pushed_off(1, True, force)
+    _, states = pushed_off(1, Simulator, force)
     travel = states[-1].q[0]
     # Two uprights of 1/3 kg m^2 and a top of 1 kg on a radius of 1 m: 5/3 kg m^2.
     shorter = min(0.5 * abs(force) / (5.0 / 3.0) * 0.2**2, 1.0)
@@ -160,12 +157,12 @@ def test_one_window_pushed_off_its_singular_position_swings(force):
 
 @BOTH
 @pytest.mark.parametrize("force", [1e-2, 1.0, -30.0, 1e3])
-def test_two_windows_pushed_off_their_singular_position_swing(compiled, force):
+def test_two_windows_pushed_off_their_singular_position_swing(kind, force):
     """Only with all uprights parallel does the first tip yield; which branch that is decides Gauss.
 
     Three uprights of 1/3 kg m^2 and two tops of 1 kg on a radius of 1 m: 3 kg m^2.
     """
-    sim, states = pushed_off(2, compiled, force)
+    sim, states = pushed_off(2, kind, force)
     # φ is right to 1e-14, and says where the branch is with a σ of 1e-6 at the least.
     assert max(np.ptp(state.q[UPRIGHTS]) for state in states) < 3e-8
     balance = unaccounted(sim, states)

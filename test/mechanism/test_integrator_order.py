@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.scene import scene_from_document
+from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.planar_linkages import five_bar, five_bar_bent
 from oracles.running import run, simulator, unaccounted, with_start

@@ -5,12 +5,12 @@ import pytest
 
 from hapticmech_ros.bench.accuracy import cases
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import Simulator
-from hapticmech_ros.mechanism.reference import reference_motion
 from hapticmech_ros.scene import scene_from_document
+from hapticmech_ros.simulation import Simulator
 from oracles import governor, pendulum
 from oracles.generator import blank
 from oracles.planar_linkages import five_bar, five_bar_bent
+from oracles.reference import reference_motion
 from oracles.running import with_start
 
 CASES = {case.name: case for case in cases()}

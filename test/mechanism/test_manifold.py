@@ -4,11 +4,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.mechanism import build
-from hapticmech_ros.mechanism.compiled.manifold_kernels import SERIES, local_rates, move
-from hapticmech_ros.mechanism.integrator import local_rate
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.kernels.manifold_kernels import SERIES, local_rates, move
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import random_mechanism
+from oracles.mechanism.integrators import local_rate
 
 # A handful of products, each rounded to 1e-16, of numbers of order 10.
 ROUNDING = 1e-13
@@ -18,7 +18,7 @@ SIZES = (0.0, 1e-9, 1e-5, 0.9 * SERIES, 1.1 * SERIES, 2.0, 3.0)
 def mechanisms():
     for seed in range(8):
         scene = scene_from_document(random_mechanism(seed, closed=False).document)
-        mechanism = build(scene)
+        mechanism = Mechanism(scene)
         yield (
             mechanism,
             pin.integrate(

@@ -8,7 +8,7 @@ import pytest
 
 from hapticmech_ros.bench.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism.compiled.many_rows import (
+from hapticmech_ros.mechanism.kernels.many_rows import (
     FEW_ROWS,
     first_directions,
     pseudo_inverse_transposed,
@@ -18,7 +18,7 @@ from hapticmech_ros.mechanism.compiled.many_rows import (
 from oracles.generator import closed_chain
 from oracles.implementations import apart, condition, pair_of, projector, sample_pair
 
-# As in test_compiled.py.
+# As in test_terms.py.
 ROUNDING = 1e-12
 
 
@@ -55,7 +55,7 @@ def everything(pair):
 
 
 def test_all_have_many_rows_and_some_are_redundant():
-    spaces = [pair.compiled.closing_terms(pair.q, everything(pair)).space for pair in PAIRS]
+    spaces = [pair.mechanism.closing_terms(pair.q, everything(pair)).space for pair in PAIRS]
     assert all(space.rows.shape[0] > FEW_ROWS for space in spaces)
     assert sum(space.rank < space.rows.shape[0] for space in spaces) == 12
 
@@ -73,7 +73,7 @@ def test_results_are_the_same(pair):
     assert apart(one.closed_rates(pair.v), other.closed_rates(pair.v), 1.0) < magnified
     along = np.cos(np.arange(pair.v.size))
     # Coordinates in U differ by a rotation; what they stand for does not.
-    forces = (space.multipliers(space.basis.T @ along) for space in (one, other))
+    forces = (s.rows @ ((s.basis.T @ along) / s.sigma) for s in (one, other))
     assert apart(*forces) < magnified
     accelerations = (terms.acceleration(along) for terms in (found, expected))
     for a, b in zip(*accelerations, strict=True):
@@ -103,7 +103,7 @@ def test_what_is_not_a_number_is_an_error():
     q = pair.q.copy()
     q[3] = np.nan
     with pytest.raises(HapticMechError):
-        pair.compiled.closing_terms(q, everything(pair))
+        pair.mechanism.closing_terms(q, everything(pair))
 
 
 @pytest.mark.parametrize(("size", "count", "rank"), [(8, 6, 6), (8, 6, 4), (5, 9, 5), (7, 7, 1)])

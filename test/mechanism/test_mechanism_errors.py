@@ -10,7 +10,7 @@ from hapticmech_ros.errors import (
     SceneError,
 )
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.constraint_space import SingularInertiaError, cholesky_of_upper
+from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_upper
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene import scene_from_document
 from oracles.planar_linkages import (

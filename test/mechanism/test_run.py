@@ -5,9 +5,10 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
+from oracles.mechanism.stepping import ReadableSimulator
 from oracles.running import with_start
 
 SAMPLES = [random_mechanism(seed, planar) for seed in range(4) for planar in (False, True)]
@@ -23,14 +24,14 @@ def stepped(simulator, steps, wrenches):
     return states
 
 
-@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("kind", [Simulator, ReadableSimulator])
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
-def test_a_run_is_its_steps(scene, compiled):
+def test_a_run_is_its_steps(scene, kind):
     """Samples, the end, and what was done on the way, whatever the distance of samples."""
-    simulator = Simulator(scene, compiled)
+    simulator = kind(scene)
     wrenches = 0.2 * np.ones((len(simulator.mechanism.point_names), 6))
     states = stepped(simulator, 20, wrenches)
-    again = Simulator(scene, compiled)
+    again = kind(scene)
     for every in (1, 7):
         found = again.run(again.initial_state(), 20, wrenches, every)
         samples = states[::every]

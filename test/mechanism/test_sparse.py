@@ -7,19 +7,21 @@ import pytest
 
 from hapticmech_ros.bench.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism import Simulator, build
-from hapticmech_ros.mechanism.compiled import layout
-from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
-from hapticmech_ros.mechanism.compiled.kernels import factor_closures, solve_motion
-from hapticmech_ros.mechanism.compiled.layout import MANY_RATES
-from hapticmech_ros.mechanism.compiled.space import CompiledClosing
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.constraint_space import Closing, factored
+from hapticmech_ros.mechanism.kernels import layout
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures, solve_motion
+from hapticmech_ros.mechanism.kernels.layout import MANY_RATES
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import load_scene, scene_from_document
+from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition, pair_of, sample_pair
+from oracles.mechanism.stepping import ReadableSimulator
 from oracles.planar_linkages import chain
 
-# As in test_compiled.py; articulated inertias about the world's origin lose a digit more.
+# As in test_terms.py; articulated inertias about the world's origin lose a digit more.
 ROUNDING = 1e-11
 KINDS = ("spherical", "revolute", "weld", "planar_pin")
 
@@ -67,7 +69,7 @@ PAIRS += list(small_ones())
 
 def sparse(pair):
     """Return the pair's closures, all active, with a sparse factorisation."""
-    dense = pair.compiled.chosen((True,) * len(pair.compiled.closures)).dense
+    dense = pair.mechanism.chosen((True,) * len(pair.mechanism.closures)).dense
     found = layout.sparse(dense, pair.q)
     assert found is not None
     assert found.is_sparse
@@ -77,15 +79,15 @@ def sparse(pair):
 def test_the_cases_hold_what_is_promised():
     types = {kind for pair in PAIRS for kind in pair.readable.tree.joint_types}
     assert types == {"revolute", "prismatic", "spherical", "free", "planar"}
-    ranks = [pair.compiled.factored(sparse(pair), pair.q).rank for pair in PAIRS]
+    ranks = [factored(pair.mechanism.tree, sparse(pair), pair.q).rank for pair in PAIRS]
     assert sum(0 < r < sparse(p).m for r, p in zip(ranks, PAIRS, strict=True)) > 10
 
 
 @pytest.mark.parametrize("pair", PAIRS)
 def test_it_is_the_dense_one(pair):
     chosen = sparse(pair)
-    found = pair.compiled.factored(chosen, pair.q)
-    expected = pair.compiled.factored(chosen.dense, pair.q)
+    found = factored(pair.mechanism.tree, chosen, pair.q)
+    expected = factored(pair.mechanism.tree, chosen.dense, pair.q)
     assert found.chosen is chosen
     assert found.rank == expected.rank
     assert found.error == expected.error
@@ -102,7 +104,7 @@ def test_it_is_the_dense_one(pair):
 @pytest.mark.parametrize("pair", PAIRS)
 def test_accelerations_are_the_same(pair):
     chosen = sparse(pair)
-    closings = [pair.compiled.factored(kind, pair.q) for kind in (chosen, chosen.dense)]
+    closings = [factored(pair.mechanism.tree, kind, pair.q) for kind in (chosen, chosen.dense)]
     bias = closings[1].jacobian @ np.sin(np.arange(pair.v.size))
     zero, results = np.zeros(pair.v.size), []
     for closing in closings:
@@ -116,14 +118,14 @@ def test_accelerations_are_the_same(pair):
 def test_what_it_does_not_have_is_the_dense_ones(pair):
     """Matrices of the mass metric, and the smallest λ."""
     chosen = sparse(pair)
-    one = pair.compiled.factored(chosen, pair.q)
-    other = pair.compiled.factored(chosen.dense, pair.q)
+    one = factored(pair.mechanism.tree, chosen, pair.q)
+    other = factored(pair.mechanism.tree, chosen.dense, pair.q)
     assert (one.jacobian == other.jacobian).all()
     assert (one.space.factor == other.space.factor).all()
     assert (one.space.basis == other.space.basis).all()
     force = np.cos(np.arange(pair.v.size))
-    active = (True,) * len(pair.compiled.closures)
-    terms = [pair.compiled.evaluate(pair.q, pair.v, active, closing) for closing in (one, other)]
+    active = (True,) * len(pair.mechanism.closures)
+    terms = [pair.mechanism.evaluate(pair.q, pair.v, active, closing) for closing in (one, other)]
     results = [np.concatenate(term.acceleration(force)) for term in terms]
     assert (results[0] == results[1]).all()
 
@@ -132,9 +134,9 @@ def test_what_it_does_not_have_is_the_dense_ones(pair):
 @pytest.mark.parametrize("kind", ["planar_pin", "revolute"])
 def test_points_are_analysed_alike(number, kind):
     pair = windows(number, kind)
-    assert pair.compiled.chosen(pair.compiled.initially_active).is_sparse
-    state = pair.q, pair.v, pair.compiled.initially_active
-    seen = Analyser(pair.compiled).observe(*state).model
+    assert pair.mechanism.chosen(pair.mechanism.initially_active).is_sparse
+    state = pair.q, pair.v, pair.mechanism.initially_active
+    seen = Analyser(pair.mechanism).observe(*state).model
     expected = Analyser(pair.readable).observe(*state).model
     magnified = ROUNDING * number
     # s, X, a_0, and where the point is: P_c and Π turn with rounding where s repeats.
@@ -144,7 +146,7 @@ def test_points_are_analysed_alike(number, kind):
 
 def test_a_step_is_the_readable_ones():
     scene = windows(15).readable.scene
-    one, other = Simulator(scene), Simulator(scene, compiled=False)
+    one, other = Simulator(scene), ReadableSimulator(scene)
     assert one.mechanism.chosen(one.mechanism.initially_active).is_sparse
     state, expected = one.initial_state(), other.initial_state()
     push = np.zeros((1, 6))
@@ -180,23 +182,23 @@ def test_next_to_a_singular_position_it_gives_up(angle):
     chosen = sparse(pair)
     packed = np.empty(chosen.size)
     assert factor_closures(*chosen.constants, level, packed) == UNDECIDED
-    closing = pair.compiled.closing_terms(level, pair.compiled.initially_active)
-    assert isinstance(closing, CompiledClosing)
+    closing = pair.mechanism.closing_terms(level, pair.mechanism.initially_active)
+    assert isinstance(closing, Closing)
     assert not closing.chosen.is_sparse
 
 
 def test_small_and_implicit_ones_are_dense():
-    small = build(load_scene("five_bar"))
+    small = Mechanism(load_scene("five_bar"))
     assert not small.chosen((True,)).is_sparse
     scene = n_four_bar(40)
-    assert build(scene).nv > MANY_RATES
+    assert Mechanism(scene).nv > MANY_RATES
     step = scene.simulation.model_copy(update={"integrator": "linearly_implicit"})
-    implicit = build(scene.model_copy(update={"simulation": step}))
+    implicit = Mechanism(scene.model_copy(update={"simulation": step}))
     assert not implicit.chosen(implicit.initially_active).is_sparse
 
 
 def test_long_ones_are_sparse():
-    assert build(n_four_bar(40)).chosen((True,) * 40).is_sparse
-    chosen = long_chain(40).compiled.chosen(())
+    assert Mechanism(n_four_bar(40)).chosen((True,) * 40).is_sparse
+    chosen = long_chain(40).mechanism.chosen(())
     assert chosen.is_sparse
     assert chosen.tables.width == 0

@@ -8,24 +8,25 @@ import pytest
 
 from hapticmech_ros.bench.accuracy import cases
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED, WEIGHTS
 from hapticmech_ros.mechanism.projection import project
-from hapticmech_ros.mechanism.reference import reference_motion
 from hapticmech_ros.scene import scene_from_document
+from hapticmech_ros.simulation import Simulator
 from oracles.closed_form import kkt
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition
+from oracles.mechanism.stepping import ReadableSimulator
 from oracles.planar_linkages import five_bar, five_bar_bent
+from oracles.reference import reference_motion
 from oracles.running import run, with_start
 
 PERIOD = 1e-3
 GOVERNOR = next(case for case in cases() if case.name == "flyball_governor")
 
 
-def simulated(document, period=PERIOD, compiled=True, **simulation):
+def simulated(document, period=PERIOD, kind=Simulator, **simulation):
     step = {"period": period, "integrator": "linearly_implicit"} | simulation
-    return Simulator(scene_from_document(document | {"simulation": step}), compiled)
+    return kind(scene_from_document(document | {"simulation": step}))
 
 
 def bar(q=0.3, v=0.0, **joint):
@@ -135,7 +136,7 @@ def test_the_coefficients_are_of_order_three_with_any_jacobian():
 
 @pytest.mark.parametrize("document", STIFF)
 def test_a_step_is_that_of_the_definition(document):
-    sim = simulated(document, compiled=False)
+    sim = simulated(document, kind=ReadableSimulator)
     state, mechanism = sim.initial_state(), sim.mechanism
     wrenches = 0.3 * np.random.default_rng(0).normal(size=(len(mechanism.point_names), 6))
     q, v = by_definition(mechanism, state, wrenches, PERIOD)
@@ -150,7 +151,7 @@ def test_a_step_is_that_of_the_definition(document):
 
 @pytest.mark.parametrize("document", STIFF)
 def test_steps_by_kernels_are_the_same(document):
-    sims = [simulated(document, compiled=compiled) for compiled in (False, True)]
+    sims = [simulated(document, kind=kind) for kind in (ReadableSimulator, Simulator)]
     wrenches = np.random.default_rng(1).normal(size=(len(sims[0].mechanism.point_names), 6))
     state = sims[0].initial_state()
     for _ in range(5):

@@ -10,7 +10,7 @@ from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.bench.accuracy import cases
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
-from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.offline import RecordedStates, analyse_states, states_from_bag
 from hapticmech_ros.operational import Analyser
@@ -19,6 +19,7 @@ from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import JOINT_STATES, STATE
+from oracles.mechanism.mechanism import ReadableMechanism
 
 TICKS = 400
 EPOCH_NS = 1_700_000_000_123_456_789
@@ -39,7 +40,7 @@ def samples(scene):
 @pytest.fixture(scope="module")
 def bag(scene, samples, tmp_path_factory):
     """Return a bag with both kinds of messages; joint states name joints the other way round."""
-    mechanism = build(scene)
+    mechanism = Mechanism(scene)
     layout, names = StateLayout(mechanism), coordinate_names(mechanism)
     encode = FlatArray(layout.fields).encode
     types, points = STORE.types, len(mechanism.point_names)
@@ -73,7 +74,7 @@ def bag(scene, samples, tmp_path_factory):
 
 
 def test_every_state_is_what_was_recorded(scene, samples, bag):
-    found = states_from_bag(bag, build(scene), namespace="left")
+    found = states_from_bag(bag, Mechanism(scene), namespace="left")
     assert found.topic == "/left/mechanism/state"
     assert found.stamps_ns.tolist() == [EPOCH_NS + k * 1_000_000 for k in range(TICKS)]
     for index, sample in enumerate(samples):
@@ -83,7 +84,7 @@ def test_every_state_is_what_was_recorded(scene, samples, bag):
 
 
 def test_joint_states_say_the_same(scene, bag):
-    mechanism = build(scene)
+    mechanism = Mechanism(scene)
     own = states_from_bag(bag, mechanism, namespace="left")
     joints = states_from_bag(bag, mechanism, "/left/mechanism/measured_js")
     assert np.abs(joints.q - own.q).max() < 1e-14
@@ -98,11 +99,11 @@ def _embedded(square, rows):
 
 
 def test_it_is_the_analysis_of_each_state(scene, samples, bag):
-    mechanism, told = build(scene), []
+    mechanism, told = Mechanism(scene), []
     states = states_from_bag(bag, mechanism, namespace="left")
     found = analyse_states(mechanism, states, show=lambda done, total: told.append((done, total)))
     assert told[-1] == (TICKS, TICKS)
-    readable = build(scene, compiled=False)
+    readable = ReadableMechanism(scene)
     analyser = Analyser(readable)
     for index in range(0, TICKS, 37):
         state = samples[index].mechanism
@@ -132,7 +133,7 @@ def test_it_is_the_analysis_of_each_state(scene, samples, bag):
 
 
 def test_states_come_in_order_of_their_stamps(tmp_path):
-    mechanism = build(load_scene("two_link"))
+    mechanism = Mechanism(load_scene("two_link"))
     layout = StateLayout(mechanism)
     points = len(mechanism.point_names)
     with BagWriter(tmp_path / "bag") as writer:
@@ -152,15 +153,15 @@ class TestRefused:
 
     def test_no_such_topic(self, scene, bag):
         with pytest.raises(BagError, match="no messages on /mechanism/measured_js"):
-            states_from_bag(bag, build(scene))
+            states_from_bag(bag, Mechanism(scene))
 
     def test_another_mechanism(self, bag):
         with pytest.raises(BagError, match="mechanism/state"):
-            states_from_bag(bag, build(load_scene("two_link")), namespace="left")
+            states_from_bag(bag, Mechanism(load_scene("two_link")), namespace="left")
 
     def test_joints_of_another_mechanism(self, bag):
         (andrews,) = [case for case in cases() if case.name == "andrews"]
-        mechanism = build(andrews.scene)
+        mechanism = Mechanism(andrews.scene)
         with pytest.raises(BagError, match="must name"):
             states_from_bag(bag, mechanism, "/left/mechanism/measured_js")
 
@@ -173,10 +174,10 @@ class TestRefused:
                 STORE.serialize_cdr(STORE.types["std_msgs/msg/UInt8"](1), "std_msgs/msg/UInt8"),
             )
         with pytest.raises(BagError, match="is std_msgs/msg/UInt8, should be"):
-            states_from_bag(tmp_path / "bag", build(load_scene("two_link")), "/numbers")
+            states_from_bag(tmp_path / "bag", Mechanism(load_scene("two_link")), "/numbers")
 
     def test_a_state_that_cannot_be_analysed_is_numbered(self):
-        mechanism = build(load_scene("five_bar"))
+        mechanism = Mechanism(load_scene("five_bar"))
         q = np.zeros((3, mechanism.nq))
         q[1] = np.nan
         states = RecordedStates(
@@ -191,7 +192,7 @@ class TestRefused:
             analyse_states(mechanism, states)
 
     def test_no_such_point(self, scene, bag):
-        mechanism = build(scene)
+        mechanism = Mechanism(scene)
         states = states_from_bag(bag, mechanism, namespace="left")
         with pytest.raises(InvalidInputError, match="nowhere"):
             analyse_states(mechanism, states, "nowhere")
@@ -212,7 +213,7 @@ def test_the_command_writes_a_table_and_a_picture(scene, bag, tmp_path):
 
 def test_a_point_held_elsewhere_on_the_way_is_analysed_where_it_was():
     scene = load_scene("five_bar")
-    mechanism, session = build(scene), Session(scene)
+    mechanism, session = Mechanism(scene), Session(scene)
     samples, grasps = [], []
     for index in range(60):
         if index in (20, 40):

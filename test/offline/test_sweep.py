@@ -7,12 +7,13 @@ from typer.testing import CliRunner
 from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.offline import Led, SweptStates, sweep
 from hapticmech_ros.offline.figure import sweep_figure
 from hapticmech_ros.operational import analyse
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import closed_chain
+from oracles.mechanism.mechanism import ReadableMechanism
 from oracles.planar_linkages import LENGTHS, PIVOT, elbow
 from oracles.running import with_start
 
@@ -41,7 +42,7 @@ def test_led_joints_are_where_they_were_led(swept):
 
 
 def test_loops_are_closed_and_some_places_out_of_reach(five_bar, swept):
-    mechanism = build(five_bar)
+    mechanism = Mechanism(five_bar)
     active = mechanism.initially_active
     errors = [mechanism.closing_terms(q, active).error for q in swept.q]
     assert max(errors) < 1e-12
@@ -82,7 +83,7 @@ def test_what_is_left_out_is_out_of_reach(swept):
 
 
 def test_it_is_the_analysis_of_each_place(five_bar, swept):
-    readable = build(five_bar, compiled=False)
+    readable = ReadableMechanism(five_bar)
     for index in range(0, len(swept.q), 23):
         expected = analyse(readable, swept.q[index])
         scale = np.abs(expected.inverse_inertia).max()
@@ -101,7 +102,7 @@ def test_processes_share_the_work_and_change_nothing(five_bar, swept):
 
 def test_an_open_chain_goes_everywhere():
     scene = load_scene("two_link")
-    joint = build(scene).tree.joint_names[1]
+    joint = Mechanism(scene).tree.joint_names[1]
     led = Led(joint, tuple(np.linspace(-np.pi, np.pi, 31).tolist()))
     found = sweep(scene, [led])
     assert found.places[:, 0].tolist() == list(led.values)

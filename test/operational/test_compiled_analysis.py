@@ -64,7 +64,7 @@ def test_analyses_are_the_same(pair):
         expected, found = pair.evaluate(active)
         magnified = ROUNDING * condition(expected.space)
         for name in pair.readable.point_names:
-            readable, compiled = Analyser(pair.readable, name), Analyser(pair.compiled, name)
+            readable, compiled = Analyser(pair.readable, name), Analyser(pair.mechanism, name)
             free = readable.analyse(pair.readable.evaluate(pair.q, pair.v, none))
             falls = falling(expected, readable.index)
             compare(readable.analyse(expected), compiled.analyse(found), free, falls, magnified)
@@ -73,7 +73,7 @@ def test_analyses_are_the_same(pair):
 def test_readable_terms_are_analysed_too():
     pair = pair_of(load_scene("five_bar"), 1, 0.2)
     expected, found = pair.evaluate((True,))
-    analyser = Analyser(pair.compiled)
+    analyser = Analyser(pair.mechanism)
     mixed, compiled = analyser.analyse(expected), analyser.analyse(found)
     assert apart(mixed.inverse_inertia, compiled.inverse_inertia) < ROUNDING
     found_by_readable = Analyser(pair.readable).analyse(found)
@@ -86,7 +86,7 @@ def test_small_singular_values_are_the_same_up_to_the_singular_position(bend):
     document = with_start(five_bar(), five_bar_bent(1.9, bend), np.array([0.1, 0.2, -0.3, 0.4]))
     pair = pair_of(scene_from_document(document))
     expected, found = pair.evaluate((True,))
-    readable, compiled = Analyser(pair.readable, "end2"), Analyser(pair.compiled, "end2")
+    readable, compiled = Analyser(pair.readable, "end2"), Analyser(pair.mechanism, "end2")
     free = readable.analyse(pair.readable.evaluate(pair.q, pair.v, (False,)))
     analysis = readable.analyse(expected)
     falls = falling(expected, readable.index)

@@ -7,9 +7,9 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition, falling, pair_of, sample_pair
 from oracles.running import with_start
@@ -57,7 +57,7 @@ def test_both_implementations_answer_the_same(pair):
     for active in pair.sets:
         for name in pair.readable.point_names:
             terms, found, expected = late(pair.readable, pair, active, name=name)
-            _, _, answer = late(pair.compiled, pair, active, name=name)
+            _, _, answer = late(pair.mechanism, pair, active, name=name)
             bound = ROUNDING * condition(terms.space)
             size = np.abs(found.inverse_inertia).max()
             assert apart(answer.inverse_inertia, expected.inverse_inertia, size) < bound
@@ -69,8 +69,8 @@ def test_both_implementations_answer_the_same(pair):
 @pytest.mark.parametrize("pair", list(pairs())[::3])
 def test_in_one_go_or_not_is_the_same_to_the_bit(pair):
     for active in pair.sets:
-        analyser = Analyser(pair.compiled, "", LATENESS)
-        _, _, answer = late(pair.compiled, pair, active)
+        analyser = Analyser(pair.mechanism, "", LATENESS)
+        _, _, answer = late(pair.mechanism, pair, active)
         seen = analyser.observe(pair.q, rates(pair, active), active).model
         inverse_inertia = seen[OPERATIONAL_MODEL.slice("inverse_inertia")].reshape(6, 6)
         assert (inverse_inertia == answer.inverse_inertia).all()
@@ -156,7 +156,7 @@ def test_the_answer_of_now_is_the_acceleration_of_then(name):
 
 def test_a_loop_in_time_gets_x_and_a_0_themselves():
     pair = pair_of(load_scene("spatial_arm"))
-    _, found, answer = late(pair.compiled, pair, (), lateness=0.0)
+    _, found, answer = late(pair.mechanism, pair, (), lateness=0.0)
     assert answer.inverse_inertia is found.inverse_inertia
     assert answer.free_acceleration is found.free_acceleration
 
@@ -166,7 +166,7 @@ def test_where_closures_will_not_be_known_the_state_is_taken_as_it_is():
     pair = pair_of(load_scene("five_bar"))
     active = pair.readable.initially_active
     torn = pair.v + np.array([2.0, -1.0, 0.5, 3.0])
-    for mechanism in (pair.readable, pair.compiled):
+    for mechanism in (pair.readable, pair.mechanism):
         analyser = Analyser(mechanism, lateness=LATENESS)
         terms = mechanism.evaluate(pair.q, torn, active)
         found = analyser.analyse(terms)

@@ -7,7 +7,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.constraint_space import SingularInertiaError
+from hapticmech_ros.mechanism.inertia import SingularInertiaError
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document, shipped_scenes
 from oracles.generator import closed_chain, random_mechanism
@@ -41,7 +41,7 @@ def test_both_see_the_same(pair):
         magnified = ROUNDING * condition(terms.space)
         free = pair.readable.evaluate(pair.q, pair.v, (False,) * len(active))
         for name in pair.readable.point_names:
-            readable, compiled = Analyser(pair.readable, name), Analyser(pair.compiled, name)
+            readable, compiled = Analyser(pair.readable, name), Analyser(pair.mechanism, name)
             one, other = seen(readable, pair, active), seen(compiled, pair, active)
             alone = readable.analyse(free)
             inertia, falls = np.abs(alone.inverse_inertia).max(), falling(terms, readable.index)
@@ -58,8 +58,8 @@ def test_both_see_the_same(pair):
 @pytest.mark.parametrize("pair", list(pairs())[::3])
 def test_in_one_go_or_not_is_the_same_to_the_bit(pair):
     for active in pair.sets:
-        terms = pair.compiled.evaluate(pair.q, pair.v, active)
-        analyser = Analyser(pair.compiled)
+        terms = pair.mechanism.evaluate(pair.q, pair.v, active)
+        analyser = Analyser(pair.mechanism)
         found, point = analyser.analyse(terms), terms.points[analyser.index]
         filled = seen(analyser, pair, active)
         assert (filled[: found.rows.size] == found.spectrum.s).all()
@@ -75,11 +75,11 @@ def test_in_one_go_or_not_is_the_same_to_the_bit(pair):
 
 def test_quaternions_of_all_orientations_are_eigens():
     pair = sample_pair(random_mechanism(1, False))
-    analyser = Analyser(pair.compiled)
+    analyser = Analyser(pair.mechanism)
     rng = np.random.default_rng(0)
     signs = set()
     for _ in range(200):
-        pair.q[:] = pair.compiled.integrate(pair.q, rng.normal(size=pair.v.size))
+        pair.q[:] = pair.mechanism.integrate(pair.q, rng.normal(size=pair.v.size))
         pose = pair.readable.frame_pose(pair.q, pair.readable.point_names[0])
         expected = pin.Quaternion(pose.rotation).coeffs()
         found = seen(analyser, pair, pair.readable.initially_active)[123:127]
@@ -98,11 +98,11 @@ def test_what_cannot_be_seen_is_an_error():
     document["operational_points"] = document["operational_points"][:2]
     pair = pair_of(scene_from_document(document))
     with pytest.raises(SingularInertiaError, match="'joint4' moves no mass"):
-        seen(Analyser(pair.compiled), pair, ())
+        seen(Analyser(pair.mechanism), pair, ())
 
 
 def test_a_state_that_is_not_finite_is_an_error():
     pair = pair_of(load_scene("five_bar"))
     pair.q[1] = np.nan
     with pytest.raises(HapticMechError):
-        seen(Analyser(pair.compiled), pair, (True,))
+        seen(Analyser(pair.mechanism), pair, (True,))

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.controller_side import Reading
 from hapticmech_ros.control.engagement import Engagement
 from hapticmech_ros.control.flat import model_of
 from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.controller import Connection
 from oracles.delay_line import DelayLine
 from oracles.energy_ledger import EnergyLedger

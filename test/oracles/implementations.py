@@ -1,4 +1,4 @@
-"""A scene's mechanism twice, readable and compiled, and how far their results are apart."""
+"""A scene's mechanism and the readable one, and how far their results are apart."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.mechanism import Evaluation, Mechanism, build
+from hapticmech_ros.mechanism import Evaluation, Mechanism
+from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
-from hapticmech_ros.mechanism.evaluation import Active
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.scene.document import Scene
 from oracles.generator import Sample
 from oracles.kinematics import Array
+from oracles.mechanism.mechanism import ReadableEvaluation, ReadableMechanism
 from oracles.running import with_start
 
 
@@ -21,8 +22,8 @@ from oracles.running import with_start
 class Pair:
     """Both implementations of one scene, and a state."""
 
-    readable: Mechanism
-    compiled: Mechanism
+    readable: ReadableMechanism
+    mechanism: Mechanism
     q: Array
     v: Array
 
@@ -32,20 +33,20 @@ class Pair:
         count = len(self.readable.closures)
         return {self.readable.initially_active, (True,) * count, (False,) * count}
 
-    def evaluate(self, active: Active) -> tuple[Evaluation, Evaluation]:
-        """Return all terms, readable and compiled."""
+    def evaluate(self, active: Active) -> tuple[ReadableEvaluation, Evaluation]:
+        """Return all terms, the readable ones first."""
         expected = self.readable.evaluate(self.q, self.v, active)
-        return expected, self.compiled.evaluate(self.q, self.v, active)
+        return expected, self.mechanism.evaluate(self.q, self.v, active)
 
 
 def pair_of(scene: Scene, seed: int = 0, away: float = 0.0) -> Pair:
     """Return both at the scene's authored state; ``away`` moves each coordinate by about that."""
-    readable, compiled = build(scene, compiled=False), build(scene)
+    readable, mechanism = ReadableMechanism(scene), Mechanism(scene)
     q, v = authored_state(scene, readable.tree)
     rng = np.random.default_rng(seed)
     if away:
         q, v = readable.integrate(q, away * rng.normal(size=v.size)), v + rng.normal(size=v.size)
-    return Pair(readable, compiled, q, v)
+    return Pair(readable, mechanism, q, v)
 
 
 def sample_pair(sample: Sample, away: float = 0.0) -> Pair:

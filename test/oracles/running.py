@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.scene import scene_from_document
+from hapticmech_ros.simulation import MechanismState, Simulator
 from oracles.generator import RATE_SIZE, floats
 from oracles.kinematics import POSITION_SIZE, Array, Document
 

@@ -6,8 +6,8 @@ from copy import deepcopy
 
 import numpy as np
 
-from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.scene import scene_from_document
+from hapticmech_ros.simulation import MechanismState, Simulator
 
 G = 9.81
 FLOOR = {"name": "floor", "link": "world", "geometry": {"kind": "half_space"}}

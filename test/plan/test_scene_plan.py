@@ -15,8 +15,7 @@ from typer.testing import CliRunner
 from hapticmech_ros.bench.accuracy import cases, n_four_bar
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import Mechanism, Simulator
-from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
 from hapticmech_ros.plan.scene_plan import ScenePlan, plan_scene
 from hapticmech_ros.scene import (
     Scene,
@@ -26,6 +25,8 @@ from hapticmech_ros.scene import (
     shipped_scenes,
 )
 from hapticmech_ros.session import Session
+from oracles.mechanism.mechanism import ReadableMechanism
+from oracles.mechanism.stepping import ReadableSimulator
 
 Change = Callable[[dict[str, Any]], None]
 
@@ -76,16 +77,16 @@ def test_numbers_are_those_of_the_scene_and_of_its_session(scene: Scene) -> None
 def test_a_step_factors_as_often_as_the_plan_says(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    simulator = Simulator(scene, compiled=False)
+    simulator = ReadableSimulator(scene)
     state = simulator.step(simulator.initial_state(), np.zeros((len(scene.operational_points), 6)))
     calls: list[object] = []
-    inner = Mechanism.closing_terms
+    inner = ReadableMechanism.closing_terms
 
     def counted(*arguments: Any) -> Any:
         calls.append(arguments[1])
         return inner(*arguments)
 
-    monkeypatch.setattr(Mechanism, "closing_terms", counted)
+    monkeypatch.setattr(ReadableMechanism, "closing_terms", counted)
     simulator.step(state, np.zeros((len(scene.operational_points), 6)))
     plan = plan_scene(scene)
     least = computed(plan)["D, joint Jacobians, poses; Cholesky of D"]

@@ -5,7 +5,7 @@ import pytest
 from std_msgs.msg import Float64MultiArray, UInt8
 
 from hapticmech_ros import analyse, load_scene
-from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.messages import write_array
@@ -29,7 +29,7 @@ def _state(
     grasps: np.ndarray | None = None,
 ) -> Float64MultiArray:
     now = peer.node.get_clock().now().nanoseconds - round(late_s * 1e9)
-    mechanism = build(load_scene("five_bar"))
+    mechanism = Mechanism(load_scene("five_bar"))
     held = flat_grasps(mechanism.scene) if grasps is None else grasps
     state = WireState(now, (closed,), q, v, CONTACT, held, (True,))
     message = Float64MultiArray()
@@ -38,7 +38,7 @@ def _state(
 
 
 def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
-    mechanism = build(load_scene("five_bar"))
+    mechanism = Mechanism(load_scene("five_bar"))
     q, _ = consistent_initial_state(mechanism)
     v = np.array([0.3, -0.2, 0.1, 0.4])
     expected = analyse(mechanism, q, v=v)
@@ -97,7 +97,7 @@ def test_bad_states_are_refused(domain: int, peer: Peer) -> None:
 
 
 def test_an_open_loop_is_analysed_as_a_chain(domain: int, peer: Peer) -> None:
-    mechanism = build(load_scene("five_bar"))
+    mechanism = Mechanism(load_scene("five_bar"))
     q, _ = consistent_initial_state(mechanism)
     v, opened = np.zeros(4), (False,)
     terms = mechanism.evaluate(q, v, opened)

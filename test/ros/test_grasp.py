@@ -10,7 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_written
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.messages import stamp_ns
@@ -39,7 +39,7 @@ def test_a_topic_and_a_parameter_put_the_point_elsewhere(domain: int, peer: Peer
     poses = peer.listen("mechanism/handle/measured_cp", PoseStamped)
     told = peer.listen("mechanism/handle/grasped", PoseStamped, LATCHED)
     states = peer.listen("mechanism/state", Float64MultiArray)
-    mechanism = build(SCENE)
+    mechanism = Mechanism(SCENE)
     layout = StateLayout(mechanism)
     with running("mechanism_simulator", domain):
         command = peer.publisher("mechanism/handle/grasp", PoseStamped)

@@ -86,7 +86,7 @@ def test_a_mesh_that_is_flattened_or_of_no_known_kind(tmp_path):
     [("nothing", "cannot be read"), ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "must not be flat")],
 )
 def test_a_mesh_that_is_no_body(tmp_path, text, rule):
-    from hapticmech_ros.mechanism import Simulator
+    from hapticmech_ros.simulation import Simulator
 
     file = tmp_path / "bad.obj"
     file.write_text(text, encoding="utf-8")

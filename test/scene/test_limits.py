@@ -3,7 +3,7 @@
 import pytest
 
 from hapticmech_ros.errors import SceneError
-from hapticmech_ros.mechanism.build import build
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene import document_of, load_scene, scene_from_document, shipped_scenes
 from hapticmech_ros.scene.limit_rules import check_limits
 from hapticmech_ros.scene.limits import Limits
@@ -64,7 +64,7 @@ def test_shipped_scenes_are_far_from_their_limits(name):
 
 
 def test_every_quantity_in_messages_has_a_limit_and_every_limit_a_quantity():
-    state = StateLayout(build(load_scene("five_bar"))).fields
+    state = StateLayout(Mechanism(load_scene("five_bar"))).fields
     layouts = (DEVICE_FIELDS, RENDERING_FIELDS, GAIN_FIELDS, state)
     used = {name for layout in layouts for name in layout.quantities()}
     assert used == {*Limits.model_fields, *FIXED}

@@ -6,7 +6,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.control import PointMeasurement
 from hapticmech_ros.control.rendering_model import rendering_model
-from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
@@ -36,7 +36,7 @@ def states(mechanism):
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_both_ways_write_the_same(name):
-    mechanism = build(load_scene(name))
+    mechanism = Mechanism(load_scene(name))
     analyser = Analyser(mechanism)
     writer = RenderingWriter(analyser)
     for count, state in enumerate(states(mechanism)):

@@ -5,7 +5,7 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import build
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.state import StateLayout, WireState
@@ -17,11 +17,11 @@ STAMP = 12_345_678_901_234_567
 
 def layouts():
     """Return layouts where q is a vector and where it is not, and a configuration of each."""
-    mechanism = build(load_scene("five_bar"))
+    mechanism = Mechanism(load_scene("five_bar"))
     yield StateLayout(mechanism), mechanism, np.array([1.9, -0.0, -1.8, 0.6])
     for seed in range(4):
         pair = sample_pair(random_mechanism(seed))
-        yield StateLayout(pair.compiled), pair.compiled, pair.q
+        yield StateLayout(pair.mechanism), pair.mechanism, pair.q
 
 
 def state_of(mechanism, q):
@@ -147,7 +147,7 @@ def test_many_messages_are_unpacked_as_each_of_them_is():
 
 @pytest.mark.parametrize(("place", "value"), [(0, np.nan), (2, 0.5), (-1, 2.0), (5, np.inf)])
 def test_of_many_messages_the_first_bad_one_is_refused_as_alone(place, value):
-    layout = StateLayout(build(load_scene("five_bar")))
+    layout = StateLayout(Mechanism(load_scene("five_bar")))
     rows = np.zeros((5, sum(layout.fields.values())))
     rows[3, place] = rows[4, 2] = value
     with pytest.raises(InvalidInputError) as alone:

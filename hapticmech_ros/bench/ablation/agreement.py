@@ -6,19 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.ablation.loop import PARTS
+from hapticmech_ros.bench.oracle import readable_simulator
 from hapticmech_ros.control import PointMeasurement, control_for
 from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.flat import flat_rendered
 from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.device import DeviceState, device_for
-from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.mechanism.evaluation import Evaluation
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session
+from hapticmech_ros.simulation import MechanismState, Simulator
 
 # Relative to a field's size. Rounding is 1e-16; conditions of D and W, and differences of
 # velocities over a period of 1 ms, take the rest.
@@ -65,7 +66,7 @@ def agreement(scene: Scene, ticks: int) -> Agreement:
 
 class _Readable:
     def __init__(self, scene: Scene, session: Session) -> None:
-        self._simulator = Simulator(scene, compiled=False)
+        self._simulator = readable_simulator(scene)
         self._kernels = Simulator(scene)
         mechanism, lateness = self._simulator.mechanism, loop_lateness(scene)
         self._analyser = Analyser(mechanism, lateness=lateness)

@@ -49,7 +49,6 @@ def run_accuracy(
     out: Path,
     show: Show = lambda line: None,
     figure: Path | None = None,
-    compiled: bool = True,
 ) -> Results:
     """Carry out all runs and write results into ``out``.
 
@@ -62,7 +61,7 @@ def run_accuracy(
     runs = []
     for number, setting in enumerate(settings, start=1):
         show(f"{number} of {len(settings)}: {setting}")
-        runs.append(measure(setting, compiled))
+        runs.append(measure(setting))
         if runs[-1].failure:
             show(f"  failed: {runs[-1].failure}")
     results = Results(machine(), tuple(runs))

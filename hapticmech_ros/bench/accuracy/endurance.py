@@ -11,8 +11,8 @@ import numpy as np
 from hapticmech_ros.bench.accuracy.cases import Case
 from hapticmech_ros.bench.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.bench.accuracy.run import FAILURES
-from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.simulation import MechanismState, Simulator
 
 HOUR, MINUTE = 3600.0, 60.0
 # Between looks, and between lines that tell how far it is.

@@ -10,7 +10,8 @@ import numpy as np
 from hapticmech_ros.bench.accuracy.plan import Setting
 from hapticmech_ros.bench.accuracy.watch import Watch
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism import MechanismState, Simulator, build
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.simulation import MechanismState, Simulator
 
 # What a run may fail by and still be a result: an error of ours, arithmetic that broke down, an
 # integrator or element that a scene may name and the mechanism does not have.
@@ -68,19 +69,14 @@ class Run:
         return 1.0 / self.cpu_s_per_s if self.cpu_s_per_s else None
 
 
-def measure(setting: Setting, compiled: bool = True) -> Run:
-    """Carry out one run; one that fails is a result too, told in ``failure``.
-
-    Args:
-        setting: what to run.
-        compiled: by kernels, or by the readable implementation.
-    """
+def measure(setting: Setting) -> Run:
+    """Carry out one run; one that fails is a result too, told in ``failure``."""
     units = {"m" if output.kind == "point" else "rad" for output in setting.case.outputs}
     about = (setting.case.name, setting.integrator, setting.step, " or ".join(sorted(units)))
     try:
         # States are checked after each step: what overflows in one is told as an error of ours.
         with np.errstate(over="ignore", invalid="ignore"):
-            watch, cpu_s_per_s = _stepped(setting, compiled)
+            watch, cpu_s_per_s = _stepped(setting)
     except FAILURES as failure:
         return Run(*about, setting.own, failure=f"{type(failure).__name__}: {failure}")
     errors = watch.errors()
@@ -100,11 +96,11 @@ def measure(setting: Setting, compiled: bool = True) -> Run:
     )
 
 
-def _stepped(setting: Setting, compiled: bool) -> tuple[Watch, float]:
+def _stepped(setting: Setting) -> tuple[Watch, float]:
     """Return what was seen on the way, and the CPU time of steps per simulated second."""
     scene, steps = setting.scene, round(setting.case.duration / setting.step)
-    simulator = Simulator(scene, compiled)
-    watch = Watch(setting.case, setting.step, build(scene, compiled))
+    simulator = Simulator(scene)
+    watch = Watch(setting.case, setting.step, Mechanism(scene))
     start = simulator.initial_state()
     _advance(simulator, start, max(1, min(WARM_UP, round(WARM_UP_SHARE * steps))))
     watch.see(0, start)

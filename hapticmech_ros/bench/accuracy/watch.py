@@ -6,7 +6,8 @@ import numpy as np
 
 from hapticmech_ros.bench.accuracy.cases import Case, Output
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import Mechanism, MechanismState
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.simulation import MechanismState
 
 # Of a step: output times are written in decimals, samples are multiples of the step.
 ON_TIME = 1e-6

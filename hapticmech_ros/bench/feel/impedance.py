@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.felt_model import felt_model
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import Simulator
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.hand import ConstantWrenchHand
 from hapticmech_ros.session import Session
+from hapticmech_ros.simulation import Simulator
 
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30, 42, 60, 85)
 # Of the push: as large at each frequency as its velocity asks, N per Hz, and so small that what the

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.accuracy.cases import Output
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.mechanism import Simulator
-from hapticmech_ros.mechanism.model import Array, TreeModel
+from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.simulation import Simulator
 
 EXTRA = "pip install 'hapticmech_ros[bench]'"
 Reading = list[tuple[float, ...]]
@@ -109,7 +110,7 @@ def initial_state(scene: Scene) -> State:
     Raises:
         ClosureError: the scene cannot close.
     """
-    state = Simulator(scene, compiled=False).initial_state()
+    state = Simulator(scene).initial_state()
     return State(state.q, state.v)
 
 

@@ -7,17 +7,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
 from hapticmech_ros.bench.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.bench.speed.chain import chain
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism import Simulator
-from hapticmech_ros.mechanism.compiled.layout import sparse
-from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
+from hapticmech_ros.mechanism.kernels.layout import sparse
 from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.simulation import Simulator
 
 WINDOWS, RODS = (1, 2, 4, 8, 16, 40), (2, 5, 10, 20, 40, 80)
 # Steps of a turn, turns, and how far apart the ends of a turn may be, rad.
@@ -46,13 +45,13 @@ def compare(name: str, scene: Scene) -> Crossing:
     both = Simulator(scene), Simulator(scene)
     active = both[0].mechanism.initially_active
     starts = [simulator.initial_state() for simulator in both]
-    mechanism = cast(CompiledMechanism, both[0].mechanism)
+    mechanism = both[0].mechanism
     usual = mechanism.chosen(active)
     banded = sparse(usual.dense, starts[0].q)
     if banded is None:
         raise HapticMechError(f"{name}: no sparse factorisation where it starts")
     for simulator, chosen in zip(both, (usual.dense, banded), strict=True):
-        cast(CompiledMechanism, simulator.mechanism).take(active, chosen)
+        simulator.mechanism.take(active, chosen)
     times: list[list[float]] = [[], []]
     for _ in range(TURNS):
         ends = []

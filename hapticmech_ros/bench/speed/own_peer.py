@@ -17,9 +17,9 @@ from hapticmech_ros.bench.speed.contender import (
     joint_place,
 )
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import IntegratorName
+from hapticmech_ros.simulation import MechanismState, Simulator
 
 NAME = "hapticmech"
 # Order of each integrator, which says what steps are worth a run.
@@ -38,7 +38,6 @@ class OwnPeer:
     Args:
         multiples: integrators that take part, and their steps in units of a problem; by order if
             empty.
-        compiled: by kernels, or by the readable implementation.
 
     Raises:
         InvalidInputError: an integrator that is not there.
@@ -46,16 +45,13 @@ class OwnPeer:
 
     name = NAME
 
-    def __init__(
-        self, multiples: Mapping[str, tuple[float, ...]] = DEFAULT, compiled: bool = True
-    ) -> None:
+    def __init__(self, multiples: Mapping[str, tuple[float, ...]] = DEFAULT) -> None:
         for name in multiples:
             if name not in ORDERS:
                 raise InvalidInputError("integrator", name, f"must be one of {list(ORDERS)}")
         self.methods = tuple(
             Method(name, ORDERS[name], multiples=steps) for name, steps in multiples.items()
         )
-        self._compiled = compiled
 
     def missing(self) -> str:
         """Return why it cannot run here: always can."""
@@ -65,7 +61,7 @@ class OwnPeer:
         self, scene: Scene, start: State, method: Method, step: float, setting: Setting
     ) -> Contender:
         """Return the scene ready to run."""
-        return _Own(stepped_by(scene, method.name, step), start, self._compiled)
+        return _Own(stepped_by(scene, method.name, step), start)
 
 
 def stepped_by(scene: Scene, integrator: str, step: float) -> Scene:
@@ -76,8 +72,8 @@ def stepped_by(scene: Scene, integrator: str, step: float) -> Scene:
 
 
 class _Own:
-    def __init__(self, scene: Scene, start: State, compiled: bool) -> None:
-        self._simulator = Simulator(scene, compiled)
+    def __init__(self, scene: Scene, start: State) -> None:
+        self._simulator = Simulator(scene)
         first = self._simulator.initial_state()
         self._first = MechanismState(
             0.0, start.q.copy(), start.v.copy(), first.active, first.closure_error

@@ -9,12 +9,13 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from hapticmech_ros.bench.oracle import readable_simulator
 from hapticmech_ros.bench.speed.contender import initial_state
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism import MechanismState, Simulator
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.simulation import MechanismState, Simulator
 
 SCENE = "five_bar"
 # States on a motion under a steady push, N and N m, so that no two calls see the same.
@@ -50,8 +51,8 @@ def tick_times(rounds: int = 30) -> tuple[TickTime, ...]:
     check_agreement(scene, states)
     callers: dict[str, Callable[[], None]] = {
         SEE: _see(scene, states),
-        BOTH: _both(scene, states, compiled=True),
-        READABLE: _both(scene, states, compiled=False),
+        BOTH: _both(Simulator(scene), states),
+        READABLE: _both(readable_simulator(scene), states),
     }
     if find_spec("mujoco"):
         callers[MJ_STEP] = _mj_step(scene, in_loop=False)
@@ -76,7 +77,7 @@ def check_agreement(scene: Scene, states: Sequence[MechanismState]) -> float:
     Raises:
         HapticMechError: it is above 1e-9.
     """
-    fast, slow = (Simulator(scene, compiled) for compiled in (True, False))
+    fast, slow = Simulator(scene), readable_simulator(scene)
     quick, plain = Analyser(fast.mechanism), Analyser(slow.mechanism)
     apart = 0.0
     for state in states:
@@ -113,8 +114,7 @@ def _see(scene: Scene, states: Sequence[MechanismState]) -> Callable[[], None]:
     return call
 
 
-def _both(scene: Scene, states: Sequence[MechanismState], compiled: bool) -> Callable[[], None]:
-    simulator = Simulator(scene, compiled)
+def _both(simulator: Simulator, states: Sequence[MechanismState]) -> Callable[[], None]:
     analyser = Analyser(simulator.mechanism)
 
     def call() -> None:

@@ -1,1 +1,0 @@
-"""The mechanism by kernels: what is readable beside this folder, at a fraction of the time."""

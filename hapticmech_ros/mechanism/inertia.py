@@ -1,0 +1,98 @@
+"""D of a tree must be positive definite: its Cholesky factor, and the joints that move no mass."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.lapack import dpotrf
+from hapticmech_ros.mechanism.model import TreeModel
+
+# A joint's inertia below this fraction of what its mass has at the mechanism's length is rounding.
+NO_INERTIA = 1e-15
+
+
+class SingularInertiaError(HapticMechError):
+    """D is not positive definite: some joint moves no mass.
+
+    Attributes:
+        rate: first degree of freedom at which D is not.
+    """
+
+    def __init__(self, message: str, rate: int) -> None:
+        super().__init__(message)
+        self.rate = rate
+
+
+def cholesky_of_upper(inertia_upper: Array) -> Array:
+    """Return the lower factor L of D given D's upper triangle.
+
+    Raises:
+        SingularInertiaError: D is not positive definite.
+    """
+    upper, info = dpotrf(inertia_upper, lower=0, clean=1)
+    if info != 0:
+        raise singular_inertia(info - 1)
+    return np.asarray(upper.T)
+
+
+def singular_inertia(rate: int) -> SingularInertiaError:
+    """Return the error of a D that is not positive definite at this degree of freedom."""
+    return SingularInertiaError(
+        f"joint-space inertia is not positive definite at degree of freedom {rate}: "
+        "every joint must move some mass",
+        rate,
+    )
+
+
+def singular_joint(tree: TreeModel, rate: int) -> SingularInertiaError:
+    """Return the error of a configuration at which D is not positive definite at ``rate``."""
+    index = next(i for i in range(len(tree.joints)) if tree.velocity_slice(i).stop > rate)
+    message = f"joint {tree.joint_names[index]!r} moves no mass that others do not move as well"
+    return SingularInertiaError(f"{message}: {_remedy(tree, index)}", rate)
+
+
+def refuse_massless(tree: TreeModel, length: float) -> None:
+    """Check that every joint moves mass or inertia somewhere.
+
+    A joint's part of D is analytic in q: where it is singular at a configuration that nothing
+    singles out, it is so everywhere.
+
+    Args:
+        tree: the mechanism's.
+        length: unit of angular rates, m.
+
+    Raises:
+        SingularInertiaError: a joint moves none at any configuration; names joint and link.
+    """
+    model = tree.pinocchio
+    data = model.createData()
+    somewhere = np.cos(1.0 + 1.7 * np.arange(model.nv))
+    q = pin.integrate(model, pin.neutral(model), somewhere)
+    inertia = np.triu(pin.crba(model, data, q).reshape(model.nv, model.nv))
+    pin.computeSubtreeMasses(model, data)
+    for index, kind in enumerate(tree.joint_types):
+        part = tree.velocity_slice(index)
+        units = length ** np.array(_ANGULAR[kind])
+        block = inertia[part, part] / np.outer(units, units)
+        least = np.linalg.eigvalsh(block, UPLO="U")[0]
+        if least <= NO_INERTIA * data.mass[index + 1]:
+            message = f"joint {tree.joint_names[index]!r} moves no mass: {_remedy(tree, index)}"
+            raise SingularInertiaError(message, part.start)
+
+
+# 1 for angular rates of a joint, 0 for linear ones.
+_ANGULAR: dict[str, tuple[float, ...]] = {
+    "revolute": (1.0,),
+    "prismatic": (0.0,),
+    "spherical": (1.0, 1.0, 1.0),
+    "free": (0.0, 0.0, 0.0, 1.0, 1.0, 1.0),
+    "planar": (0.0, 0.0, 1.0),
+}
+
+
+def _remedy(tree: TreeModel, index: int) -> str:
+    link = tree.links[index]
+    return f"give link {link!r} or one of its children a mass or inertia, or lock the joint"

@@ -1,0 +1,199 @@
+"""A = L⁻¹Wᵀ of closures that each reach few rates: QR inside a band, linear in their number.
+
+Columns of A are taken in the order of the first place that they reach, in which Householder
+reflections of those before fill them only as far as these reach (George and Heath, Solution of
+sparse linear least squares problems using Givens rotations, 1980). A column of which nothing but
+rounding is left follows from those before it, and is left out: a redundant row. Where it is not
+clear whether it does, where there are not as many of them as there always are, or where the rows
+are nearly dependent altogether, the answer is UNDECIDED, and the dense factorisation has to say.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner, leaf
+from hapticmech_ros.mechanism.kernels.articulated_kernels import pair_to_metric
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.tolerances import PASSING, RESOLVED, SOLVER_RANK_TOLERANCE
+
+# Columns of ``Packed.row_places``.
+BEGIN, PIVOT, INVERSE, LAST, FIRST = range(5)
+# A smallest singular value below this share of the largest row is for the dense factorisation.
+WELL_DETERMINED = PASSING
+# How much the estimate of the smallest singular value may be too large.
+_DOUBT = 10.0
+UNDECIDED = -1_000_000
+_ROUNDS = 2
+
+
+@inner
+def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
+    """Fill ``band`` and ``row_places``; return the rank, or UNDECIDED.
+
+    Args:
+        tables: the mechanism's.
+        space: with hinges and wrenches filled.
+        tolerance: share of the largest row below which what is left of a row says nothing.
+    """
+    places, band, column = space.row_places, space.band, tables.turned
+    sequence, pairs, lengths, width = tables.sequence, space.pairs, tables.lengths, tables.width
+    free, hit, rank, longest, largest = 0, 0, 0, 0.0, 0.0
+    for j in range(tables.m):
+        at = sequence[j]
+        row, low, last, a, b = at[0], at[1], at[2], at[3], at[4]
+        while hit < j and places[hit, LAST] < low:
+            hit += 1
+        begin = low
+        if hit < j:
+            begin = min(low, int(places[hit, PIVOT]))
+        else:
+            free = max(free, low)
+        for i in range(hit, j):
+            last = max(last, int(places[i, LAST]))
+        if last - begin >= width:
+            return UNDECIDED
+        for place in range(begin, last + 1):
+            column[place] = 0.0
+        pair_to_metric(tables, space, a, b, pairs[row], 1.0 / lengths[row], column)
+        square = 0.0
+        for place in range(begin, last + 1):
+            square += column[place] * column[place]
+        if square > longest:
+            longest, largest = square, np.sqrt(square)
+        for i in range(hit, j):
+            if places[i, PIVOT] >= 0.0:
+                _reflect(places, band, i, column)
+        left = 0.0
+        for place in range(free, last + 1):
+            left += column[place] * column[place]
+        left = np.sqrt(left)
+        if not np.isfinite(left):
+            return UNDECIDED
+        places[j, BEGIN], places[j, FIRST] = begin, hit
+        for place in range(begin, last + 1):
+            band[j, place - begin] = column[place]
+        if left <= max(RESOLVED, tolerance) * largest:
+            if tolerance <= SOLVER_RANK_TOLERANCE and left > RESOLVED * largest:
+                return UNDECIDED
+            places[j, PIVOT], places[j, LAST], places[j, INVERSE] = -1.0, -1.0, 0.0
+            continue
+        if left <= WELL_DETERMINED * largest:
+            return UNDECIDED
+        head = column[free]
+        goal = -left if head > 0.0 else left
+        share = 1.0 / np.sqrt(2.0 * left * (left + abs(head)))
+        for place in range(free, last + 1):
+            band[j, place - begin] = column[place] * share
+        band[j, free - begin] = (head - goal) * share
+        places[j, PIVOT], places[j, LAST], places[j, INVERSE] = free, last, 1.0 / goal
+        free += 1
+        rank += 1
+    if tables.independent >= 0 and rank != tables.independent:
+        return UNDECIDED
+    least = _least(tables, space, rank) / largest if rank > 0 else 1.0
+    if not least > max(WELL_DETERMINED, _DOUBT * tolerance):
+        return UNDECIDED
+    space.tail[2], space.tail[3] = least, rank
+    return rank
+
+
+@leaf
+def _reflect(places: Array, band: Array, j: int, vector: Array) -> None:
+    """Apply reflection j to a vector by places."""
+    begin, pivot, last = int(places[j, BEGIN]), int(places[j, PIVOT]), int(places[j, LAST])
+    along = 0.0
+    for place in range(pivot, last + 1):
+        along += band[j, place - begin] * vector[place]
+    along *= 2.0
+    for place in range(pivot, last + 1):
+        vector[place] -= along * band[j, place - begin]
+
+
+@inner
+def turn_in(tables: Tables, space: Packed, vector: Array, turned: Array) -> None:
+    """Fill ``turned`` (nv,), by places, with Qᵀ vector (nv,)."""
+    order, places, band = tables.order, space.row_places, space.band
+    for row in range(order.size):
+        turned[order[row]] = vector[row]
+    for j in range(places.shape[0]):
+        if places[j, PIVOT] >= 0.0:
+            _reflect(places, band, j, turned)
+
+
+@inner
+def turn_back(tables: Tables, space: Packed, turned: Array, vector: Array) -> None:
+    """Fill ``vector`` (nv,) with Q turned (nv,); ``turned`` is used up."""
+    order, places, band = tables.order, space.row_places, space.band
+    for j in range(places.shape[0] - 1, -1, -1):
+        if places[j, PIVOT] >= 0.0:
+            _reflect(places, band, j, turned)
+    for row in range(order.size):
+        vector[row] = turned[order[row]]
+
+
+@inner
+def clear_pivots(tables: Tables, space: Packed, turned: Array) -> None:
+    """Put zero where the closures' directions are in a turned vector."""
+    places = space.row_places
+    for j in range(places.shape[0]):
+        pivot = int(places[j, PIVOT])
+        if pivot >= 0:
+            turned[pivot] = 0.0
+
+
+@inner
+def solve_rows(tables: Tables, space: Packed, needed: Array, scale: float, turned: Array) -> None:
+    """Fill the pivots of ``turned`` (nv,) with R⁻ᵀ of ``scale`` times needed (m,) / row length."""
+    places, band, sequence = space.row_places, space.band, tables.sequence
+    lengths = tables.lengths
+    for j in range(places.shape[0]):
+        pivot = int(places[j, PIVOT])
+        if pivot < 0:
+            continue
+        row = sequence[j, 0]
+        total = scale * needed[row] / lengths[row]
+        turned[pivot] = (total - _above(places, band, j, turned)) * places[j, INVERSE]
+
+
+@leaf
+def _above(places: Array, band: Array, j: int, turned: Array) -> float:
+    """Return the product of column j of R, over its diagonal, and a turned vector."""
+    begin, total = int(places[j, BEGIN]), 0.0
+    for i in range(int(places[j, FIRST]), j):
+        pivot = int(places[i, PIVOT])
+        if pivot >= 0:
+            total += band[j, pivot - begin] * turned[pivot]
+    return total
+
+
+@inner
+def _least(tables: Tables, space: Packed, rank: int) -> float:
+    """Return an estimate from above of R's smallest singular value, by inverse iteration."""
+    places, band, m = space.row_places, space.band, tables.m
+    turned, before, size = tables.turned, tables.along, np.sqrt(float(rank))
+    for j in range(m):
+        before[j] = 1.0
+    for _ in range(_ROUNDS):
+        share = 1.0 / size
+        for j in range(m):
+            pivot = int(places[j, PIVOT])
+            if pivot >= 0:
+                total = before[j] * share - _above(places, band, j, turned)
+                turned[pivot] = total * places[j, INVERSE]
+        square = 0.0
+        for j in range(m - 1, -1, -1):
+            pivot = int(places[j, PIVOT])
+            if pivot < 0:
+                continue
+            before[j] = turned[pivot] * places[j, INVERSE]
+            square += before[j] * before[j]
+            begin = int(places[j, BEGIN])
+            for i in range(int(places[j, FIRST]), j):
+                above = int(places[i, PIVOT])
+                if above >= 0:
+                    turned[above] -= band[j, above - begin] * before[j]
+        size = np.sqrt(square)
+    return float(1.0 / np.sqrt(size))

@@ -1,0 +1,122 @@
+"""W of all closures, dense, and its factorisation with that of D: SVD, or QR of many rows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner, local_whole
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
+from hapticmech_ros.mechanism.kernels.coupling_kernels import add_gear
+from hapticmech_ros.mechanism.kernels.many_rows import (
+    FEW_ROWS,
+    first_directions,
+    pseudo_inverse_transposed,
+    solve_lower_columns,
+    triangularise,
+)
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair
+from hapticmech_ros.mechanism.kernels.small_matrices import dot_rows, orthogonalise, solve_lower
+from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.tolerances import RESOLVED
+
+# What a kernel returns where an SVD does not converge.
+NO_SVD = -1
+
+
+@inner
+def factor_dense(tables: Tables, space: Packed, tolerance: float) -> int:
+    """Fill W, basis, σ and rows; return the rank, or NO_SVD."""
+    m, axes, jacobian, pairs = tables.m, space.joint_jacobian, space.jacobian, space.pairs
+    if m == 0:
+        return 0
+    closures, carriers, joints = tables.closures, tables.carriers, tables.joints
+    for index in range(closures.shape[0]):
+        row_of = closures[index]
+        kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
+        for row in range(first, end_of_rows(closures, index, m)):
+            for c in range(jacobian.shape[1]):
+                jacobian[row, c] = 0.0
+            add_pair(joints, axes, carriers[a], carriers[b], pairs[row], 1.0, jacobian[row])
+        if kind == COUPLING:
+            add_gear(tables, a, b, jacobian[first])
+    rank = UNDECIDED
+    if m > FEW_ROWS:
+        rank = _resolve_many(tables, tolerance, space)
+    if rank == UNDECIDED:
+        rank = _resolve_few(tables, tolerance, space)
+    return rank
+
+
+@inner
+def _resolve_few(tables: Tables, tolerance: float, space: Packed) -> int:
+    """Fill basis, σ and rows by an SVD; return the rank, or NO_SVD."""
+    jacobian, factor, lengths = space.jacobian, space.factor, tables.lengths
+    m, nv = jacobian.shape
+    scaled, turn = tables.scaled, tables.turn
+    for i in range(m):
+        for c in range(nv):
+            scaled[i, c] = jacobian[i, c] / lengths[i]
+        solve_lower(factor, scaled[i])
+    if not orthogonalise(scaled, turn):
+        return NO_SVD
+    return _keep(scaled, turn, lengths, tolerance, space)
+
+
+@inner
+def _resolve_many(tables: Tables, tolerance: float, space: Packed) -> int:
+    """Fill basis and rows as an SVD does, but for a rotation of both; σ are R's diagonal.
+
+    Return the rank; NO_SVD; or UNDECIDED where more than rounding has to be cut, off the closures
+    or next to a singular position: only an SVD cuts no more than needs be.
+    """
+    jacobian, basis, rows, sigmas = space.jacobian, space.basis, space.rows, space.sigma
+    m, nv = jacobian.shape
+    most, lengths, sums = sigmas.size, tables.lengths, tables.sums
+    scaled, directions, inverse = tables.columns, tables.directions, tables.inverse
+    for c in range(nv):
+        for i in range(m):
+            scaled[c, i] = jacobian[i, c] / lengths[i]
+            if not np.isfinite(scaled[c, i]):
+                return NO_SVD
+    solve_lower_columns(space.factor, scaled)
+    order, reflectors = local_whole(m), tables.reflectors
+    resolved = triangularise(scaled, most, RESOLVED, order, reflectors, sums)
+    if resolved > 0 and not abs(scaled[resolved - 1, resolved - 1]) > tolerance * abs(scaled[0, 0]):
+        return UNDECIDED
+    if resolved > 0:
+        space.tail[2] = abs(scaled[resolved - 1, resolved - 1] / scaled[0, 0])
+    space.tail[3] = resolved
+    first_directions(reflectors, resolved, nv, sums[0], directions)
+    pseudo_inverse_transposed(scaled, resolved, tables.inverting, sums, inverse)
+    for i in range(resolved):
+        sigma = abs(scaled[i, i])
+        sigmas[i] = sigma
+        for c in range(nv):
+            basis[i, c] = directions[c, i]
+        for j in range(m):
+            rows[i, order[j]] = inverse[i, j] * sigma / lengths[order[j]]
+    return resolved
+
+
+@inner
+def _keep(scaled: Array, turn: Array, lengths: Array, tolerance: float, space: Packed) -> int:
+    """Keep the directions that carry force, and return their number."""
+    longest = np.sqrt(dot_rows(scaled, 0, 0))
+    rank, sigma, basis, rows, tail = 0, space.sigma, space.basis, space.rows, space.tail
+    for i in range(sigma.size):
+        length = np.sqrt(dot_rows(scaled, i, i))
+        if not length > RESOLVED * longest:
+            break
+        tail[2], tail[3] = length / longest, i + 1
+        if not length > tolerance * longest:
+            continue
+        sigma[i] = length
+        for c in range(scaled.shape[1]):
+            basis[i, c] = scaled[i, c] / length
+        for j in range(lengths.size):
+            rows[i, j] = turn[i, j] / lengths[j]
+        rank += 1
+    return rank

@@ -1,0 +1,150 @@
+"""Which path a set of closures takes: dense, or sparse in an order that keeps its band narrow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.kernels.band_kernels import BEGIN, FIRST, LAST
+from hapticmech_ros.mechanism.kernels.chosen import Chosen
+from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING
+from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures
+from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.kernels.packed import views_of
+from hapticmech_ros.mechanism.kernels.tables import SPARSE, Constants
+
+# Products that take as long as: a sweep over one rate; one inside a band; one of an SVD, which goes
+# over all pairs of rows several times; one of a dense QR.
+_SWEEP, _IN_BAND, _IN_SVD, _IN_QR = 200.0, 4.0, 20.0, 4.0
+# Redundant rows are left out of a sparse factorisation, and not averaged with the others: off the
+# closures, inside a step, that is another mechanism by the order of the distance. Only where a
+# dense one would take its time is it worth that.
+MANY_RATES = 24
+# Rows that are dropped in other configurations widen the band by a few places.
+_SLACK = 4
+
+
+def sparse_or_dense(dense: Chosen, position: Array) -> Chosen:
+    """Return closures with the factorisation that takes less time.
+
+    Args:
+        dense: the closures with a dense one.
+        position: (nq,) a configuration, to see how wide the band becomes, and what is redundant.
+    """
+    known = dense.known
+    if COUPLING in known.closures[:, 0]:
+        return dense  # a coupling is no pair of wrenches on two links
+    n, m = float(known.nv), float(known.m)
+    rows = (_IN_SVD if m <= FEW_ROWS else _IN_QR) * m * m * n
+    chain = 6.0 * float(_depths(known).sum())
+    if _SWEEP * n > n**3 / 6.0 + m * n * n / 2.0 + rows + chain:
+        return dense
+    found = sparse(dense, position)
+    if found is None or (found.redundant and n < MANY_RATES):
+        return dense
+    in_band = _IN_BAND * float(np.square(_extents(found.known)).sum())
+    fewer = _SWEEP * n + in_band < n**3 / 6.0 + m * n * n / 2.0 + rows + chain
+    return found if fewer else dense
+
+
+def sparse(dense: Chosen, position: Array) -> Chosen | None:
+    """Return closures with a sparse factorisation; None where it cannot be done at a position.
+
+    Arguments are those of :func:`sparse_or_dense`.
+    """
+    tables = dense.known
+    reaches = _reaches(tables)
+    order = _order(tables, reaches)
+    trial = Chosen(_in_order(tables, reaches, order, tables.nv, -1), dense)
+    packed = np.empty(trial.size)
+    rank = factor_closures(*trial.constants, np.array(position, dtype=float), packed)
+    if rank < 0:
+        return None
+    width = _width(trial, packed) + _SLACK if tables.m else 0
+    ordered = _in_order(tables, reaches, order, width, rank)
+    return Chosen(ordered, dense, redundant=rank < tables.m)
+
+
+def _depths(tables: Constants) -> Array:
+    """Return (nv,) the number of rates that move each rate's joint, its own included."""
+    depths = np.zeros(tables.nv)
+    before = np.zeros(len(tables.joints))
+    for joint, (parent, first, count, *_) in enumerate(tables.joints.tolist()):
+        if joint:
+            before[joint] = before[parent] + count
+            depths[first : first + count] = before[joint]
+    return depths
+
+
+def _extents(tables: Constants) -> Array:
+    """Return (m,) how many places each row reaches over, by ``sequence``."""
+    return np.asarray(tables.sequence[:, 2] - tables.sequence[:, 1] + 1, dtype=float)
+
+
+def _reaches(tables: Constants) -> Array:
+    """Return (m, nv) whether a closure row reaches a rate: of its joints, or before them."""
+    reaches = np.zeros((tables.m, tables.nv), dtype=bool)
+    for row in range(tables.m):
+        for joint in _joints_of(tables, row):
+            above = joint
+            while above > 0:
+                parent, first, count = tables.joints[above, :3]
+                reaches[row, first : first + count] = True
+                above = int(parent)
+    return reaches
+
+
+def _joints_of(tables: Constants, row: int) -> tuple[int, int]:
+    closure = int(np.searchsorted(tables.closures[:, 3], row, side="right")) - 1
+    a, b = tables.carriers[tables.closures[closure, 1:3]]
+    return int(a), int(b)
+
+
+def _order(tables: Constants, reaches: Array) -> Array:
+    """Return (nv,) the place of each rate: as they are, or by Cuthill and McKee."""
+    natural = np.arange(tables.nv)
+    if not tables.m:
+        return natural
+    # Here, so that a mechanism of few rates does not wait for SciPy.
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    pattern = reaches.astype(np.int64)
+    sequence = reverse_cuthill_mckee(csr_matrix(pattern.T @ pattern), symmetric_mode=True)
+    places = np.empty(tables.nv, dtype=np.int64)
+    places[sequence] = natural
+    return min((natural, places), key=lambda order: _spread(reaches, order))
+
+
+def _spread(reaches: Array, order: Array) -> int:
+    """Return the sum of the squares of the rows' extents."""
+    spans = [order[row].max() - order[row].min() if row.any() else 0 for row in reaches]
+    return int(np.square(spans).sum())
+
+
+def _in_order(
+    tables: Constants, reaches: Array, order: Array, width: int, independent: int
+) -> Constants:
+    """Return the tables of a sparse factorisation."""
+    spans = [
+        (int(order[row].min()), int(order[row].max())) if row.any() else (0, 0) for row in reaches
+    ]
+    rows = sorted(range(tables.m), key=lambda row: (*spans[row], row))
+    sequence = [(row, *spans[row], *_joints_of(tables, row)) for row in rows]
+    return tables._replace(
+        path=SPARSE,
+        width=width,
+        independent=independent,
+        order=order,
+        sequence=np.array(sequence, dtype=np.int64).reshape(-1, 5),
+    )
+
+
+def _width(chosen: Chosen, packed: Array) -> int:
+    """Return how many places the widest row of a factorisation needs."""
+    places, widest = views_of(packed, chosen.tables).row_places, 0
+    for j in range(chosen.m):
+        before = places[int(places[j, FIRST]) : j, LAST]
+        last = max(int(before.max(initial=-1)), int(chosen.known.sequence[j, 2]))
+        widest = max(widest, last - int(places[j, BEGIN]) + 1)
+    return widest

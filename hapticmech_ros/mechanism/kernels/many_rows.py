@@ -1,0 +1,191 @@
+"""Factorisation of many closure rows, as loops inside kernels: a rank-revealing QR, not an SVD.
+
+One-sided Jacobi turns every pair of rows several times: m² n each. Here A P = Q R by Householder
+reflections with column pivoting takes 2 m² n once, and where rows depend on each other a second QR,
+Rᵀ = Y Tᵀ, gives the same pseudo-inverse Q T⁻ᵀ Yᵀ Pᵀ as the SVD does (the complete orthogonal
+factorisation of Golub and Van Loan, Matrix Computations, 5.4.7). All loops run along rows of
+memory, which compilers vectorise without changing the order of a sum.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner, local_whole, shaped
+
+# QR takes less time from some eight rows on. Up to this many the SVD is worth its time: what it
+# drops at a tolerance is the least that can be dropped.
+FEW_ROWS = 16
+
+
+@inner
+def solve_lower_columns(factor: Array, columns: Array) -> None:
+    """Replace (n, m) columns by L⁻¹ columns."""
+    size, count = columns.shape
+    for i in range(size):
+        for k in range(i):
+            share = factor[i, k]
+            if share != 0.0:
+                for j in range(count):
+                    columns[i, j] -= share * columns[k, j]
+        pivot = factor[i, i]
+        for j in range(count):
+            columns[i, j] /= pivot
+
+
+@inner
+def triangularise(
+    matrix: Array, most: int, tolerance: float, order: Array, reflectors: Array, sums: Array
+) -> int:
+    """Replace (n, m) A by R of A P = Q R, rows below the rank left undefined; return the rank.
+
+    Args:
+        matrix: A.
+        most: largest rank there may be.
+        tolerance: a diagonal entry of R below this share of the first one ends it; negative:
+            columns keep their order, and all count.
+        order: (m,) to fill: column j of A P is column order[j] of A.
+        reflectors: (most, n) to fill: the unit vectors w of Q = (1 - 2 w₁w₁ᵀ)(1 - 2 w₂w₂ᵀ)...
+        sums: (2, m or more) to work in.
+    """
+    size, count = matrix.shape
+    squares, along = sums[0], sums[1]
+    for j in range(count):
+        order[j] = j
+    first = 0.0
+    for r in range(most):
+        pivot = r
+        if tolerance >= 0.0:
+            # Computed anew each time: a square that is only put down loses its digits.
+            for j in range(r, count):
+                squares[j] = 0.0
+            for i in range(r, size):
+                for j in range(r, count):
+                    squares[j] += matrix[i, j] * matrix[i, j]
+            for j in range(r + 1, count):
+                if squares[j] > squares[pivot]:
+                    pivot = j
+            if pivot != r:
+                order[r], order[pivot] = order[pivot], order[r]
+                for i in range(size):
+                    matrix[i, r], matrix[i, pivot] = matrix[i, pivot], matrix[i, r]
+        length = 0.0
+        for i in range(r, size):
+            length += matrix[i, r] * matrix[i, r]
+        length = np.sqrt(length)
+        if r == 0:
+            first = length
+        if not length > max(tolerance, 0.0) * first:
+            return r
+        _reflect(matrix, r, length, along, reflectors[r])
+    return most
+
+
+@inner
+def _reflect(matrix: Array, r: int, length: float, along: Array, normal: Array) -> None:
+    """Turn column r, of ``length`` from row r on, onto that row; keep the mirror's unit normal."""
+    size, count = matrix.shape
+    head = matrix[r, r]
+    # Away from the column's own side, so that nothing cancels.
+    goal = -length if head > 0.0 else length
+    norm = np.sqrt(2.0 * length * (length + abs(head)))
+    for i in range(r):
+        normal[i] = 0.0
+    for i in range(r, size):
+        normal[i] = matrix[i, r] / norm
+    normal[r] = (head - goal) / norm
+    mirror(matrix, r, r + 1, count, normal, along)
+    matrix[r, r] = goal
+    for i in range(r + 1, size):
+        matrix[i, r] = 0.0
+
+
+@inner
+def mirror(matrix: Array, row: int, start: int, end: int, normal: Array, along: Array) -> None:
+    """Apply 1 - 2 w wᵀ, where w is zero before ``row``, to columns ``start`` to ``end``."""
+    size = matrix.shape[0]
+    for j in range(start, end):
+        along[j] = 0.0
+    for i in range(row, size):
+        share = normal[i]
+        if share != 0.0:
+            for j in range(start, end):
+                along[j] += share * matrix[i, j]
+    for i in range(row, size):
+        share = 2.0 * normal[i]
+        if share != 0.0:
+            for j in range(start, end):
+                matrix[i, j] -= share * along[j]
+
+
+@inner
+def first_directions(reflectors: Array, rank: int, size: int, along: Array, found: Array) -> None:
+    """Fill the first ``rank`` columns of ``found`` (size, ...) with those of Q.
+
+    ``along`` (rank or more,) is to work in.
+    """
+    for i in range(size):
+        for j in range(rank):
+            found[i, j] = 0.0
+    for i in range(rank):
+        found[i, i] = 1.0
+    for r in range(rank - 1, -1, -1):
+        # Columns before r are still those of the identity, which this mirror leaves alone.
+        mirror(found, r, r, rank, reflectors[r], along)
+
+
+@inner
+def inverse_transposed(upper: Array, size: int, found: Array) -> None:
+    """Fill ``found`` (size, size) with R⁻ᵀ of an upper triangular R, which may be wider."""
+    for i in range(size):
+        for j in range(size):
+            found[i, j] = 0.0
+    for i in range(size):
+        found[i, i] = 1.0
+        for k in range(i):
+            share = upper[k, i]
+            if share != 0.0:
+                for j in range(k + 1):
+                    found[i, j] -= share * found[k, j]
+        pivot = upper[i, i]
+        for j in range(i + 1):
+            found[i, j] /= pivot
+
+
+@inner
+def pseudo_inverse_transposed(
+    upper: Array, rank: int, room: Array, sums: Array, found: Array
+) -> None:
+    """Fill the first rows of ``found`` with (Rᵀ)⁺ (rank, m), R (n, m) upper trapezoidal.
+
+    Args:
+        upper: R.
+        rank: number of its rows that count.
+        room: (3, rank m or more) to work in.
+        sums: (2, m or more) to work in.
+        found: (rank or more, m) to fill.
+    """
+    count = upper.shape[1]
+    if rank == count:
+        inverse_transposed(upper, rank, found)
+        return
+    turned, order = shaped(room[0], (count, rank)), local_whole(rank)
+    for i in range(rank):
+        for j in range(count):
+            turned[j, i] = upper[i, j] if j >= i else 0.0
+    reflectors, basis = shaped(room[1], (rank, count)), shaped(room[2], (count, rank))
+    triangularise(turned, rank, -1.0, order, reflectors, sums)
+    # Rᵀ = Y T, so that its pseudo-inverse is T⁻¹ Yᵀ: solve T Z = Yᵀ from below.
+    first_directions(reflectors, rank, count, sums[0], basis)
+    for i in range(rank - 1, -1, -1):
+        for j in range(count):
+            found[i, j] = basis[j, i]
+        for k in range(i + 1, rank):
+            share = turned[i, k]
+            if share != 0.0:
+                for j in range(count):
+                    found[i, j] -= share * found[k, j]
+        pivot = turned[i, i]
+        for j in range(count):
+            found[i, j] /= pivot

@@ -1,0 +1,215 @@
+"""Steps of the mechanism by one kernel, one or many."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR, factor
+from hapticmech_ros.mechanism.kernels.implicit_kernels import aim_implicitly, linearise
+from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
+from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED, settle
+from hapticmech_ros.mechanism.kernels.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.step_kernels import (
+    Work,
+    aim,
+    find_rates,
+    start_step,
+)
+from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.tolerances import NEAR, PASSING
+
+# A run ended before a step that starts at, or would leave, a singular position, or has a stage
+# next to one.
+NEEDS_CARE = 10
+# What a step heeds: nothing, its stages only, or all of that.
+HEEDLESS, STAGES, EVERYTHING = 0, 1, 2
+# A failure in a stage rather than at the end: rates that are not finite.
+RATES_NOT_FINITE = -1_000_001
+
+
+@inner
+def _advance(
+    tables: Tables,
+    start: Packed,
+    known: bool,
+    stage_space: Packed,
+    end: Packed,
+    parts: Work,
+    spring_work: Array,
+    pushes: Array,
+    stages: int,
+    implicit: bool,
+    limit: float,
+) -> int:
+    """Do a step from ``parts.q0`` and ``parts.v0``; see :func:`advance`.
+
+    It is not done where a stage is nearer than ``limit`` (relative σ) to a singular position.
+    """
+    result = tables.result
+    start_step(parts)
+    for stage in range(stages):
+        if not np.isfinite(dot(parts.v, parts.v)):
+            return RATES_NOT_FINITE
+        space = start if stage == 0 else stage_space
+        if stage > 0 or not known:
+            code = factor(tables, parts.q, space)
+            if code < 0:
+                return code
+        if stage > 0 and limit > 0.0 and _is_near(start, space, limit):
+            return NEEDS_CARE
+        if implicit and stage == 0:
+            bad = linearise(tables, start, parts, spring_work)
+            if bad >= 0:
+                return SINGULAR - bad
+        weight = parts.scheme[stage, 0]
+        find_rates(tables, space, parts, weight, pushes, result)
+        if implicit:
+            aim_implicitly(tables, start, parts, spring_work, stage, result[: tables.nv])
+        else:
+            aim(tables, parts, weight, parts.scheme[stage, 1], result)
+    return settle(tables, end, parts)
+
+
+@inner
+def _care_limit(parts: Work) -> float:
+    """Return the relative σ below which the next step needs care; see ``stepping.care_limit``."""
+    fastest, v0 = 0.0, parts.v0
+    for c in range(v0.size):
+        fastest = max(fastest, abs(v0[c]))
+    return float(max(NEAR, min(PASSING, parts.settings[0] * fastest)))
+
+
+@inner
+def _is_near(start: Packed, space: Packed, limit: float) -> bool:
+    """Return whether a stage is next to a singular position; see ``HeldMotion.least``."""
+    rank, sigma = int(space.tail[1]), space.sigma
+    if rank < start.tail[1]:
+        return True
+    if sigma.size == 0:
+        return bool(space.tail[2] < limit)
+    return bool(rank > 0 and sigma[rank - 1] < limit * sigma[0])
+
+
+@inner
+def advance_many(
+    tables: Tables,
+    parts: Work,
+    start: Array,
+    end: Array,
+    scratch: Array,
+    spring_work: Array,
+    pushes: Array,
+    samples: Array,
+    steps: int,
+    every: int,
+    stages: int,
+    implicit: bool,
+    known: bool,
+) -> int:
+    """Do one step or many, with pushes held; see :func:`advance`, of whose plan the rest is."""
+    first, last, stage_space = unpack(start, tables), unpack(end, tables), unpack(scratch, tables)
+    heeded, limit, sampled = int(parts.settings[8]), 0.0, 0
+    q, q0, v, v0, state = parts.q, parts.q0, parts.v, parts.v0, parts.state
+    account = parts.account
+    for step in range(steps):
+        if step > 0:
+            for i in range(q.size):
+                q0[i] = q[i]
+            for i in range(v.size):
+                v0[i] = v[i]
+            first, last, known = last, first, True
+        if heeded == EVERYTHING and not known:
+            code = factor(tables, q0, first)
+            if code < 0:
+                return code
+            known = True
+        if heeded != HEEDLESS:
+            limit = _care_limit(parts)
+        if heeded == EVERYTHING and first.tail[2] < limit:
+            return NEEDS_CARE
+        work_in, lost = account[0], account[1]
+        code = _advance(
+            tables,
+            first,
+            known,
+            stage_space,
+            last,
+            parts,
+            spring_work,
+            pushes,
+            stages,
+            implicit,
+            limit,
+        )
+        if heeded == EVERYTHING and code == SETTLED and last.tail[3] > first.tail[3]:
+            code = NEEDS_CARE
+        if code != SETTLED:
+            account[0], account[1] = work_in, lost
+            return code
+        account[5] += 1.0
+        if every > 0 and (step + 1) % every == 0:
+            for i in range(state.size):
+                samples[sampled, i] = state[i]
+            sampled += 1
+    if steps % 2 == 0:
+        put(end, start)
+    return SETTLED
+
+
+@kernel(
+    "int64(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
+    " float64[::1], float64[:,::1], float64[:,::1], int64[::1])"
+)
+def advance(
+    numbers: Array,
+    values: Array,
+    start: Array,
+    end: Array,
+    scratch: Array,
+    work: Array,
+    spring_work: Array,
+    pushes: Array,
+    samples: Array,
+    plan: Array,
+) -> int:
+    """Do one step or many, with pushes held.
+
+    Args:
+        numbers: constants of the mechanism, whole ones.
+        values: the others; see ``tables.fold``.
+        start: packed terms at the start: to read where they are known, else to fill.
+        end: packed terms, to fill at the end.
+        scratch: packed terms of stages.
+        work: see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, account 0, 1
+            and 5 add up.
+        spring_work: of implicit rules; see ``implicit_kernels.Springs``.
+        pushes: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
+        samples: (samples, nq + nv) to fill.
+        plan: (5,) number of steps, steps from one sample to the next (0: none), number of stages,
+            1 for an implicit rule, 1 where terms at the start are known.
+
+    Returns:
+        0; NEEDS_CARE before a step that starts at, or would leave, a singular position, or has a
+        stage next to one, where ``q0`` and ``v0`` are its start and no terms are left; or how the
+        step failed, see
+        ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. Account 5 is the number of steps
+        done.
+    """
+    implicit, known = plan[3] != 0, plan[4] != 0
+    return advance_many(
+        Tables(numbers, values),
+        Work(numbers, work),
+        start,
+        end,
+        scratch,
+        spring_work,
+        pushes,
+        samples,
+        plan[0],
+        plan[1],
+        plan[2],
+        implicit,
+        known,
+    )

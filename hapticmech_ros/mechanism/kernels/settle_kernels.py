@@ -1,0 +1,101 @@
+"""The end of a step inside a kernel: see :mod:`~hapticmech_ros.mechanism.projection`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner
+from hapticmech_ros.mechanism.kernels.closure_kernels import REVOLUTE, WELD
+from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE, factor
+from hapticmech_ros.mechanism.kernels.manifold_kernels import move
+from hapticmech_ros.mechanism.kernels.metric_kernels import close_rates, correction_of, lift
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.step_kernels import Work
+from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.tolerances import (
+    JUMP,
+    LEAST_TOLERANCE,
+    NEAR_SINGULAR,
+    PROJECTION_ITERATIONS,
+    PROJECTION_TOLERANCE,
+)
+
+# How a state ends: on the closures; with a loop that came apart; on the closures, but after a jump,
+# or with axes the other way.
+SETTLED, OPEN, JUMPED, FLIPPED = 0, 1, 2, 3
+
+
+@inner
+def _size(tables: Tables, space: Packed, change: Array) -> float:
+    """Return |Lᵀ change|, the length of a change in the mass metric."""
+    lifted = tables.turned
+    for c in range(lifted.size):
+        lifted[c] = change[c]
+    lift(tables, space, lifted)
+    return float(np.sqrt(dot(lifted, lifted)))
+
+
+@inner
+def _share_of_tolerance(least: float) -> float:
+    """Return what is left of the tolerance near a singular position; see ``tolerance_of``."""
+    needed = max(NEAR_SINGULAR * least * least, LEAST_TOLERANCE)
+    return float(min(1.0, needed / PROJECTION_TOLERANCE))
+
+
+@inner
+def _is_flipped(tables: Tables, space: Packed) -> bool:
+    """Return whether axes of a revolute or weld closure are more than 90° apart."""
+    for index in range(tables.closures.shape[0]):
+        kind, a, b = tables.closures[index, 0], tables.closures[index, 1], tables.closures[index, 2]
+        if kind == REVOLUTE and dot(space.poses[b, 6:9], space.poses[a, 6:9]) <= 0.0:
+            return True
+        if kind == WELD and dot(space.poses[b, :9], space.poses[a, :9]) <= 1.0:
+            return True
+    return False
+
+
+@inner
+def settle(tables: Tables, space: Packed, parts: Work) -> int:
+    """Bring q and v onto the closures; with Baumgarte's pull, only see where they are.
+
+    ``space`` is left with the terms there. After a step, ``parts.theta`` is what it changed.
+
+    Returns:
+        SETTLED, OPEN, JUMPED or FLIPPED; else a negative code, see ``factor_closures``, and
+        NOT_FINITE states.
+    """
+    settings, account, q, theta = parts.settings, parts.account, parts.q, parts.theta
+    if not np.isfinite(dot(q, q) + dot(parts.v, parts.v)):
+        return NOT_FINITE
+    worst = np.inf
+    for _ in range(PROJECTION_ITERATIONS):
+        rank = factor(tables, q, space)
+        if rank < 0:
+            return rank
+        if tables.m == 0:
+            return SETTLED
+        worst, before = space.tail[0], account[2]
+        if settings[5] > 0.0:
+            break
+        rounding = worst <= settings[3] and worst > 0.5 * before
+        if worst <= settings[2] * _share_of_tolerance(space.tail[2]) or rounding:
+            worst = 0.0
+            break
+        if before == np.inf and worst > settings[4]:
+            account[3] = _size(tables, space, theta)
+        account[2] = worst
+        correction_of(tables, space, space.residual, theta)
+        if account[3] < np.inf:
+            account[4] += _size(tables, space, theta)
+        for c in range(theta.size):
+            theta[c] = -theta[c]
+        move(tables, q, theta, q)
+    if not worst <= settings[6]:
+        return OPEN
+    if settings[5] == 0.0:
+        close_rates(tables, space, parts.v)
+        if account[4] > JUMP * account[3]:
+            return JUMPED
+    return FLIPPED if _is_flipped(tables, space) else SETTLED

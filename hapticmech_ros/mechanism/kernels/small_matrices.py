@@ -1,0 +1,206 @@
+"""Factorisations and solves of matrices with a handful of rows, as loops inside kernels.
+
+Only the order of operations differs from LAPACK's: results agree to rounding.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner, leaf
+
+EPSILON = 2.220446049250313e-16
+SWEEPS = 60
+
+
+@leaf
+def dot(a: Array, b: Array) -> float:
+    """Return the product of two vectors, summed in order."""
+    total = 0.0
+    for i in range(a.size):
+        total += a[i] * b[i]
+    return total
+
+
+@inner
+def copy_matrix(source: Array, target: Array) -> None:
+    """Copy entry by entry, which at this size takes half the time of an assignment."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@leaf
+def clear(matrix: Array, columns: int) -> None:
+    """Put zero into the first columns."""
+    for i in range(matrix.shape[0]):
+        for j in range(columns):
+            matrix[i, j] = 0.0
+
+
+@leaf
+def dot_rows(matrix: Array, i: int, j: int) -> float:
+    """Return the product of two rows, summed in order; a view of each would take longer."""
+    total = 0.0
+    for k in range(matrix.shape[1]):
+        total += matrix[i, k] * matrix[j, k]
+    return total
+
+
+@leaf
+def dot_with_row(matrix: Array, i: int, vector: Array) -> float:
+    """Return the product of a row and as many entries of a vector, summed in order."""
+    total = 0.0
+    for k in range(matrix.shape[1]):
+        total += matrix[i, k] * vector[k]
+    return total
+
+
+@leaf
+def dot6(a: Array, b: Array) -> float:
+    """Return the product of the first six entries."""
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
+
+
+@leaf
+def cross(a: Array, b: Array, out: Array) -> None:
+    """Put a × b into ``out``, which must be neither of them."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@inner
+def cholesky(lower: Array, factor: Array) -> int:
+    """Fill ``factor`` with L of L Lᵀ given the lower triangle; return the first bad row, or -1.
+
+    A row is bad that leaves a pivot no larger than its rounding. ``factor`` may be ``lower``. Zeros
+    at a row's beginning, where D couples nothing, stay zeros of L.
+    """
+    size = lower.shape[0]
+    for i in range(size):
+        start = 0
+        while start < i and lower[i, start] == 0.0:
+            factor[i, start] = factor[start, i] = 0.0
+            start += 1
+        for j in range(start, i):
+            total = lower[i, j]
+            for k in range(start, j):
+                total -= factor[i, k] * factor[j, k]
+            factor[i, j] = total / factor[j, j]
+            factor[j, i] = 0.0
+        own = lower[i, i]
+        total = own
+        for k in range(start, i):
+            total -= factor[i, k] * factor[i, k]
+        if not total > EPSILON * own:
+            return i
+        factor[i, i] = np.sqrt(total)
+    return -1
+
+
+@inner
+def solve_lower(factor: Array, vector: Array) -> None:
+    """Replace ``vector`` by L⁻¹ vector."""
+    for i in range(vector.size):
+        total = vector[i]
+        for k in range(i):
+            total -= factor[i, k] * vector[k]
+        vector[i] = total / factor[i, i]
+
+
+@inner
+def solve_lower_transposed(factor: Array, vector: Array) -> None:
+    """Replace ``vector`` by L⁻ᵀ vector."""
+    for i in range(vector.size - 1, -1, -1):
+        total = vector[i]
+        for k in range(i + 1, vector.size):
+            total -= factor[k, i] * vector[k]
+        vector[i] = total / factor[i, i]
+
+
+@inner
+def remove(basis: Array, rank: int, vector: Array, along: Array) -> None:
+    """Replace ``vector`` by (1 - U Uᵀ) vector, U's columns being the first ``rank`` rows.
+
+    ``along`` (rank or more,) is used up.
+    """
+    for i in range(rank):
+        along[i] = dot_with_row(basis, i, vector)
+    for i in range(rank):
+        for k in range(vector.size):
+            vector[k] -= along[i] * basis[i, k]
+
+
+@inner
+def orthogonalise(rows: Array, turn: Array) -> bool:
+    """Turn rows of a matrix into mutually orthogonal ones, longest first: one-sided Jacobi.
+
+    With rows Aᵀ before, they are (A V)ᵀ = (U diag(σ))ᵀ after, and ``turn`` is Vᵀ: an SVD of A whose
+    small singular values are as exact as LAPACK's, and a fraction of its cost at this size.
+
+    Returns:
+        Whether it converged; it does not where an entry is not finite.
+    """
+    count, size = rows.shape
+    largest = 0.0
+    for i in range(count):
+        for j in range(count):
+            turn[i, j] = 1.0 if i == j else 0.0
+        square = dot_rows(rows, i, i)
+        if not np.isfinite(square):
+            return False
+        largest = max(largest, square)
+    # Rows this short are rounding of the longest one: there is nothing in them to make orthogonal.
+    floor = EPSILON * EPSILON * largest
+    tolerance = (EPSILON * max(size, 4)) ** 2
+    for _ in range(SWEEPS):
+        turned = False
+        for i in range(count - 1):
+            for j in range(i + 1, count):
+                p, q = dot_rows(rows, i, i), dot_rows(rows, j, j)
+                both = dot_rows(rows, i, j)
+                if p <= floor or q <= floor or both * both <= tolerance * p * q:
+                    continue
+                turned = True
+                zeta = (q - p) / (2.0 * both)
+                tangent = 1.0 / (abs(zeta) + np.sqrt(1.0 + zeta * zeta))
+                if zeta < 0.0:
+                    tangent = -tangent
+                cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
+                sine = cosine * tangent
+                _rotate(rows, i, j, cosine, sine)
+                _rotate(turn, i, j, cosine, sine)
+        if not turned:
+            _longest_first(rows, turn)
+            return True
+    return False
+
+
+@inner
+def _rotate(rows: Array, i: int, j: int, cosine: float, sine: float) -> None:
+    for k in range(rows.shape[1]):
+        first, second = rows[i, k], rows[j, k]
+        rows[i, k] = cosine * first - sine * second
+        rows[j, k] = sine * first + cosine * second
+
+
+@inner
+def _longest_first(rows: Array, turn: Array) -> None:
+    count = rows.shape[0]
+    for i in range(count - 1):
+        best, largest = i, dot_rows(rows, i, i)
+        for j in range(i + 1, count):
+            square = dot_rows(rows, j, j)
+            if square > largest:
+                best, largest = j, square
+        if best != i:
+            _swap(rows, i, best)
+            _swap(turn, i, best)
+
+
+@inner
+def _swap(rows: Array, i: int, j: int) -> None:
+    for k in range(rows.shape[1]):
+        rows[i, k], rows[j, k] = rows[j, k], rows[i, k]

@@ -1,0 +1,174 @@
+"""A step of the mechanism inside a kernel: the work that its parts share, and explicit stages.
+
+The rules are those of :mod:`~hapticmech_ros.mechanism.schemes`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import Part, Structure, inner, structure
+from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
+from hapticmech_ros.mechanism.kernels.coupling_kernels import gear_speed
+from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
+from hapticmech_ros.mechanism.kernels.manifold_kernels import local_rates, move
+from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate
+from hapticmech_ros.mechanism.kernels.motion_kernels import (
+    add_link_forces,
+    add_point_forces,
+    closure_bias,
+    move_joints,
+)
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.pair_kernels import pair_power
+from hapticmech_ros.mechanism.kernels.tables import ACCOUNT, MOST_STAGES, SETTINGS, Tables
+from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
+
+
+@structure
+class Work(Structure):
+    """What a step works on; its numbers are those of the mechanism's tables.
+
+    Attributes:
+        settings: (9,) step (s); 1 where positions move with the rates at the step's end; φ at which
+            the projection stops, up to which it may stop when φ halves no more, and beyond which a
+            step may have been a jump (m); Baumgarte's rate a (1/s), 0 for the projection; φ beyond
+            which a loop has come apart (m); 1 where θ̇ differs from v at later stages; and what
+            of singular positions ends a run, see ``run_kernels``.
+        scheme: (4, 2) per stage its weight, and the fraction of the step at which the next one is.
+        account: (6,) work done and energy lost since the run began (J), |φ| of the round before,
+            in the mass metric how far the step went, if it may have been a jump, and the
+            projection; and the number of steps done.
+        q0: (nq,) configuration at the start.
+        v0: (nv,) rates at the start.
+        state: (nq + nv,) q and v.
+        q: (nq,) configuration now.
+        v: (nv,) rates now.
+        theta: (nv,) change of the configuration, from q0 to the next stage or the end; or from q.
+        turn: (nv,) θ̇ at this stage.
+        turned: (nv,) weighted sum of θ̇.
+        gained: (nv,) weighted sum of v̇.
+        held: (nv,) joint forces from outside.
+        wrenches: (points, 6) at the operational points.
+    """
+
+    __slots__ = ()
+
+    settings = Part(31, 1)
+    scheme = Part(32, 2)
+    account = Part(33, 1)
+    q0 = Part(34, 1)
+    v0 = Part(35, 1)
+    q = Part(36, 1)
+    v = Part(37, 1)
+    theta = Part(38, 1)
+    turn = Part(39, 1)
+    turned = Part(40, 1)
+    gained = Part(41, 1)
+    held = Part(42, 1)
+    wrenches = Part(43, 2)
+    state = Part(44, 1)
+
+
+# Their names.
+PARTS = tuple(name for name, part in vars(Work).items() if isinstance(part, Part))
+
+
+def work_size(nq: int, nv: int, points: int) -> int:
+    """Return the length of an array of work."""
+    return SETTINGS + 2 * MOST_STAGES + ACCOUNT + 2 * nq + 7 * nv + 6 * points
+
+
+@inner
+def start_step(work: Work) -> None:
+    """Go to the step's start, with nothing summed."""
+    q, q0, v, v0, account = work.q, work.q0, work.v, work.v0, work.account
+    turn, turned, gained = work.turn, work.turned, work.gained
+    for i in range(q.size):
+        q[i] = q0[i]
+    for c in range(v.size):
+        v[c], turn[c] = v0[c], v0[c]
+        turned[c], gained[c] = 0.0, 0.0
+    account[2], account[3], account[4] = np.inf, np.inf, 0.0
+
+
+@inner
+def find_rates(
+    tables: Tables, space: Packed, parts: Work, weight: float, pushes: Array, result: Array
+) -> None:
+    """Fill ``result`` (nv + m,) with v̇ and λ at ``parts.q`` and ``parts.v``.
+
+    ``space`` has been filled there. ``weight`` times its powers goes to the account.
+    """
+    nv, m = tables.nv, tables.m
+    bias, forces, motions = tables.bias, tables.forces, tables.motions
+    move_joints(tables, space, parts.v, motions)
+    passive, dissipative, bias_force = forces[0], forces[1], forces[2]
+    bias_force_of(tables, space, motions, bias_force)
+    if m > 0:
+        closure_bias(tables, space, motions, bias)
+        if parts.settings[5] > 0.0:
+            _pull(tables, space, parts, bias)
+    v, held, effort, account = parts.v, parts.held, tables.effort, parts.account
+    element_forces(tables, space, parts.q, v, passive, dissipative)
+    for c in range(nv):
+        result[c] = held[c] + effort[c]
+    add_point_forces(tables, space, parts.wrenches, result)
+    if pushes.shape[0] > 0:
+        add_link_forces(tables, space, pushes, result)
+    step = weight * parts.settings[0]
+    for c in range(nv):
+        account[0] += step * (result[c] * v[c])
+        account[1] -= step * (dissipative[c] * v[c])
+    accelerate(tables, space, bias_force, passive, bias, result)
+
+
+@inner
+def _pull(tables: Tables, space: Packed, parts: Work, bias: Array) -> None:
+    """Add Baumgarte's pull 2a W v + a² φ to ``bias`` (m,)."""
+    pull, axes, closures = parts.settings[5], space.joint_jacobian, tables.closures
+    carriers, joints, pairs = tables.carriers, tables.joints, space.pairs
+    residual, v = space.residual, parts.v
+    for index in range(closures.shape[0]):
+        row_of = closures[index]
+        kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
+        for i in range(first, end_of_rows(closures, index, tables.m)):
+            speed = pair_power(joints, axes, carriers[a], carriers[b], pairs[i], v)
+            if kind == COUPLING:
+                speed = gear_speed(tables, a, b, v)
+            bias[i] += 2.0 * pull * speed + pull * pull * residual[i]
+
+
+@inner
+def aim(tables: Tables, work: Work, weight: float, fraction: float, acceleration: Array) -> None:
+    """Add an explicit stage to the sums, and set q, v and θ̇ of the next one, or of the end."""
+    settings, v, v0, theta = work.settings, work.v, work.v0, work.theta
+    turn, turned, gained = work.turn, work.turned, work.gained
+    period, late = settings[0], settings[1] != 0.0
+    for c in range(v.size):
+        turned[c] += weight * turn[c]
+        gained[c] += weight * acceleration[c]
+        if fraction > 0.0:
+            step = fraction * period
+            theta[c] = step * turn[c]
+            v[c] = v0[c] + step * acceleration[c]
+        else:
+            v[c] = v0[c] + period * gained[c]
+            theta[c] = period * (v[c] if late else turned[c])
+    follow(tables, work)
+
+
+@inner
+def follow(tables: Tables, work: Work) -> None:
+    """Set q and θ̇ from θ and v."""
+    q, q0, v, theta, turn = work.q, work.q0, work.v, work.theta, work.turn
+    flat = q.size == v.size
+    for c in range(v.size):
+        turn[c] = v[c]
+        if flat:
+            q[c] = q0[c] + theta[c]
+    if not flat:
+        move(tables, q0, theta, q)
+        if work.settings[7] != 0.0:
+            local_rates(tables, theta, v, turn)

@@ -1,0 +1,187 @@
+"""A scene's tree, closures, elements and operational points in Pinocchio's model.
+
+D(q) v̇ + h(q, v) = τ + Σ Jᵀ F - Wᵀ λ,      W v̇ + Ẇ v = 0
+
+where τ is what springs, dampers, friction, stops and efforts do (see :mod:`elements`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.closures import (
+    WORLD_AXES,
+    Active,
+    LoopClosure,
+    bind_closure,
+    bind_coupling,
+)
+from hapticmech_ros.mechanism.elements import Elements, bind_spring
+from hapticmech_ros.mechanism.inertia import refuse_massless
+from hapticmech_ros.mechanism.model import TreeModel, build_tree
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import OperationalPoint
+
+
+class MultibodyModel:
+    """Names, frames, configurations and energies of a mechanism; no dynamics.
+
+    Args:
+        scene: what to model.
+
+    Attributes:
+        nv: number of degrees of freedom of the open tree.
+        nq: length of the configuration vector.
+        length: characteristic length, m; the unit of closures' point rows.
+        elements: springs, dampers, friction, stops and efforts.
+        initially_active: which closures are closed as the scene starts; couplings always.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.tree: TreeModel = build_tree(scene)
+        self.closures: tuple[LoopClosure, ...] = (
+            *(bind_closure(closure, self.tree) for closure in scene.closures),
+            *(bind_coupling(coupling, self.tree) for coupling in scene.couplings),
+        )
+        self.point_names = tuple(point.name for point in scene.operational_points)
+        self._point_frames = tuple(
+            self.tree.add_frame(f"point/{point.name}", point.link, point.origin)
+            for point in scene.operational_points
+        )
+        springs = tuple(bind_spring(spring, self.tree) for spring in scene.springs)
+        self.model: pin.Model = self.tree.pinocchio
+        self.data: pin.Data = self.model.createData()
+        self.nv, self.nq = int(self.model.nv), int(self.model.nq)
+        self.length = self.tree.extent()
+        refuse_massless(self.tree, self.length)
+        self.elements = Elements(self.tree, springs, self.length)
+        self._neutral: Array = np.asarray(pin.neutral(self.model))
+        closed = [closure.active for closure in scene.closures]
+        self.initially_active: Active = (*closed, *(True for _ in scene.couplings))
+
+    def grasp(self, point: OperationalPoint) -> None:
+        """Put the operational point of that name elsewhere; ``scene`` has it there from now on.
+
+        Terms evaluated before are of the place before. The unit ``length`` stays what it was.
+        """
+        index = self.point_index(point.name)
+        points = list(self.scene.operational_points)
+        points[index] = point
+        self.scene = self.scene.model_copy(update={"operational_points": tuple(points)})
+        frame = self.model.frames[self._point_frames[index]]
+        frame.parentJoint, frame.placement = self.tree.place(point.link, point.origin)
+
+    def on_wrong_branch(self, index: int, q: Array) -> bool:
+        """Return whether closure ``index`` has axes more than 90° apart at q."""
+        loop = self.closures[index]
+        if not loop.has_axes:
+            return False
+        pin.framesForwardKinematics(self.model, self.data, q)
+        return loop.on_wrong_branch(self.data)
+
+    def link_place(self, link: str) -> tuple[int, pin.SE3]:
+        """Return the joint that carries a link, and the link's frame in it.
+
+        Raises:
+            InvalidInputError: no such link.
+        """
+        if link not in self.tree.link_joint:
+            raise InvalidInputError("link", link, f"must be one of {list(self.tree.link_joint)}")
+        return self.tree.link_joint[link]
+
+    def link_jacobian(self, q: Array, link: str) -> Array:
+        """Return (6, nv) Jacobian of a link's frame at q: world axes, at the frame's origin.
+
+        Raises:
+            InvalidInputError: no such link.
+        """
+        joint, placement = self.link_place(link)
+        pin.computeJointJacobians(self.model, self.data, q)
+        jacobian = pin.getJointJacobian(self.model, self.data, joint, WORLD_AXES)
+        x, y, z = self.data.oMi[joint].rotation @ placement.translation
+        jacobian[:3] -= np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))) @ jacobian[3:]
+        return np.asarray(jacobian)
+
+    def frame_pose(self, q: Array, frame: str) -> pin.SE3:
+        """Return the pose in ``world`` of a link, a point, or ``<point>_world`` (world's axes).
+
+        Raises:
+            InvalidInputError: no such frame.
+        """
+        pin.forwardKinematics(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+        if frame in self.tree.link_joint:
+            joint, placement = self.tree.link_joint[frame]
+            return self.data.oMi[joint] * placement
+        point = frame.removesuffix("_world")
+        if point not in self.point_names:
+            known = [*self.tree.link_joint, *self.point_names]
+            raise InvalidInputError("frame", frame, f"must be one of {known}")
+        pose = self.data.oMf[self._point_frames[self.point_names.index(point)]].copy()
+        return pose if frame == point else pin.SE3(np.eye(3), pose.translation)
+
+    def names_of(self, active: Active) -> list[str]:
+        """Return the names of the active closures."""
+        return [c.name for c, on in zip(self.closures, active, strict=True) if on]
+
+    def integrate(self, q: Array, change: Array) -> Array:
+        """Return q ⊕ change on the configuration manifold."""
+        return np.asarray(pin.integrate(self.model, q, change))
+
+    def coordinates(self, q: Array) -> Array:
+        """Return (nv,) positions of all degrees of freedom as seen from the neutral ones."""
+        # Where q and v are as long as each other the neutral ones are zero.
+        return q if self.nq == self.nv else self.difference(self._neutral, q)
+
+    def configuration(self, coordinates: Array) -> Array:
+        """Return q (nq,) of such positions."""
+        return coordinates if self.nq == self.nv else self.integrate(self._neutral, coordinates)
+
+    def difference(self, start: Array, end: Array) -> Array:
+        """Return the change (nv,) that leads from one configuration (nq,) to another."""
+        return np.asarray(pin.difference(self.model, start, end))
+
+    def energy(self, q: Array, v: Array) -> tuple[float, float]:
+        """Return kinetic and potential energy, J; the latter with that of springs and stops."""
+        kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
+        potential = float(pin.computePotentialEnergy(self.model, self.data, q))
+        if self.elements.springs:
+            pin.updateFramePlacements(self.model, self.data)
+        return float(kinetic), potential + self.elements.energy(self.data, q)
+
+    def point_index(self, name: str = "") -> int:
+        """Return the index of an operational point; the first one if ``name`` is empty.
+
+        Raises:
+            InvalidInputError: no such point.
+        """
+        return self.point_names.index(self.scene.operational_point(name).name)
+
+    def closure_index(self, name: str) -> int:
+        """Return the index of a closure.
+
+        Raises:
+            InvalidInputError: no such closure.
+        """
+        names = [closure.name for closure in self.closures]
+        if name not in names:
+            raise InvalidInputError("closure", name, f"must be one of {names}")
+        return names.index(name)
+
+    def check_state(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return copies of (q, v) after checking sizes and finiteness.
+
+        Raises:
+            InvalidInputError: wrong size, NaN or infinity.
+        """
+        checked = []
+        for what, value, size in (("q", q, self.nq), ("v", v, self.nv)):
+            array = np.array(value, dtype=float)
+            if array.shape != (size,) or not np.isfinite(array).all():
+                raise InvalidInputError(what, value, f"must be {size} finite numbers")
+            checked.append(array)
+        return checked[0], checked[1]

@@ -1,0 +1,267 @@
+"""The mechanism in time: one fixed step after another, closures switched and latched on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.mechanism.constraint_space import Closing
+from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.mechanism.motion import NOTHING, Pushes, Start, Stepped, plan_of
+from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.stepping import Stepper
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.mechanism import OperationalPoint
+from hapticmech_ros.simulation.latching import Latches
+from hapticmech_ros.simulation.state import MechanismState, Trajectory
+
+if TYPE_CHECKING:
+    from hapticmech_ros.contact.stepping import ContactStepper, Touched
+
+# A closure without latch_distance can be closed from this fraction of the mechanism's length.
+CLOSE_BY_HAND = 0.02
+
+
+class Simulator:
+    """Steps a mechanism under wrenches at its operational points.
+
+    Args:
+        scene: what to simulate.
+
+    Raises:
+        SceneError: a mesh that cannot be read.
+        SingularInertiaError: a joint moves no mass.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.mechanism = Mechanism(scene)
+        self.period = scene.simulation.period
+        self.stepper = Stepper(self.mechanism, plan_of(scene.simulation))
+        self._contacts = _contact_stepper(self.mechanism)
+        self._evaluated: tuple[MechanismState, Evaluation] | None = None
+        self._projected: tuple[MechanismState, Closing] | None = None
+        self._latches = Latches(self.mechanism)
+
+    def steps_alone(self, state: MechanismState) -> bool:
+        """Return whether a step is the stepper's alone: no contacts, and no loop that may latch."""
+        return self._contacts is None and not self._latches.waiting(state.active)
+
+    def initial_state(self) -> MechanismState:
+        """Return the scene's initial state with its closures met.
+
+        Raises:
+            ClosureError: the scene cannot close.
+        """
+        q, v = consistent_initial_state(self.mechanism)
+        active = self.mechanism.initially_active
+        error = self.mechanism.closing_terms(q, active).error
+        return MechanismState(0.0, _frozen(q), _frozen(v), active, error)
+
+    def grasp(self, point: OperationalPoint) -> None:
+        """Put an operational point elsewhere from now on; see :meth:`Mechanism.grasp`."""
+        self.mechanism.grasp(point)
+        self.scene = self.mechanism.scene
+        # Both know where the point was.
+        self._evaluated = self._projected = None
+
+    def evaluate(self, state: MechanismState) -> Evaluation:
+        """Return every term of Eq. 1 at ``state``; asked twice for the same, it remembers."""
+        if self._evaluated is None or self._evaluated[0] is not state:
+            closing = self._closing(state)
+            terms = self.mechanism.evaluate(state.q, state.v, state.active, closing)
+            self._evaluated = state, terms
+        return self._evaluated[1]
+
+    def step(
+        self,
+        state: MechanismState,
+        wrenches: Array,
+        on_links: Mapping[str, Array] = NOTHING,
+        joint_forces: Array | None = None,
+    ) -> MechanismState:
+        """Advance by one period with wrenches held.
+
+        Args:
+            state: where to start.
+            wrenches: (points, 6) on the mechanism at each operational point, world axes, N and N m.
+            on_links: further wrenches (6,) by name of the link, at the origin of its frame.
+            joint_forces: (nv,) further torques or forces in the joints, N m or N; none if None.
+
+        Raises:
+            ClosureError: a closed loop came apart, jumped, or turned to its other branch.
+            InvalidInputError: the state is no longer finite, an unknown link, or joint forces of
+                another size or not finite.
+        """
+        pushes = Pushes(wrenches, on_links, joint_forces)
+        if self._contacts is None:
+            stepped = self.stepper.advance(self._start(state), pushes)
+            return self._latch(self._ended(state, stepped, 1))
+        touched = self._contacts.advance(self._start(state), pushes, state.touching)
+        return self._latch(self._touched(state, touched))
+
+    def run(
+        self, state: MechanismState, steps: int, wrenches: Array | None = None, every: int = 1
+    ) -> Trajectory:
+        """Advance by many periods with wrenches held, and keep what it went through.
+
+        The same states as from :meth:`step`, to rounding, without a call of Python for each.
+
+        Args:
+            state: where to start.
+            steps: how many periods.
+            wrenches: as in :meth:`step`; none if None.
+            every: steps from one sample to the next.
+
+        Raises:
+            InvalidInputError: negative steps, ``every`` below 1; and as :meth:`step`.
+            ClosureError: as :meth:`step`.
+        """
+        if steps < 0:
+            raise InvalidInputError("steps", steps, "must be 0 or more")
+        if every < 1:
+            raise InvalidInputError("every", every, "must be 1 or more")
+        held = np.zeros((len(self.mechanism.point_names), 6)) if wrenches is None else wrenches
+        if self._latches.waiting(state.active) or self._contacts is not None:
+            return self._run_watched(state, steps, held, every)
+        return self._run_free(state, steps, held, every)
+
+    def _run_free(
+        self, state: MechanismState, steps: int, wrenches: Array, every: int
+    ) -> Trajectory:
+        """Run with nothing to watch for on the way."""
+        nq, count = self.mechanism.nq, steps // every
+        samples = np.empty((count + 1, nq + self.mechanism.nv))
+        samples[0] = np.concatenate((state.q, state.v))
+        end = state
+        if steps:
+            stepped = self.stepper.run(
+                self._start(state), Pushes(wrenches), steps, samples[1:], every
+            )
+            end = self._ended(state, stepped, steps)
+        time = state.time + self.period * every * np.arange(count + 1)
+        return Trajectory(time, samples[:, :nq], samples[:, nq:], end)
+
+    def _run_watched(
+        self, state: MechanismState, steps: int, wrenches: Array, every: int
+    ) -> Trajectory:
+        """Run step by step, to see loops that come near."""
+        samples = [state]
+        for taken in range(1, steps + 1):
+            state = self.step(state, wrenches)
+            if taken % every == 0:
+                samples.append(state)
+        return Trajectory(
+            np.array([sample.time for sample in samples]),
+            np.array([sample.q for sample in samples]),
+            np.array([sample.v for sample in samples]),
+            state,
+        )
+
+    def switch(self, state: MechanismState, closures: Mapping[str, bool]) -> MechanismState:
+        """Open or close loops by name at once; closing takes an impulse in the mass metric.
+
+        Raises:
+            InvalidInputError: unknown closure, or one whose frames are too far apart to close.
+        """
+        active, released = list(state.active), set(state.released)
+        for name, on in closures.items():
+            index = self.mechanism.closure_index(name)
+            if on and not active[index]:
+                self._refuse_far(index, state.q)
+            if active[index] and not on:
+                released.add(index)
+            active[index] = bool(on)
+        return self._activated(replace(state, released=frozenset(released)), tuple(active))
+
+    def _start(self, state: MechanismState) -> Start:
+        """Return a state as the start of a step, with what is known there."""
+        known = self._evaluated
+        terms = known[1] if known is not None and known[0] is state else None
+        return Start(state.q, state.v, state.active, terms, self._closing(state))
+
+    def _ended(self, state: MechanismState, stepped: Stepped, steps: int) -> MechanismState:
+        """Return the state after some steps, and remember what is known there."""
+        q, v, error, closing, work_in, lost = stepped
+        before = state.account
+        account = replace(
+            before, work_in=before.work_in + work_in, damping_loss=before.damping_loss + lost
+        )
+        time = state.time + steps * self.period
+        q, v, released = _frozen(q), _frozen(v), state.released
+        ended = MechanismState(time, q, v, state.active, error, account, None, released)
+        self._projected = ended, closing
+        return ended
+
+    def _touched(self, state: MechanismState, touched: Touched) -> MechanismState:
+        """Return the state after a step with contacts."""
+        ended = self._ended(state, touched.stepped, 1)
+        before, energy = ended.account, touched.energy
+        lost = before.contact_loss + before.contact_energy - energy - touched.work
+        account = replace(before, contact_loss=lost, contact_energy=energy)
+        after = replace(ended, account=account, touching=touched.touching)
+        self._projected = after, touched.stepped.closing
+        return after
+
+    def closing(self, state: MechanismState) -> Closing:
+        """Return the closures' terms at ``state``; asked twice for the same, it remembers."""
+        known = self._closing(state)
+        if known is None:
+            known = self.mechanism.closing_terms(state.q, state.active)
+            self._projected = state, known
+        return known
+
+    def _closing(self, state: MechanismState) -> Closing | None:
+        """Return the closures' terms at ``state``, if they are known."""
+        known = self._projected
+        return known[1] if known is not None and known[0] is state else None
+
+    def _latch(self, state: MechanismState) -> MechanismState:
+        """Close open loops that are within reach, where their frames come nearest to each other."""
+        if not self._latches.waiting(state.active):
+            return state
+        q, v = state.q, state.v
+        active, released = self._latches.after(q, v, state.active, state.released)
+        if released != state.released:
+            state = replace(state, released=released)
+        return state if active == state.active else self._activated(state, active)
+
+    def _activated(self, state: MechanismState, active: Active) -> MechanismState:
+        before = sum(self.mechanism.energy(state.q, state.v))
+        q, v, error, _ = project(self.mechanism, state.q, state.v, active)
+        after = sum(self.mechanism.energy(q, v))
+        account = replace(state.account, latch_loss=state.account.latch_loss + before - after)
+        return replace(
+            state, q=_frozen(q), v=_frozen(v), active=active, closure_error=error, account=account
+        )
+
+    def _refuse_far(self, index: int, q: Array) -> None:
+        loop = self.mechanism.closures[index]
+        limit = loop.latch_distance or CLOSE_BY_HAND * self.mechanism.length
+        distance = self.mechanism.distance_of(index, q, np.zeros(self.mechanism.nv))[0]
+        if distance > limit or self.mechanism.on_wrong_branch(index, q):
+            rule = f"can be closed only within {limit:.4g} (m, rad) of its frames, axes alike"
+            raise InvalidInputError(f"distance of closure {loop.name}", distance, rule)
+
+
+def _contact_stepper(mechanism: Mechanism) -> ContactStepper | None:
+    """Return what steps a mechanism with contacts; None if its scene has none."""
+    if not mechanism.scene.contacts:
+        return None
+    # Here, so that a scene without contacts imports nothing of them.
+    from hapticmech_ros.contact.stepping import ContactStepper
+
+    return ContactStepper(mechanism)
+
+
+def _frozen(array: Array) -> Array:
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,72 @@
+"""The mechanism at a time, and over a time; nothing here changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.closures import Active
+
+if TYPE_CHECKING:
+    from hapticmech_ros.contact.touching import Touching
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyAccount:
+    """Energies since the start, J.
+
+    Attributes:
+        work_in: work by wrenches, and by efforts and further forces in joints.
+        damping_loss: in damping, friction, dampers, and the part of stops that is no spring.
+        latch_loss: when loops latched.
+        contact_loss: in contacts, by friction, damping and impact.
+        contact_energy: held by contacts now, as by springs.
+    """
+
+    work_in: float = 0.0
+    damping_loss: float = 0.0
+    latch_loss: float = 0.0
+    contact_loss: float = 0.0
+    contact_energy: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class MechanismState:
+    """Everything that evolves. Arrays are read-only; a step returns a new state.
+
+    Attributes:
+        time: s since the start.
+        q, v: configuration (nq,) and rates (nv,).
+        active: per closure of the scene, whether it is closed.
+        closure_error: largest residual of the active closures, m or rad.
+        account: energy account.
+        touching: points of contact in the step that led here; None before the first one, and in a
+            scene without contacts.
+        released: indices of closures that were opened and have not left their catch since.
+    """
+
+    time: float
+    q: Array
+    v: Array
+    active: Active
+    closure_error: float = 0.0
+    account: EnergyAccount = EnergyAccount()
+    touching: Touching | None = None
+    released: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """What a run went through; k samples, the first one its start.
+
+    Attributes:
+        time: (k,) s since the simulation's start.
+        q, v: configurations (k, nq) and rates (k, nv).
+        end: the state after the last step, whether it is a sample or not.
+    """
+
+    time: Array
+    q: Array
+    v: Array
+    end: MechanismState

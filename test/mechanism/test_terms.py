@@ -1,0 +1,274 @@
+"""The mechanism against the readable one: same terms, same motion, same errors."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.errors import ClosureError, HapticMechError, InvalidInputError
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.inertia import SingularInertiaError
+from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.kernels.small_matrices import orthogonalise
+from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from hapticmech_ros.simulation import Simulator
+from oracles.generator import closed_chain, random_mechanism
+from oracles.implementations import (
+    apart,
+    condition,
+    of_inertia,
+    pair_of,
+    projector,
+    sample_pair,
+)
+from oracles.mechanism.mechanism import ReadableMechanism
+from oracles.mechanism.stepping import ReadableSimulator
+from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, chain, five_bar, pin_end
+from oracles.running import run
+
+# Sums of some ten products, each rounded to 1e-16, in another order; cancellation within a field
+# is bounded by its own size. Factors of D lose what D's condition takes, here up to 1e3.
+ROUNDING = 1e-12
+KINDS = ("spherical", "revolute", "weld", "planar_pin")
+
+
+def samples():
+    for seed in range(12):
+        for planar in (False, True):
+            for duplicated in (False, True):
+                yield random_mechanism(seed, planar, duplicated=duplicated)
+        for kind in KINDS:
+            yield closed_chain(seed, kind)
+
+
+def pairs():
+    """Return every shipped scene and many random ones, on their closures and away from them."""
+    for name in shipped_scenes():
+        yield from (pair_of(load_scene(name), seed, 0.2 * seed) for seed in range(4))
+    # 1e-6 off the closures, doubled ones must still count once, though their rows differ by 1e-6.
+    for sample in samples():
+        yield from (sample_pair(sample, away) for away in (0.0, 1e-6, 0.3))
+
+
+PAIRS = list(pairs())
+CASES = [(pair, active) for pair in PAIRS for active in sorted(pair.sets)]
+
+
+def test_the_cases_hold_what_is_promised():
+    kinds = {c.kind for pair, active in CASES for c in pair.readable.closures if any(active)}
+    types = {kind for pair in PAIRS for kind in pair.readable.tree.joint_types}
+    assert kinds == {*KINDS, "rod"}
+    assert types == {"revolute", "prismatic", "spherical", "free", "planar"}
+    redundant = 0
+    for pair, active in CASES:
+        space = pair.mechanism.closing_terms(pair.q, active).space
+        redundant += 0 < space.rank < space.rows.shape[0]
+    assert redundant > 20
+
+
+@pytest.mark.parametrize(("pair", "active"), CASES)
+def test_terms_are_the_same(pair, active):
+    expected, found = pair.evaluate(active)
+    # Rates enter squared; sums of such terms may cancel.
+    square = float(pair.v @ pair.v)
+    assert apart(found.inertia, expected.inertia) < ROUNDING
+    assert apart(found.bias_force, expected.bias_force) < ROUNDING
+    assert apart(found.passive_force, expected.passive_force) < ROUNDING
+    assert apart(found.closure_residual, expected.closure_residual, 1.0) < ROUNDING
+    assert apart(found.closure_jacobian, expected.closure_jacobian) < ROUNDING
+    assert apart(found.closure_bias, expected.closure_bias, square) < ROUNDING
+    assert len(found.points) == len(expected.points)
+    for one, other in zip(found.points, expected.points, strict=True):
+        assert apart(one.pose.homogeneous, other.pose.homogeneous) < ROUNDING
+        assert apart(one.jacobian, other.jacobian) < ROUNDING
+        assert apart(one.twist, other.twist, np.sqrt(square)) < ROUNDING
+        assert apart(one.drift, other.drift, square) < ROUNDING
+
+
+@pytest.mark.parametrize(("pair", "active"), CASES)
+def test_factorisations_are_the_same(pair, active):
+    expected, found = (terms.space for terms in pair.evaluate(active))
+    assert found.rank == expected.rank
+    assert apart(found.factor, expected.factor) < ROUNDING
+    many = expected.rows.shape[0] > FEW_ROWS
+    rounding = ROUNDING * of_inertia(expected)
+    assert many or apart(found.sigma, expected.sigma) < rounding
+    # Directions turn by rounding over the distance of singular values that are cut from kept ones.
+    magnified = ROUNDING * condition(expected)
+    assert apart(projector(found), projector(expected), 1.0) < magnified
+    rows = np.cos(np.arange(expected.rows.shape[0]))
+    assert apart(found.correction(rows), expected.correction(rows)) < magnified
+    v = pair.v
+    assert apart(found.closed_rates(v), expected.closed_rates(v), np.abs(v).max()) < magnified
+    columns = np.cos(np.arange(4.0 * v.size)).reshape(v.size, 4)
+    for one in (columns, columns[:, 0]):
+        assert apart(found.to_mass_metric(one), expected.to_mass_metric(one)) < rounding
+        free = found.without_closure_part(one)
+        assert apart(free, expected.without_closure_part(one), 1.0) < magnified
+    rate = found.from_mass_metric(columns[:, 0])
+    assert apart(rate, expected.from_mass_metric(columns[:, 0])) < rounding
+
+
+@pytest.mark.parametrize(("pair", "active"), CASES)
+def test_accelerations_and_closure_forces_are_the_same(pair, active):
+    expected, found = pair.evaluate(active)
+    force = np.cos(np.arange(pair.v.size))
+    magnified = ROUNDING * condition(expected.space)
+    for one, other in zip(found.acceleration(force), expected.acceleration(force), strict=True):
+        assert apart(one, other) < magnified
+
+
+@pytest.mark.parametrize(("pair", "active"), CASES)
+def test_known_closing_terms_change_no_bit(pair, active):
+    mechanism = pair.mechanism
+    closing = mechanism.closing_terms(pair.q, active)
+    mechanism.evaluate(mechanism.integrate(pair.q, 0.1 * pair.v), pair.v, active)  # other scratch
+    once = mechanism.evaluate(pair.q, pair.v, active, closing)
+    anew = mechanism.evaluate(pair.q, pair.v, active)
+    assert once.space.factor.tobytes() == anew.space.factor.tobytes()
+    for one, other in zip(once[:5], anew[:5], strict=True):
+        assert one.tobytes() == other.tobytes()
+    for one, other in zip(once.points, anew.points, strict=True):
+        assert one.jacobian.tobytes() == other.jacobian.tobytes()
+        assert one.drift.tobytes() == other.drift.tobytes()
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_distances_of_closures_are_the_same(pair):
+    for index in range(len(pair.readable.closures)):
+        expected, rate = pair.readable.distance_of(index, pair.q, pair.v)
+        found, found_rate = pair.mechanism.distance_of(index, pair.q, pair.v)
+        assert abs(found - expected) < ROUNDING * max(expected, 1.0)
+        # The direction of φ is known to rounding over its length.
+        assert abs(found_rate - rate) * min(expected, 1.0) < ROUNDING * max(abs(rate), 1.0)
+        loops = (pair.readable.closures[index], pair.mechanism.closures[index])
+        wrong = loops[0].on_wrong_branch(pair.readable.data)
+        assert loops[1].on_wrong_branch(pair.mechanism.data) == wrong
+
+
+def test_results_are_copies():
+    pair = pair_of(load_scene("five_bar"), 1, 0.2)
+    _, terms = pair.evaluate((True,))
+    before = [part.tobytes() for part in terms[:5]]
+    held = terms.points[0].pose.homogeneous, terms.points[0].jacobian.copy()
+    pair.mechanism.evaluate(pair.q + 0.1, pair.v + 1.0, (True,))
+    assert [part.tobytes() for part in terms[:5]] == before
+    assert (terms.points[0].pose.homogeneous == held[0]).all()
+    assert (terms.points[0].jacobian == held[1]).all()
+
+
+def test_states_that_cannot_be_written_are_taken():
+    pair = pair_of(load_scene("five_bar"), 1, 0.2)
+    expected = pair.mechanism.evaluate(pair.q, pair.v, (True,)).bias_force
+    for array in (pair.q, pair.v):
+        array.flags.writeable = False
+    assert (pair.mechanism.evaluate(pair.q, pair.v, (True,)).bias_force == expected).all()
+
+
+# Both start from the same bits and round differently, 1e-16 of a step's change. On five_bar, which
+# settles, differences stay; four_bar_closing swings and spreads them by about e per 0.1 s, so that
+# 2 s could make 1e-16 into 1e-8 at worst.
+@pytest.mark.parametrize(("name", "bound"), [("five_bar", 1e-10), ("four_bar_closing", 1e-8)])
+def test_trajectories_are_the_same(name, bound):
+    scene = load_scene(name)
+    wrenches = np.array([[-0.5, 0.0, 0.0, 0.0, 0.0, -0.0025]])
+    expected = run(ReadableSimulator(scene), 2.0, wrenches)
+    found = run(Simulator(scene), 2.0, wrenches)
+    assert [state.active for state in found] == [state.active for state in expected]
+    assert max(np.abs(a.q - b.q).max() for a, b in zip(found, expected, strict=True)) < bound
+    moved = max(np.abs(state.q - expected[0].q).max() for state in expected)
+    assert moved > 0.1  # rad
+
+
+def test_the_latching_scene_latches():
+    sim = Simulator(load_scene("four_bar_closing"))
+    wrenches = np.array([[-0.5, 0.0, 0.0, 0.0, 0.0, -0.0025]])
+    states = run(sim, 2.0, wrenches)
+    assert states[0].active == (False,)
+    assert states[-1].active == (True,)
+    assert states[-1].closure_error < 1e-12
+
+
+def test_same_bits_on_every_run():
+    scene = load_scene("five_bar")
+    runs = [run(Simulator(scene), 0.1)[-1] for _ in range(2)]
+    assert runs[0].q.tobytes() == runs[1].q.tobytes()
+    assert runs[0].v.tobytes() == runs[1].v.tobytes()
+
+
+def mechanism_of(document):
+    return Mechanism(scene_from_document(document))
+
+
+def test_a_massless_end_link_is_singular():
+    document = chain(LENGTHS, MASSES, INERTIAS)
+    nothing = {"mass": 0.0, "inertia": {"ixx": 0.0, "iyy": 0.0, "izz": 0.0}}
+    document["links"][-1]["inertial"] = nothing
+    document["operational_points"] = document["operational_points"][:2]
+    for make in (Mechanism, ReadableMechanism):
+        with pytest.raises(SingularInertiaError, match="'joint4' moves no mass"):
+            make(scene_from_document(document))
+
+
+def test_a_loop_that_came_apart_is_named():
+    mechanism = mechanism_of(pin_end(chain(LENGTHS, MASSES, INERTIAS), np.array([0.25, 0.0])))
+    with pytest.raises(ClosureError, match="came apart") as caught:
+        project(mechanism, np.array([0.3, 0.2, 0.1, -0.1]), np.zeros(4), (True,))
+    assert caught.value.closures == ("pin",)
+
+
+def test_wrong_names_are_refused_as_before():
+    mechanism = mechanism_of(five_bar())
+    with pytest.raises(InvalidInputError, match="hook"):
+        mechanism.closure_index("hook")
+    with pytest.raises(ValueError, match="zip"):
+        mechanism.evaluate(np.zeros(4), np.zeros(4), ())
+
+
+def test_closures_that_are_not_finite_are_an_error():
+    mechanism = mechanism_of(five_bar())
+    # The unit of the first row follows the damping.
+    _, values = mechanism._single[0].constants
+    assert values[mechanism.nv] == mechanism.length
+    values[mechanism.nv] = np.nan
+    with pytest.raises(HapticMechError, match="SVD"):
+        mechanism.distance_of(0, np.zeros(4), np.zeros(4))
+
+
+def test_one_rate_is_a_mechanism_too():
+    document = five_bar(closed=False)
+    document["links"] = document["links"][:1]
+    document["operational_points"] = document["operational_points"][:2]
+    pair = pair_of(scene_from_document(document))
+    expected, found = pair.evaluate(())
+    assert apart(found.points[0].jacobian, expected.points[0].jacobian) < ROUNDING
+    assert apart(found.inertia, expected.inertia) < ROUNDING
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 4), (5, 3), (6, 6), (12, 7)])
+@pytest.mark.parametrize("spread", [0.0, 8.0, 15.0])
+def test_small_svd_is_lapacks(shape, spread):
+    rng = np.random.default_rng(shape)
+    count = min(shape)
+    left, _ = np.linalg.qr(rng.normal(size=(shape[0], count)))
+    right, _ = np.linalg.qr(rng.normal(size=(shape[1], count)))
+    matrix = (left * np.logspace(0.0, -spread, count)) @ right.T
+    rows, turn = np.array(matrix, order="C"), np.empty((shape[0], shape[0]))
+    assert orthogonalise(rows, turn)
+    lengths = np.linalg.norm(rows, axis=1)
+    expected = np.linalg.svd(matrix, compute_uv=False)
+    # Absolute, as LAPACK's own are: a few roundings of the largest, which is 1.
+    assert np.abs(lengths[:count] - expected).max() < 1e-14
+    assert np.abs(lengths[count:]).max(initial=0.0) < 1e-14
+    assert (np.diff(lengths) <= 0.0).all()
+    assert np.abs(turn @ turn.T - np.eye(shape[0])).max() < 1e-14
+    assert np.abs(turn @ matrix - rows).max() < 1e-14
+    kept = lengths > 1e-8
+    units = rows[kept] / lengths[kept][:, None]
+    assert np.abs(units @ units.T - np.eye(kept.sum())).max() < 1e-13
+
+
+def test_small_svd_of_nothing_and_of_nan():
+    turn = np.empty((2, 2))
+    assert orthogonalise(np.zeros((2, 3)), turn)
+    assert not orthogonalise(np.array([[1.0, np.nan], [0.0, 1.0]]), turn)

@@ -1,0 +1,1 @@
+"""The mechanism in Pinocchio and NumPy, to be read: what kernels are compared with."""

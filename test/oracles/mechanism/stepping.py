@@ -1,0 +1,128 @@
+"""Steps of the readable mechanism in NumPy: integration, then projection, or Baumgarte's pull."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.motion import (
+    HeldMotion,
+    Plan,
+    Pushes,
+    Start,
+    Stepped,
+    check_pushes,
+    not_finite,
+    plan_of,
+)
+from hapticmech_ros.mechanism.projection import Projected, came_apart, project, refuse_flipped
+from hapticmech_ros.mechanism.stepping import Stepper, care_limit, end_of
+from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.simulation import Simulator
+from hapticmech_ros.simulation.latching import Latches
+from oracles.mechanism.integrators import INTEGRATORS, Springs
+from oracles.mechanism.mechanism import ReadableMechanism
+
+
+class ReadableMotion(HeldMotion):
+    """The equations of motion with pushes held; see ``integrators.Motion``.
+
+    Attributes:
+        least: smallest σ kept over the largest one, of all stages but the first; 0 if a stage kept
+            fewer than the first one.
+    """
+
+    least = 1.0
+
+    def resistance(self, q: Array, v: Array, period: float, reach: float) -> Springs | None:
+        """Return springs and dampers at the step's start, or None where there is none."""
+        stiffness, damping = self._mechanism.slopes(q, v, period)
+        if not (stiffness.any() or damping.any()):
+            return None
+        return Springs(self._evaluate(q, v).space, stiffness, damping, reach)
+
+    def _evaluate(self, q: Array, v: Array) -> Evaluation:
+        terms = super()._evaluate(q, v)
+        if q is not self._start.q or v is not self._start.v:
+            fewer = self._first is not None and terms.space.rank < self._first.space.rank
+            self.least = min(self.least, 0.0 if fewer else terms.space.least_kept)
+        return terms
+
+
+class ReadableStepper(Stepper):
+    """Steps as :class:`Stepper` does, whose care next to singular positions it shares."""
+
+    def __init__(self, mechanism: ReadableMechanism, plan: Plan) -> None:
+        self._mechanism = mechanism
+        self._plan = plan
+        self._step = plan.period / plan.substeps
+        self._pulled = plan.baumgarte_rate > 0.0
+
+    def run(
+        self, start: Start, pushes: Pushes, periods: int, samples: Array, every: int
+    ) -> Stepped:
+        """Advance by many periods with pushes held, and fill samples."""
+        check_pushes(pushes, len(self._mechanism.point_names), self._mechanism.nv)
+        work_in, energy_lost, substeps = 0.0, 0.0, self._plan.substeps
+        for step in range(1, periods * substeps + 1):
+            stepped = self._careful_substep(start, pushes)
+            work_in += stepped.work_in
+            energy_lost += stepped.energy_lost
+            start = end_of(stepped, start)
+            if every and step % (every * substeps) == 0:
+                samples[step // (every * substeps) - 1] = np.concatenate((stepped.q, stepped.v))
+        return stepped._replace(work_in=work_in, energy_lost=energy_lost)
+
+    def _substep(self, start: Start, pushes: Pushes) -> Stepped:
+        """Do a step of the integrator, and bring it onto the closures."""
+        return self._follow(
+            ReadableMotion(self._mechanism, start, pushes, self._plan.baumgarte_rate), start
+        )
+
+    def _watched_substep(self, start: Start, pushes: Pushes) -> Stepped | None:
+        """Do a step; None if a stage of it lies where a relative σ is below the limit of care."""
+        motion = ReadableMotion(self._mechanism, start, pushes, self._plan.baumgarte_rate)
+        stepped = self._follow(motion, start)
+        limit = care_limit(self._step * float(np.abs(start.v).max()))
+        return None if motion.least < limit else stepped
+
+    def _part(self, start: Start, pushes: Pushes, step: float) -> Stepped:
+        """Do a step of another length."""
+        plan = self._plan._replace(period=step, substeps=1)
+        return ReadableStepper(self._mechanism, plan)._substep(start, pushes)
+
+    def _follow(self, motion: HeldMotion, start: Start) -> Stepped:
+        mechanism, step = self._mechanism, self._step
+        integrate = INTEGRATORS[self._plan.integrator]
+        moved = integrate(mechanism.model, motion, start.q, start.v, step)
+        if not math.isfinite(moved.q @ moved.q + moved.v @ moved.v):
+            raise not_finite("state", moved.q)
+        if self._pulled:
+            closing = mechanism.closing_terms(moved.q, start.active)
+            if not closing.error <= BAUMGARTE_FAILURE * mechanism.length:
+                raise came_apart(closing.error, mechanism.names_of(start.active))
+            ended = Projected(moved.q, moved.v, closing.error, closing)
+        else:
+            ended = project(mechanism, moved.q, moved.v, start.active, moved.change)
+        refuse_flipped(mechanism, ended.q, ended.error, start.active)
+        return Stepped(*ended, moved.work_in, moved.energy_lost)
+
+
+class ReadableSimulator(Simulator):
+    """A :class:`Simulator` of the readable mechanism."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene)
+        self.mechanism = mechanism = ReadableMechanism(scene)
+        plan = plan_of(scene.simulation)
+        self._stepper = ReadableStepper(mechanism, plan)
+        self._latches = Latches(mechanism)
+        if self._contacts is not None:
+            self._contacts._mechanism = mechanism
+            self._contacts._whole = self._stepper
+            substep = plan._replace(period=plan.period / plan.substeps, substeps=1)
+            self._contacts._stepper = ReadableStepper(mechanism, substep)
