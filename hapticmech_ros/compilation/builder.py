@@ -1,9 +1,10 @@
 """Compiles kernels into objects of machine code, several at once.
 
 Numba makes LLVM's intermediate language of each kernel, as of a callback for C (``numba.cfunc``),
-and LLVM makes machine code of that. Nothing else takes part: no C compiler, no linker, and nothing
-of what Numba's own library has for running programs, since kernels allocate nothing and raise
-nothing. Where one does, the build says so.
+and of each function that kernels call (:mod:`~hapticmech_ros.compilation.inner_functions`). LLVM
+joins, optimises and makes machine code of them. Nothing else takes part: no C compiler, no linker,
+and nothing of what Numba's own library has for running programs, since kernels allocate nothing and
+raise nothing. Where one does, the build says so.
 
 ``python -m hapticmech_ros.compilation.builder TARGET FILE``: TARGET is the processor to compile
 for, as LLVM calls it, ``host`` for this one; FILE is written as :func:`packed` says. A line is
@@ -12,23 +13,24 @@ printed for each kernel that is done.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import gc
 import importlib
 import io
 import multiprocessing
 import os
-import re
 import signal
 import sys
 import warnings
 import zipfile
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
 from hapticmech_ros.compilation import decorators
-from hapticmech_ros.compilation.decorators import OPTIONS, Kernel
+from hapticmech_ros.compilation.decorators import Kernel
 from hapticmech_ros.errors import HapticMechError
 
 # Import every kernel, directly or not.
@@ -41,11 +43,12 @@ _MORE_HOMES = (
 _C_LIBRARY = frozenset(
     ("sqrt", "sin", "cos", "tan", "tanh", "atan2", "exp", "log", "pow", "memset", "memcpy")
 )
-# Who counts who looks at an array: nobody has to, since nobody owns one.
-_COUNTING = re.compile(r"^ *(?:tail )?call void @NRT_(?:in|de)cref\(.*\n", re.MULTILINE)
-_CALLBACK = re.compile(r"^define [^@]*@(cfunc\.[^( ]+)\(", re.MULTILINE)
+# Kernels with much in common, by what their names begin with; all others are one more family.
+_FAMILIES: tuple[tuple[str, ...], ...] = (("mechanism_", "operational_"), ("contact_",))
 # Those that take longest begin first.
 _LONG = ("run_kernels", "observe_kernels", "mechanism_compiled_kernels_factor", "contact_solver")
+# Beyond the families only LLVM's part is faster.
+_MOST_LANES = 8
 _PR_SET_PDEATHSIG = 1
 _kernels: dict[str, Kernel] = {}
 
@@ -65,18 +68,46 @@ def import_all() -> dict[str, Kernel]:
 def build(target: str, path: Path) -> None:
     """Compile all kernels, with all processors, and write them into a file.
 
+    Numba, which is Python, takes most of the time. Kernels that have much in common are translated
+    by the same process, each function once; what LLVM does then is done by whoever is free.
+
     Raises:
         BuildError: as :func:`compiled`.
     """
-    names = sorted(import_all(), key=lambda name: not any(part in name for part in _LONG))
-    objects: dict[str, bytes] = {}
+    # Of nothing that Numba makes is the code run: LLVM optimises kernels once, as a whole.
+    os.environ["NUMBA_OPT"] = "0"
     # From their own start: what Numba was taught in one process does not outlive a fork.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(_processors(), context, _begin) as pool:
-        jobs = {pool.submit(compiled_by_name, name, target): name for name in names}
-        for number, job in enumerate(as_completed(jobs), 1):
-            objects[jobs[job]] = job.result()
-            print(f"{number} of {len(names)}", flush=True)
+    with contextlib.ExitStack() as stack:
+        lanes = [
+            stack.enter_context(ProcessPoolExecutor(1, context, _begin))
+            for _ in range(min(_processors(), _MOST_LANES))
+        ]
+        # All begin now, though the first one tells.
+        told = [lane.submit(_names) for lane in lanes]
+        names = told[0].result()
+        waiting = _shared_out(names, len(lanes))
+        translated: set[str] = set()
+        modules: dict[str, bytes] = {}
+        objects: dict[str, bytes] = {}
+        working: dict[Future[bytes], tuple[int, str]] = {}
+        while len(objects) < len(names):
+            for number in set(range(len(lanes))) - {lane for lane, _ in working.values()}:
+                if waiting[number]:
+                    name = waiting[number].pop(0)
+                    job = lanes[number].submit(_translated, name)
+                elif modules:
+                    name = max(modules, key=lambda one: len(modules[one]))
+                    job = lanes[number].submit(machine_code, modules.pop(name), name, target)
+                else:
+                    continue
+                working[job] = (number, name)
+            for job in wait(working, return_when=FIRST_COMPLETED).done:
+                _, name = working.pop(job)
+                made = objects if name in translated else modules
+                made[name] = job.result()
+                translated.add(name)
+                print(f"{len(translated) + len(objects)} of {2 * len(names)}", flush=True)
     path.write_bytes(packed(objects))
 
 
@@ -90,11 +121,6 @@ def packed(objects: dict[str, bytes]) -> bytes:
     return file.getvalue()
 
 
-def compiled_by_name(name: str, target: str) -> bytes:
-    """Return the machine code of a kernel, in a process that has imported them."""
-    return compiled(_kernels[name], target)
-
-
 def compiled(kernel: Kernel, target: str) -> bytes:
     """Return the machine code of a kernel: an object file with one symbol, its name.
 
@@ -105,16 +131,25 @@ def compiled(kernel: Kernel, target: str) -> bytes:
     Raises:
         BuildError: it needs what the library has not: it allocates, or may raise.
     """
+    return machine_code(intermediate(kernel), kernel.name, target)
+
+
+def machine_code(code: bytes, name: str, target: str) -> bytes:
+    """Return the machine code of a kernel's module, as :func:`intermediate` makes it.
+
+    Args:
+        code: the module.
+        name: the kernel's.
+        target: processor.
+
+    Raises:
+        BuildError: as :func:`compiled`.
+    """
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    code = intermediate(kernel)
-    (callback,) = _CALLBACK.findall(code)
-    module = llvm.parse_assembly(_COUNTING.sub("", code).replace(callback, kernel.name))
-    for function in module.functions:
-        if not function.is_declaration and function.name != kernel.name:
-            function.linkage = "internal"
+    module = llvm.parse_bitcode(code)
     host = target == "host"
     machine = llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name() if host else target,
@@ -123,25 +158,26 @@ def compiled(kernel: Kernel, target: str) -> bytes:
         reloc="pic",
         codemodel="small",
     )
-    _without_what_never_happens(llvm, module, machine)
+    _optimise(llvm, module, machine)
     needed = {one.name for one in module.functions if one.is_declaration}
     needed = {one for one in needed if not one.startswith("llvm.")} - _C_LIBRARY
     if needed:
-        raise BuildError(f"kernel {kernel.name} allocates or may raise: {_some(needed)}")
+        raise BuildError(f"kernel {name} allocates or may raise: {_some(needed)}")
     return bytes(machine.emit_object(module))
 
 
-def intermediate(kernel: Kernel) -> str:
-    """Return a kernel in LLVM's intermediate language, as a callback and all that this calls."""
+def intermediate(kernel: Kernel) -> bytes:
+    """Return a kernel in LLVM's intermediate language, as a callback and all that it calls."""
     import numba
 
+    from hapticmech_ros.compilation.inner_functions import OPTIONS, joined, translated
     from hapticmech_ros.compilation.numba_types import array_of
 
     types: Any = numba.types
     words = {**vars(types), "Array": types.Array}
     signature = eval(kernel.signature, words)
     names = [f"a{index}" for index in range(len(signature.args))]
-    known: dict[str, Any] = {"kernel": numba.njit(**OPTIONS)(kernel.function)}
+    known: dict[str, Any] = {"kernel": translated(kernel.function)}
     given, kinds = [], []
     for name, typed in zip(names, signature.args, strict=True):
         if isinstance(typed, types.Array):
@@ -154,21 +190,45 @@ def intermediate(kernel: Kernel) -> str:
     source = f"def entry({', '.join(names)}):\n    return kernel({', '.join(given)})\n"
     exec(source, known)
     entry = numba.cfunc(signature.return_type(*kinds), **OPTIONS)(known["entry"])
-    return str(entry.inspect_llvm())
+    return joined(entry.inspect_llvm(), kernel.name)
 
 
-def _without_what_never_happens(llvm: Any, module: Any, machine: Any) -> None:
-    """Leave out what Numba has put in for errors, where LLVM sees that there are none."""
+def _optimise(llvm: Any, module: Any, machine: Any) -> None:
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    # As Numba has it.
+    options.loop_vectorization, options.slp_vectorization = True, False
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    # Leave out what Numba has put in for errors, where LLVM sees that there are none.
     passes = llvm.create_new_module_pass_manager()
     passes.add_ipsccp_pass()
     passes.add_simplify_cfg_pass()
     passes.add_global_dead_code_eliminate_pass()
-    options = llvm.create_pipeline_tuning_options(speed_level=0)
-    passes.run(module, llvm.create_pass_builder(machine, options))
+    passes.run(module, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(0)))
 
 
 def _some(names: Iterable[str]) -> str:
     return ", ".join(sorted(names)[:5])
+
+
+def _names() -> list[str]:
+    return list(_kernels)
+
+
+def _translated(name: str) -> bytes:
+    return intermediate(_kernels[name])
+
+
+def _shared_out(names: list[str], count: int) -> list[list[str]]:
+    """Return which kernels each of so many processes translates, one after the other."""
+    families: list[list[str]] = [[] for _ in range(len(_FAMILIES) + 1)]
+    for name in sorted(names, key=lambda name: not any(part in name for part in _LONG)):
+        of = (i for i, family in enumerate(_FAMILIES) if name.startswith(family))
+        families[next(of, len(_FAMILIES))].append(name)
+    shares: list[list[str]] = [[] for _ in range(count)]
+    for number, family in enumerate(families):
+        shares[min(number, count - 1)] += family
+    return shares
 
 
 def _begin() -> None:
@@ -180,6 +240,9 @@ def _begin() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     warnings.simplefilter("ignore")
     _kernels.update(import_all())
+    # Numba makes millions of small objects, few of them in circles, and these processes end soon.
+    gc.freeze()
+    gc.set_threshold(100_000, 50, 100)
 
 
 def _processors() -> int:

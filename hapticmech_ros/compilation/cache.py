@@ -15,6 +15,7 @@ _SOURCES = (
     "compilation/arrays.py",
     "compilation/builder.py",
     "compilation/decorators.py",
+    "compilation/inner_functions.py",
     "compilation/numba_types.py",
     "compilation/structures.py",
     "layout.py",

@@ -15,13 +15,11 @@ environment says ``HAPTICMECH_ROS_KERNELS=checked`` every call is checked.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import NamedTuple, TypeVar, cast
 
 from hapticmech_ros.compilation.library import function_of
 
 Function = TypeVar("Function", bound=Callable[..., object])
-# Division by zero gives what NumPy gives; no operation is reordered or fused.
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False}
 
 
 class Kernel(NamedTuple):
@@ -52,20 +50,20 @@ def is_building() -> bool:
 
 def inner(function: Function) -> Function:
     """Return a function that kernels call; compiled as part of each of them."""
-    return _compiled(function)
+    return _translated(function)
 
 
 def leaf(function: Function) -> Function:
     """Return an :func:`inner` function of a few operations, put into each that calls it."""
-    return _compiled(function, forceinline=True)
+    return _translated(function, in_place=True)
 
 
-def _compiled(function: Function, **options: Any) -> Function:
+def _translated(function: Function, in_place: bool = False) -> Function:
     if not is_building():
         return function
-    import numba
+    from hapticmech_ros.compilation.inner_functions import translated
 
-    return cast(Function, numba.njit(**OPTIONS, **options)(function))
+    return cast(Function, translated(function, in_place))
 
 
 def kernel(signature: str) -> Callable[[Function], Function]:

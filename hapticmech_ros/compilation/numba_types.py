@@ -6,11 +6,13 @@ Only the processes that build the library import this. It uses what Numba docume
 
 from __future__ import annotations
 
+import functools
 import importlib
 from collections.abc import Callable
 from typing import Any
 
 from hapticmech_ros.compilation import arrays
+from hapticmech_ros.compilation.inner_functions import translated
 from hapticmech_ros.compilation.library import DATA_AT, SHAPE_AT
 from hapticmech_ros.compilation.structures import Part, Size
 
@@ -167,16 +169,17 @@ def _part_getter(part: Part) -> Callable[[Any], Any]:
     return vector if part.dimensions == 1 else matrix
 
 
+@functools.cache
 def array_of(typed: Any) -> Any:
     """Return a function that makes an array of a type from the address of NumPy's object."""
     start = _reader(DATA_AT, types.CPointer(typed.dtype))
     sizes = [_reader(SHAPE_AT, types.int64, index) for index in range(typed.ndim)]
     if typed.ndim == 1:
         (n,) = sizes
-        return numba.njit(lambda address: carray(start(address), (n(address),)))
+        return translated(lambda address: carray(start(address), (n(address),)))
     n, m = sizes
     make = farray if typed.layout == "F" else carray
-    return numba.njit(lambda address: make(start(address), (n(address), m(address))))
+    return translated(lambda address: make(start(address), (n(address), m(address))))
 
 
 def _reader(at: int, kind: Any, index: int = -1) -> Any:
