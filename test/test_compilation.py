@@ -94,6 +94,37 @@ def test_a_kernel_that_allocates_or_may_raise_is_not_built(function):
         compiled(Kernel(function.__name__, "float64(float64[::1])", function), "host")
 
 
+def scaled(number, factor):
+    return factor * number
+
+
+def test_what_a_kernel_calls_is_translated_for_each_combination_of_types():
+    from hapticmech_ros.compilation.inner_functions import translated
+
+    inner, outer = (
+        translated(scaled),
+        translated(lambda x, n: inner(factor=n, number=x) + inner(n, 3)),
+    )
+    name, signature = "calling", "float64(float64, int64)"
+    function = Kernel(name, signature, lambda x, n: outer(x, n) + inner(x, 0.25))
+    loaded = library._loaded(packed({name: compiled(function, "host")}))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(library, "library", lambda: loaded)
+        found = library.function_of(name, signature, function.function)
+    assert found(0.5, 7) == 0.5 * 7 + 7 * 3 + 0.5 * 0.25
+
+
+@pytest.mark.parametrize("in_place", [False, True])
+@pytest.mark.parametrize("function", [allocates, raises])
+def test_neither_may_what_a_kernel_calls(function, in_place):
+    from hapticmech_ros.compilation.inner_functions import translated
+
+    inner = translated(function, in_place)
+    calling = Kernel("calling", "float64(float64[::1])", lambda numbers: inner(numbers) + 1.0)
+    with pytest.raises(BuildError, match="kernel calling allocates or may raise"):
+        compiled(calling, "host")
+
+
 def test_what_is_not_in_the_library_is_told():
     with pytest.raises(LibraryError, match=r"no kernel .*tried in the library"):
         kernel(SIGNATURE)(tried)

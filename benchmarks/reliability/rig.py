@@ -86,7 +86,7 @@ class Rig:
         Raises:
             BenchError: the device does not render.
         """
-        # Whoever comes first compiles the kernels, for a minute or two: not one of those watched.
+        # Whoever comes first compiles the kernels, for most of a minute: not one of those watched.
         compile_ahead()
         try:
             folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))

@@ -34,7 +34,7 @@ from hapticmech_ros.compilation.sealed import BrokenSealError, put_in_place, rea
 from hapticmech_ros.errors import HapticMechError
 
 NAME = "hapticmech_kernels"
-# A slow machine takes two minutes.
+# A slow machine, or one that is busy, takes minutes.
 COMPILE_TIMEOUT_S, PROGRESS_S = 600.0, 5.0
 # Where NumPy's C interface has the start of an array's data, and of its shape (PyArrayObject).
 DATA_AT, SHAPE_AT = 16, 32
@@ -110,7 +110,7 @@ def library() -> Library:
 
 
 def compile_ahead() -> None:
-    """Compile all kernels, unless that was done before; takes a minute or two.
+    """Compile all kernels, unless that was done before; takes most of a minute.
 
     Nodes that start together would otherwise wait for each other.
 
@@ -237,7 +237,7 @@ def _kill_group(leader: int) -> None:
 def _followed(lines: Iterable[str]) -> str:
     """Show how far a build is, as it says in lines "3 of 18"; return the last other line."""
     last, shown_at = "", time.monotonic()
-    warn("compiling kernels, once: a minute or two")
+    warn("compiling kernels, once: most of a minute")
     for line in lines:
         done, of, total = line.strip().partition(" of ")
         if not (of and done.isdigit() and total.isdigit()):
