@@ -13,8 +13,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from benchmarks.ablation.scenes import ladder
 from hapticmech_ros import load_scene
-from hapticmech_ros.bench.ablation import ladder
 from hapticmech_ros.control import control_for
 from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.device import device_for

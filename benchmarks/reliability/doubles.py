@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.children import BenchError, Teller, wait_until
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig, pushing
 from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, RENDERING
 from benchmarks.reliability.trial import Fault, Trial, observe, summarised, tell_lateness
-from hapticmech_ros.bench.children import BenchError, Teller, wait_until
 from hapticmech_ros.graph import Graph
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER
 from hapticmech_ros.wire.topic import DEVICE as DEVICE_NODE

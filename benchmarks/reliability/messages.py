@@ -17,11 +17,11 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.serialization import serialize_message
 
+from benchmarks.memory.growth import resident
 from benchmarks.reliability.fake_graph import FakeGraph
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.wire_messages import run_wire
-from hapticmech_ros.bench.memory.resident import resident
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.scene.document import Scene
 

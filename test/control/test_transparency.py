@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.bench.ablation.loop import Loop
+from benchmarks.ablation.loop import Loop
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.session import Session
 

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from hapticmech_ros.bench.benchmark import JSON_NAME, PLOT_NAME, Results, run_benchmark
-from hapticmech_ros.bench.checks import Expected
-from hapticmech_ros.bench.plan import Configuration, Plan, Step
-from hapticmech_ros.bench.run import Run, measure
-from hapticmech_ros.bench.words import ANSWERS, SAID_HOPS
+from benchmarks.graph.bare_node import PHASES
+from benchmarks.graph.benchmark import JSON_NAME, PLOT_NAME, Results, run_benchmark
+from benchmarks.graph.checks import Expected
+from benchmarks.graph.plan import Configuration, Plan, Step
+from benchmarks.graph.run import Run, measure
+from benchmarks.graph.statuses import ANSWERS, SAID_HOPS
 from hapticmech_ros.graph import private_environment
-from hapticmech_ros.nodes.bench.bare_node import PHASES
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
@@ -106,7 +106,7 @@ def test_a_graph_that_does_not_start_is_a_result(
     alone: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # A module that says something else and ends.
-    monkeypatch.setattr("hapticmech_ros.bench.graphs.BARE", "this")
+    monkeypatch.setattr("benchmarks.graph.run.BARE", "this")
     step = Step(Configuration(RATE_HZ, "composed", False), 1, "bare")
     nothing = Expected((), (), False)
     found = measure(step, tmp_path / "scene.yaml", "handle", SECONDS, tmp_path, nothing)

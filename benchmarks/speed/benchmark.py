@@ -1,0 +1,171 @@
+"""The speed benchmark: from options to results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import typer
+from matplotlib.figure import Figure
+
+from benchmarks.goals import Verdict
+from benchmarks.machine import about, machine
+from benchmarks.speed.equality import Check, check_all
+from benchmarks.speed.figure import drawn
+from benchmarks.speed.fronts import Ratio, ratios
+from benchmarks.speed.goals import verdicts
+from benchmarks.speed.lane import Lane
+from benchmarks.speed.own_peer import NAME as OWN
+from benchmarks.speed.plan import Plan, plan
+from benchmarks.speed.problems import Problem
+from benchmarks.speed.race import race
+from benchmarks.speed.report import sheets
+from benchmarks.speed.scaling import SIZES, Growth, growth
+from benchmarks.speed.tick import TickTime, tick_times
+from hapticmech_ros.analysis.study import Results, Sheet, Show, plain, silent
+from hapticmech_ros.cli.console import OutOption, words
+from hapticmech_ros.cli.study import FigureOption, JsonOption, carry_out
+from hapticmech_ros.errors import InvalidInputError
+
+DISTRIBUTIONS = ("mujoco", "pin", "exudyn", "numpy", "numba")
+
+
+@dataclass(frozen=True)
+class SpeedResults(Results):
+    """All that the benchmark found.
+
+    Attributes:
+        machine: cores, kernel, versions.
+        absent: peers that are not installed, and how to install them.
+        checks: of equality.
+        lanes: runs; none if only equality was checked.
+        ratios: of CPU times at equal error.
+        scaling: CPU times over size.
+        ticks: CPU times of a tick.
+        goals: and whether they are met.
+        problems: that were asked for.
+    """
+
+    NAME: ClassVar[str] = "bench_speed"
+    FAULT: ClassVar[str] = "not all compute the same motion: see the table of equality"
+
+    machine: Mapping[str, object]
+    absent: Mapping[str, str]
+    checks: tuple[Check, ...]
+    lanes: tuple[Lane, ...] = ()
+    ratios: tuple[Ratio, ...] = ()
+    scaling: tuple[Growth, ...] = ()
+    ticks: tuple[TickTime, ...] = ()
+    goals: tuple[Verdict, ...] = ()
+    problems: tuple[Problem, ...] = ()
+
+    @property
+    def sound(self) -> bool:
+        """Whether we compute every motion by every rule, and each peer those it can do by one."""
+        ours = all(check.passed for check in self.checks if check.peer == OWN)
+        asked = {(check.problem, check.peer) for check in self.checks if check.suitable}
+        done = {(check.problem, check.peer) for check in self.checks if check.passed}
+        return ours and asked <= done
+
+    def document(self) -> dict[str, object]:
+        """Return all but the problems."""
+        names = ("machine", "absent", "checks", "lanes", "ratios", "scaling", "ticks", "goals")
+        return {name: plain(getattr(self, name)) for name in (*names, "sound")}
+
+    def sheets(self) -> Iterator[Sheet]:
+        """Yield the tables of what there is."""
+        return sheets(self.checks, self.lanes, self.scaling, self.ticks, self.goals)
+
+    def notes(self) -> Iterable[str]:
+        """Return what the machine is."""
+        return [about(self.machine)]
+
+    def figures(self) -> Mapping[str, Figure]:
+        """Return error over CPU time, if anything was timed."""
+        return {"bench_speed.png": drawn(self.lanes, self.problems)} if self.lanes else {}
+
+
+def run_speed(plan: Plan, show: Show = silent) -> SpeedResults:
+    """Carry out a plan."""
+    for name, reason in plan.absent.items():
+        show(f"without {name}: {reason}")
+    checks: list[Check] = []
+    lanes: list[Lane] = []
+    for problem in plan.problems:
+        show(f"{problem.name}: equality")
+        of_problem = check_all([problem], plan.peers)
+        checks += of_problem
+        if not plan.smoke:
+            lanes += race(problem, plan.peers, of_problem, plan.effort, show)
+    if plan.smoke:
+        return SpeedResults(_about(), plan.absent, tuple(checks), problems=plan.problems)
+    grown: tuple[Growth, ...] = ()
+    ticks: tuple[TickTime, ...] = ()
+    if plan.all_scenes:
+        sizes = SIZES[:2] if plan.effort.quick else SIZES
+        effort = plan.effort
+        grown, more = growth(plan.peers, sizes, effort.repeats, effort.budget_s, show)
+        checks += more
+        show("ticks")
+        ticks = tick_times()
+    return SpeedResults(
+        _about(),
+        plan.absent,
+        tuple(checks),
+        tuple(lanes),
+        ratios(lanes, OWN),
+        grown,
+        ticks,
+        # What was measured over fewer sizes says little of growth.
+        verdicts(lanes, () if plan.effort.quick else grown, ticks),
+        plan.problems,
+    )
+
+
+def speed(
+    scenes: Annotated[str, typer.Option(help="by name; all if not given")] = "",
+    peers: Annotated[str, typer.Option(help="of mujoco, pinocchio, exudyn; all if not given")] = "",
+    integrators: Annotated[
+        str,
+        typer.Option(help="of ours, each with steps in units of a scene if wished: rk4:10:5:2,rk2"),
+    ] = "rk4",
+    repeats: Annotated[int, typer.Option(help="timed runs, of all in turn")] = 5,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="few steps, short runs, no large scenes")
+    ] = False,
+    smoke: Annotated[
+        bool, typer.Option("--smoke", help="check that all compute the same, time nothing")
+    ] = False,
+    out: OutOption = Path("bench"),
+    figure: FigureOption = None,
+    json_only: JsonOption = False,
+) -> None:
+    """Race other simulators on the same mechanisms: equality first, then CPU time at precision."""
+    chosen = plan(words(scenes), words(peers), _integrators(integrators), repeats, quick, smoke)
+    carry_out(lambda show: run_speed(chosen, show), out, json_only, figure)
+
+
+def _integrators(text: str) -> dict[str, tuple[float, ...]]:
+    found = {}
+    for word in words(text):
+        name, *steps = word.split(":")
+        try:
+            found[name] = tuple(float(step) for step in steps)
+        except ValueError:
+            rule = "must be names, each with numbers behind colons if wished"
+            raise InvalidInputError("--integrators", text, rule) from None
+    return found
+
+
+def _about() -> dict[str, object]:
+    return {**machine(), **{name: _version(name) for name in DISTRIBUTIONS}}
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "-"

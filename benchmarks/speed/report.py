@@ -1,0 +1,127 @@
+"""The speed benchmark as tables: for a terminal, and for a document."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from benchmarks.accuracy.benchmark import step_text
+from benchmarks.goals import Verdict, goal_sheet
+from benchmarks.speed.contender import setting_text
+from benchmarks.speed.equality import Check
+from benchmarks.speed.fronts import TARGETS, cost, front, ratios
+from benchmarks.speed.lane import Lane
+from benchmarks.speed.own_peer import NAME as OWN
+from benchmarks.speed.scaling import TITLES, Growth
+from benchmarks.speed.tick import TickTime
+from hapticmech_ros.analysis.study import Sheet, judged
+
+# Columns of words, which stand to the left.
+WORDS = ("peer", "method", "outcome", "closures")
+NOT_REACHED = "not reached"
+
+
+def sheets(
+    checks: Sequence[Check],
+    lanes: Sequence[Lane],
+    grown: Sequence[Growth],
+    ticks: Sequence[TickTime],
+    goals: Sequence[Verdict],
+) -> Iterator[Sheet]:
+    """Yield the tables of what there is."""
+    if checks:
+        yield _equality(checks)
+    if lanes:
+        yield _costs(lanes)
+        yield _runs(lanes)
+    if grown:
+        yield _growth(grown)
+    if ticks:
+        yield _ticks(ticks)
+    if goals:
+        yield goal_sheet(goals)
+
+
+def _equality(checks: Sequence[Check]) -> Sheet:
+    rows = tuple(
+        (
+            check.problem,
+            check.peer,
+            check.method,
+            _scientific(check.coarse),
+            _scientific(check.fine),
+            _scientific(check.bound) if check.suitable else "",
+            judged("pass", True)
+            if check.passed
+            else check.reason
+            if check.suitable
+            else f"no: {check.reason}",
+        )
+        for check in checks
+    )
+    headings = ("scene", "peer", "method", "coarse", "fine", "bound", "outcome")
+    return Sheet("equality: error at two steps, m or rad", headings, rows, WORDS)
+
+
+def _costs(lanes: Sequence[Lane]) -> Sheet:
+    peers = list(dict.fromkeys(lane.peer for lane in lanes))
+    known = {(ratio.problem, ratio.target): ratio for ratio in ratios(lanes, OWN)}
+    rows = []
+    for name in dict.fromkeys(lane.problem for lane in lanes):
+        members = [lane for lane in lanes if lane.problem == name]
+        for target in TARGETS:
+            cells = [_milli(cost(front(members, peer), target)) for peer in peers]
+            ratio = known[name, target]
+            value = "" if ratio.value is None else f"{ratio.value:.2f} ({ratio.best_peer})"
+            rows.append((name, f"{target:.0e}", *cells, value))
+    title = "CPU time at equal error, ms per simulated second"
+    return Sheet(title, ("scene", "error", *peers, "ours / best peer"), tuple(rows))
+
+
+def _runs(lanes: Sequence[Lane]) -> Sheet:
+    headings = ("scene", "peer", "method", "step", "error", "median", "p90", "max", "closures")
+    rows = tuple(
+        (
+            lane.problem,
+            lane.peer,
+            lane.method,
+            step_text(lane.step),
+            _scientific(lane.error) or lane.failure,
+            *(_milli(time) for time in (lane.median, lane.p90, lane.slowest)),
+            setting_text(lane.setting),
+        )
+        for lane in lanes
+        if lane.raced
+    )
+    return Sheet("runs that were timed: CPU time, ms per simulated second", headings, rows, WORDS)
+
+
+def _growth(grown: Sequence[Growth]) -> Sheet:
+    sizes = grown[0].sizes
+    rows = tuple(
+        (
+            TITLES[one.family],
+            one.peer,
+            one.method,
+            *("-" if cpu is None else f"{1e6 * cpu:.1f}" for cpu in one.cpu_s_per_step),
+            "" if one.exponent is None else f"{one.exponent:.2f}",
+        )
+        for one in grown
+    )
+    headings = ("family", "peer", "method", *(f"N = {size}" for size in sizes), "exponent")
+    return Sheet("CPU time of a step over size, µs", headings, rows, WORDS)
+
+
+def _ticks(ticks: Sequence[TickTime]) -> Sheet:
+    rows = tuple(
+        (tick.name, *(f"{1e6 * time:.2f}" for time in (tick.median, tick.p90, tick.slowest)))
+        for tick in ticks
+    )
+    return Sheet("a tick of the five-bar, CPU time, µs", ("call", "median", "p90", "max"), rows)
+
+
+def _scientific(value: float | None) -> str:
+    return "" if value is None else f"{value:.1e}"
+
+
+def _milli(time: float | None) -> str:
+    return NOT_REACHED if time is None else f"{1e3 * time:.3g}"
