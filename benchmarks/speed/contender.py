@@ -13,7 +13,7 @@ from hapticmech_ros.mechanism import Simulator
 from hapticmech_ros.mechanism.model import Array, TreeModel
 from hapticmech_ros.scene import Scene
 
-EXTRA = "pip install 'hapticmech_ros[bench]'"
+EXTRA = "pip install '.[bench]'"
 Reading = list[tuple[float, ...]]
 # Of how closures are kept, each a number by name that the peer explains.
 Setting = Mapping[str, float]

@@ -71,9 +71,9 @@ class Sheet:
     def table(self) -> Table:
         """Return the sheet for a terminal."""
         table = Table(
-            title=self.title,
+            title=escape(self.title),
             title_justify="left",
-            caption=self.caption or None,
+            caption=escape(self.caption) or None,
             caption_justify="left",
             box=SIMPLE_HEAD,
             padding=(0, 1, 0, 0),

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.__main__ import app
 from benchmarks.ablation.agreement import agreement
 from benchmarks.ablation.benchmark import Settings
 from benchmarks.ablation.findings import Times, rungs, time_in_turn, time_pair, unused
 from benchmarks.ablation.loop import PARTS, Loop
 from benchmarks.ablation.scenes import Variant, ladder, pairs
-from hapticmech_ros.cli import app
 from hapticmech_ros.control import rendering_loop
 from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.errors import InvalidInputError
@@ -166,7 +166,7 @@ def test_settings_refuse_what_says_nothing(bad: dict[str, int]) -> None:
 def test_the_command_writes_files_and_prints_json(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    arguments = ["bench", "ablation", "--rounds", "2", "--ticks", "2", "--checked", "2"]
+    arguments = ["ablation", "--rounds", "2", "--ticks", "2", "--checked", "2"]
     arguments += ["--out", str(tmp_path)]
     run = CliRunner().invoke(app, [*arguments, "--json"])
     assert run.exit_code == 0

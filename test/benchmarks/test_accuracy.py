@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.accuracy import cases
-from benchmarks.accuracy.benchmark import Results
+from benchmarks.accuracy.benchmark import AccuracyResults
 from benchmarks.accuracy.endurance import hour_of, lines, minute_of_windows
 from benchmarks.accuracy.plan import Setting, settings
 from benchmarks.accuracy.run import Run, Watch, measure
@@ -52,12 +52,12 @@ def test_only_the_scene_s_own_setting_is_held_to_its_tolerance(
         ("rk4", 1e-3, True)
     ]
     assert all(run.kept is None for run in stone_runs if not run.own)
-    results = Results({}, stone_runs)
+    results = AccuracyResults({}, stone_runs)
     assert results.sound
     missed = tuple(replace(run, kept=False) if run.own else run for run in stone_runs)
-    assert not Results({}, missed).sound
+    assert not AccuracyResults({}, missed).sound
     broken = tuple(replace(run, kept=None, errors={}) if run.own else run for run in stone_runs)
-    assert not Results({}, broken).sound
+    assert not AccuracyResults({}, broken).sound
 
 
 def test_cpu_time_is_given_per_simulated_second(stone_runs: tuple[Run, ...]) -> None:

@@ -8,14 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from benchmarks.accuracy.report import HEADINGS, cells, markdown, tables
 from rich.console import Console
 from typer.testing import CliRunner
 
+from benchmarks.__main__ import app
 from benchmarks.accuracy import cases
-from benchmarks.accuracy.benchmark import run_accuracy
+from benchmarks.accuracy.benchmark import HEADINGS, AccuracyResults, cells, run_accuracy
 from benchmarks.accuracy.endurance import LongRun, lines
-from benchmarks.accuracy.figure import draw
+from benchmarks.accuracy.figure import drawn
 from benchmarks.accuracy.plan import (
     INTEGRATOR_NAMES,
     LARGE_MULTIPLES,
@@ -23,8 +23,8 @@ from benchmarks.accuracy.plan import (
     settings,
 )
 from benchmarks.accuracy.run import Run
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.experiment.figure_style import save
 
 from .conftest import falling
 
@@ -91,8 +91,8 @@ PASSED = Run(
 def test_what_failed_is_said_once_with_its_reason() -> None:
     shown = io.StringIO()
     again = replace(FAILED, step=5e-4)
-    for table in tables([PASSED, FAILED, again], [falling()]):
-        Console(width=100, file=shown).print(table)
+    for sheet in AccuracyResults({}, (PASSED, FAILED, again), (falling(),)).sheets():
+        Console(width=100, file=shown).print(sheet.table())
     text = shown.getvalue()
     assert "Z01 Stone (stone)" in text
     assert text.count("failed") == 2
@@ -117,7 +117,7 @@ def test_a_line_says_all_that_was_found() -> None:
 def test_the_table_of_a_document_has_a_line_for_each_case_and_integrator() -> None:
     steps = (4e-3, 1e-3, 2.5e-4)
     runs = [replace(PASSED, step=step) for step in steps] + [replace(FAILED, step=2e-3)]
-    text = markdown(runs, [falling()]).splitlines()
+    text = AccuracyResults({}, tuple(runs), (falling(),)).markdown().splitlines()[2:]
     assert {line.count("|") for line in text} == {len(HEADINGS) + 2}
     assert [line.split("|")[2:4] for line in text[2:]] == [
         [" rk4 ", " 1 ms * "],
@@ -128,13 +128,14 @@ def test_the_table_of_a_document_has_a_line_for_each_case_and_integrator() -> No
 def test_files_are_written_and_hold_every_run(tmp_path: Path) -> None:
     chosen = settings(integrators=["rk4", "rk2"], multiples=(3.0, 1.0), known=[falling()])
     told: list[str] = []
-    results = run_accuracy(chosen, tmp_path / "out", told.append, compiled=False)
+    results = run_accuracy(chosen, told.append, compiled=False)
+    results.write(tmp_path / "out")
     document = json.loads((tmp_path / "out" / "bench_accuracy.json").read_text("utf-8"))
     assert [run["integrator"] for run in document["runs"]] == ["rk4", "rk4", "rk2", "rk2"]
     assert document["sound"] is results.sound is True
     assert document["runs"][1]["error"] == results.runs[1].error
     assert (tmp_path / "out" / "bench_accuracy.png").read_bytes().startswith(b"\x89PNG")
-    assert (tmp_path / "out" / "bench_accuracy.md").read_text("utf-8").count("\n") == 4
+    assert (tmp_path / "out" / "bench_accuracy.md").read_text("utf-8").count("| stone |") == 2
     assert sum("failed" in line for line in told) == 2
 
 
@@ -142,12 +143,12 @@ def test_files_are_written_and_hold_every_run(tmp_path: Path) -> None:
 def test_the_picture_is_drawn_of_any_number_of_cases(tmp_path: Path, count: int) -> None:
     runs = [replace(PASSED, case=f"case{k}", errors={"p": 0.0}) for k in range(count)]
     runs += [replace(FAILED, case="alone")] if count else []
-    path = draw(runs, [falling()], tmp_path / "picture.png")
+    path = save(drawn(runs, [falling()]), tmp_path / "picture.png")
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_command_prints_json_and_nothing_else(tmp_path: Path) -> None:
-    words = ["bench", "accuracy", "--cases", "bricard", "--integrators", "rk4", "--steps", "20"]
+    words = ["accuracy", "--cases", "bricard", "--integrators", "rk4", "--steps", "20"]
     figure = tmp_path / "picture.png"
     found = CliRunner().invoke(
         app, [*words, "--json", "--out", str(tmp_path), "--figure", str(figure)]
@@ -164,7 +165,7 @@ def test_the_command_fails_where_a_case_misses_its_tolerance(
 ) -> None:
     strict = replace(falling(), outputs=tuple(replace(o, tolerance=0.0) for o in falling().outputs))
     monkeypatch.setattr("benchmarks.accuracy.plan.cases", lambda: (strict,))
-    words = ["bench", "accuracy", "--integrators", "rk4", "--steps", "1", "--out", str(tmp_path)]
+    words = ["accuracy", "--integrators", "rk4", "--steps", "1", "--out", str(tmp_path)]
     assert CliRunner().invoke(app, words).exit_code == 1
 
 
@@ -176,7 +177,7 @@ def test_the_long_command_writes_its_runs_and_fails_with_them(
     place = "benchmarks.accuracy.endurance"
     monkeypatch.setattr(f"{place}.hour_of", lambda case, show: seen)
     monkeypatch.setattr(f"{place}.minute_of_windows", lambda show: replace(seen, off_branch=0.0))
-    words = ["bench", "accuracy", "--long", "--json", "--out", str(tmp_path)]
+    words = ["accuracy", "--long", "--json", "--out", str(tmp_path)]
     found = CliRunner().invoke(app, words)
     assert found.exit_code == (1 if failure else 0)
     document = json.loads(found.stdout)

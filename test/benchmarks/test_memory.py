@@ -10,12 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.memory.session_run import watch_session
 from typer.testing import CliRunner
 
-from benchmarks.memory.benchmark import Settings
+from benchmarks.__main__ import app
+from benchmarks.memory.benchmark import Settings, watch_session
 from benchmarks.memory.growth import GROWTH_IN_AN_HOUR, LEAST_SAMPLES, Watch, grown, resident, trend
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import load_scene
 
@@ -108,13 +107,13 @@ def test_a_session_is_watched_from_its_first_tick_to_its_last() -> None:
 
 
 def test_the_command_writes_files_and_says_what_grows(tmp_path: Path) -> None:
-    arguments = ["bench", "memory", "two_link", "--hours", "0.0002", "--minutes", "0"]
+    arguments = ["memory", "two_link", "--hours", "0.0002", "--minutes", "0"]
     run = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path), "--json"])
     document = json.loads(run.stdout)
     assert run.exit_code == (0 if document["flat"] else 1)
     assert document == json.loads((tmp_path / "bench_memory.json").read_text(encoding="utf-8"))
     (process,) = document["processes"]
     assert process["ticks"] == 720
-    assert (process["verdict"] == "flat") == document["flat"]
-    assert len(document["samples"]["session"]["times"]) == 401
+    assert (process["trend"]["verdict"] == "flat") == document["flat"]
+    assert len(document["watches"]["session"]["times"]) == 401
     assert (tmp_path / "bench_memory.png").stat().st_size > 5_000

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import io
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
+from benchmarks.goals import goal_sheet
 from benchmarks.graph.benchmark import ANSWERING
 from benchmarks.graph.checks import Check
 from benchmarks.graph.comparison import Comparison, compare
-from benchmarks.graph.figure import plot
+from benchmarks.graph.figure import drawn
 from benchmarks.graph.goals import verdicts
 from benchmarks.graph.plan import Configuration
-from benchmarks.graph.report import configuration_tables, goal_table
+from benchmarks.graph.report import configuration_sheets
 from benchmarks.graph.run import Run
+from hapticmech_ros.analysis.study import plain
+from hapticmech_ros.experiment.figure_style import save
 
 from .conftest import COMPOSED, SEPARATE, MakeRun
 
@@ -36,9 +38,9 @@ def test_what_failed_is_said(comparisons: list[Comparison]) -> None:
     shown = io.StringIO()
     console = Console(width=160, file=shown)
     for comparison in comparisons:
-        for table in configuration_tables(comparison):
-            console.print(table)
-    console.print(goal_table(verdicts(comparisons)))
+        for sheet in configuration_sheets(comparison):
+            console.print(sheet.table())
+    console.print(goal_sheet(verdicts(comparisons)).table())
     text = shown.getvalue()
     for words in ("7 of 20000", "12 refused", "never engaged", "FAIL", "pass"):
         assert words in text
@@ -46,7 +48,7 @@ def test_what_failed_is_said(comparisons: list[Comparison]) -> None:
 
 
 def test_results_are_json_without_infinities(comparisons: list[Comparison]) -> None:
-    text = json.dumps([asdict(one) for one in comparisons], allow_nan=False)
+    text = json.dumps(plain(comparisons), allow_nan=False)
     assert len(json.loads(text)) == len(comparisons)
 
 
@@ -54,5 +56,5 @@ def test_the_picture_is_drawn_also_of_runs_without_figures(
     comparisons: list[Comparison], tmp_path: Path
 ) -> None:
     for number in range(1, len(comparisons) + 1):
-        path = plot(comparisons[-number:], tmp_path / f"{number}.png", 20.0, 2)
+        path = save(drawn(comparisons[-number:], 20.0, 2), tmp_path / f"{number}.png")
         assert path.read_bytes().startswith(b"\x89PNG")

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.graph.goals import Verdict
-from benchmarks.speed.benchmark import Results, run_speed
+from benchmarks.__main__ import app
+from benchmarks.goals import Verdict
+from benchmarks.speed.benchmark import SpeedResults, run_speed
 from benchmarks.speed.equality import Check
 from benchmarks.speed.fronts import Point, cost, front, ratios
 from benchmarks.speed.goals import verdicts
@@ -28,7 +29,6 @@ from benchmarks.speed.tick import (
     TickTime,
     tick_times,
 )
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 
 CHEAP = Effort(repeats=2, budget_s=0.01, limit_s=0.2, quick=True)
@@ -162,15 +162,16 @@ def test_a_tick_is_timed_beside_others_that_agree() -> None:
 def test_results_are_sound_if_each_peer_has_one_method_that_passes() -> None:
     passed, failed = Check("a", "exudyn", "x"), Check("a", "exudyn", "y", reason="no")
     unsuitable = Check("b", "exudyn", "x", reason="no", suitable=False)
-    assert Results({}, {}, (passed, failed, unsuitable)).sound
-    assert not Results({}, {}, (failed,)).sound
-    assert not Results({}, {}, (Check("a", "hapticmech", "rk4", reason="no"),)).sound
+    assert SpeedResults({}, {}, (passed, failed, unsuitable)).sound
+    assert not SpeedResults({}, {}, (failed,)).sound
+    assert not SpeedResults({}, {}, (Check("a", "hapticmech", "rk4", reason="no"),)).sound
 
 
 def test_a_run_leaves_tables_numbers_and_a_picture(tmp_path: Path) -> None:
     chosen = plan(["pendulum"], ["pinocchio"], repeats=1, quick=True)
     told: list[str] = []
-    results = run_speed(chosen, tmp_path, told.append)
+    results = run_speed(chosen, told.append)
+    results.write(tmp_path)
     assert told
     assert results.sound
     document = json.loads((tmp_path / "bench_speed.json").read_text(encoding="utf-8"))
@@ -183,7 +184,7 @@ def test_a_run_leaves_tables_numbers_and_a_picture(tmp_path: Path) -> None:
 
 
 def test_the_command_checks_equality_alone(tmp_path: Path) -> None:
-    words = ["bench", "speed", "--smoke", "--scenes", "five_bar", "--peers", "mujoco,pinocchio"]
+    words = ["speed", "--smoke", "--scenes", "five_bar", "--peers", "mujoco,pinocchio"]
     found = CliRunner().invoke(app, [*words, "--json", "--out", str(tmp_path)])
     assert found.exit_code == 0, found.output
     document = json.loads(found.stdout.splitlines()[-1])
@@ -204,7 +205,7 @@ def test_the_command_checks_equality_alone(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_not_there_is_named(words: list[str], rule: str, tmp_path: Path) -> None:
-    found = CliRunner().invoke(app, ["bench", "speed", *words, "--out", str(tmp_path)])
+    found = CliRunner().invoke(app, ["speed", *words, "--out", str(tmp_path)])
     assert found.exit_code == 1
     assert isinstance(found.exception, InvalidInputError)
     assert rule in str(found.exception)

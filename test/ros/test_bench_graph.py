@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.graph.bare_node import PHASES
-from benchmarks.graph.benchmark import JSON_NAME, PLOT_NAME, Results, run_benchmark
+from benchmarks.graph.benchmark import GraphResults, run_benchmark
 from benchmarks.graph.checks import Expected
 from benchmarks.graph.plan import Configuration, Plan, Step
 from benchmarks.graph.run import Run, measure
@@ -34,10 +34,12 @@ def alone(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(os.environ, name, value)
 
 
-def run(out: Path, recorded: bool, layout: str = "separate") -> tuple[Results, list[str]]:
+def run(out: Path, recorded: bool, layout: str = "separate") -> tuple[GraphResults, list[str]]:
     plan = Plan("five_bar", (RATE_HZ,), (layout,), (recorded,), SECONDS, 1)  # type: ignore[arg-type]
     told: list[str] = []
-    return run_benchmark(plan, out, told.append), told
+    results = run_benchmark(plan, out, told.append)
+    results.write(out)
+    return results, told
 
 
 def conserves(run: Run) -> None:
@@ -72,10 +74,10 @@ def test_both_graphs_are_run_and_written_down(alone: None, tmp_path: Path) -> No
         assert {*NODES, "probe"} == set(one.load.cpu)
         assert one.recorded is None
     assert results.machine["rmw"] == "rmw_fastrtps_cpp"
-    document = json.loads((tmp_path / JSON_NAME).read_text())
+    document = json.loads((tmp_path / "bench_graph.json").read_text())
     assert document["sound"] == results.sound
     assert len(document["runs"]) == 2
-    assert (tmp_path / PLOT_NAME).stat().st_size > 0
+    assert (tmp_path / "bench_graph.png").stat().st_size > 0
     # What the nodes printed as they ended is kept, not shown.
     log = (tmp_path / "nodes.log").read_text()
     assert all(f"bare {name}: " in log and f"\n{name}: " in f"\n{log}" for name in NODES)
