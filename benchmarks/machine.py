@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from hapticmech_ros.analysis.study import Results
+
 PROC = Path("/proc")
 
 
@@ -96,6 +98,16 @@ def _processor() -> str:
     return platform.machine()
 
 
-def about(facts: Mapping[str, object]) -> str:
-    """Return what a reader has to know of the machine, in a line."""
-    return ", ".join(f"{name} {value}" for name, value in facts.items())
+@dataclass(frozen=True)
+class MachineResults(Results):
+    """Results that depend on the machine.
+
+    Attributes:
+        machine: cores, kernel, versions.
+    """
+
+    machine: Mapping[str, object]
+
+    def notes(self) -> list[str]:
+        """Return what the machine is, in a line."""
+        return [", ".join(f"{name} {value}" for name, value in self.machine.items())]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -23,8 +23,8 @@ from benchmarks.ablation.findings import (
 )
 from benchmarks.ablation.loop import PARTS
 from benchmarks.ablation.scenes import Variant, ladder, pairs
-from benchmarks.machine import about, machine
-from hapticmech_ros.analysis.study import Marked, Results, Sheet, Show, judged, silent
+from benchmarks.machine import MachineResults, machine
+from hapticmech_ros.analysis.study import Marked, Sheet, Show, judged, silent
 from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.errors import InvalidInputError
@@ -82,11 +82,10 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class AblationResults(Results):
+class AblationResults(MachineResults):
     """All that was found.
 
     Attributes:
-        machine: cores, kernel, versions.
         settings: how long was looked.
         ladder: scenes, each with one feature more.
         unused: pairs with and without something that is not used.
@@ -95,7 +94,6 @@ class AblationResults(Results):
     NAME: ClassVar[str] = "bench_ablation"
     FAULT: ClassVar[str] = "kernels differ from the readable implementation"
 
-    machine: Mapping[str, object]
     settings: Settings
     ladder: tuple[Rung, ...]
     unused: tuple[Unused, ...]
@@ -138,10 +136,6 @@ class AblationResults(Results):
             for one in self.unused
         )
         yield Sheet("what is not used", headings, rows, ("verdict",))
-
-    def notes(self) -> Iterable[str]:
-        """Return what the machine is."""
-        return [about(self.machine)]
 
     def figures(self) -> Mapping[str, Figure]:
         """Return parts of a tick, scene by scene, and what is not used beside it."""

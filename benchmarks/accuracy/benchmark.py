@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from math import log
@@ -17,8 +17,8 @@ from benchmarks.accuracy.endurance import endurance
 from benchmarks.accuracy.figure import drawn
 from benchmarks.accuracy.plan import Setting, settings
 from benchmarks.accuracy.run import Run, measure
-from benchmarks.machine import about, machine
-from hapticmech_ros.analysis.study import Results, Sheet, Show, judged, plain, silent
+from benchmarks.machine import MachineResults, machine
+from hapticmech_ros.analysis.study import Sheet, Show, judged, plain, silent
 from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import FigureOption, JsonOption, carry_out, numbers
 
@@ -34,11 +34,10 @@ LEGEND = (
 
 
 @dataclass(frozen=True)
-class AccuracyResults(Results):
+class AccuracyResults(MachineResults):
     """All that the benchmark found.
 
     Attributes:
-        machine: cores, kernel, versions.
         runs: in the order of the settings.
         known: cases that were run.
     """
@@ -46,7 +45,6 @@ class AccuracyResults(Results):
     NAME: ClassVar[str] = "bench_accuracy"
     FAULT: ClassVar[str] = "a case misses its tolerance with its own step and integrator"
 
-    machine: Mapping[str, object]
     runs: tuple[Run, ...]
     known: tuple[Case, ...] = ()
 
@@ -73,9 +71,9 @@ class AccuracyResults(Results):
             rows = tuple(_marked(run) for run in members)
             yield Sheet(f"{titles.get(name, name)} ({name})", HEADINGS, rows, caption=caption)
 
-    def notes(self) -> Iterable[str]:
+    def notes(self) -> list[str]:
         """Return what the machine is, and what the columns mean."""
-        return [about(self.machine), LEGEND]
+        return [*super().notes(), LEGEND]
 
     def figures(self) -> Mapping[str, Figure]:
         """Return error over CPU time."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, cast
@@ -19,8 +19,8 @@ from benchmarks.graph.goals import verdicts
 from benchmarks.graph.plan import Layout, Plan, scene_at_rate
 from benchmarks.graph.report import configuration_sheets
 from benchmarks.graph.run import SETTLES_S, Run, graph_environment, measure, probe_command
-from benchmarks.machine import about, machine
-from hapticmech_ros.analysis.study import Results, Sheet, Show, silent
+from benchmarks.machine import MachineResults, machine
+from hapticmech_ros.analysis.study import Sheet, Show, silent
 from hapticmech_ros.cli.console import OutOption, SceneArgument, words
 from hapticmech_ros.cli.study import JsonOption, carry_out, numbers
 from hapticmech_ros.scene import load_scene
@@ -31,11 +31,10 @@ ANSWERING = {CONTROLLER: DEVICE, ANALYSER: MECHANISM}
 
 
 @dataclass(frozen=True)
-class GraphResults(Results):
+class GraphResults(MachineResults):
     """All that the benchmark found.
 
     Attributes:
-        machine: cores, kernel, versions.
         plan: what was run.
         session: what the real graph was expected to do.
         runs: in the order of time.
@@ -46,7 +45,6 @@ class GraphResults(Results):
     NAME: ClassVar[str] = "bench_graph"
     FAULT: ClassVar[str] = "some runs did not pass their checks: their times mean little"
 
-    machine: Mapping[str, object]
     plan: Plan
     session: Expected
     runs: tuple[Run, ...]
@@ -64,10 +62,6 @@ class GraphResults(Results):
         for comparison in self.comparisons:
             yield from configuration_sheets(comparison)
         yield goal_sheet(self.goals)
-
-    def notes(self) -> Iterable[str]:
-        """Return what the machine is."""
-        return [about(self.machine)]
 
     def figures(self) -> Mapping[str, Figure]:
         """Return latency over rate, real and bare, and CPU time by node."""

@@ -5,32 +5,30 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, cast
+from typing import TYPE_CHECKING, Annotated, ClassVar, cast
 
-import numpy as np
 import typer
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from benchmarks.children import BenchError, Teller, ids, output_to
-from benchmarks.graph.figure import PROCESS_COLOURS
 from benchmarks.graph.plan import LAYOUTS, Configuration, Layout, Step, scene_at_rate
 from benchmarks.graph.run import graph_environment, probe_command, start_graph, wait_until_engaged
 from benchmarks.graph.statuses import status_of
-from benchmarks.machine import about, machine
+from benchmarks.machine import MachineResults, machine
 from benchmarks.memory.growth import HOUR, WARM_UP_SHARE, Grown, Watch, grown
-from hapticmech_ros.analysis.study import Results, Sheet, Show, judged, silent
+from hapticmech_ros.analysis.study import Sheet, Show, judged, silent
 from hapticmech_ros.cli.console import OutOption, SceneArgument
 from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.experiment.figure_style import BLUE, GREY, TEXT, dress, legend, new_figure
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.session import Session
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 RATE_HZ = 1000.0
 MINUTE = 60.0
@@ -38,10 +36,6 @@ MEBI = float(1 << 20)
 SAMPLES = 400
 # Lines that tell how far a session is.
 TOLD = 20
-CAPTION = (
-    "Resident size of each process, less what it was at the end of the warm-up (dotted line); the "
-    "session over simulated time, nodes over time. Sizes go in pages of 4 KiB."
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,11 +76,10 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class MemoryResults(Results):
+class MemoryResults(MachineResults):
     """All that was found.
 
     Attributes:
-        machine: cores, kernel, versions.
         settings: what was watched.
         processes: how each has grown.
         watches: samples of the ``session`` and of the ``graph``.
@@ -96,7 +89,6 @@ class MemoryResults(Results):
     NAME: ClassVar[str] = "bench_memory"
     FAULT: ClassVar[str] = "something grows"
 
-    machine: Mapping[str, object]
     settings: Settings
     processes: tuple[Grown, ...]
     watches: Mapping[str, Watch]
@@ -132,20 +124,17 @@ class MemoryResults(Results):
         title = "resident size after the warm-up, MiB"
         yield Sheet(title, ("process", *numbers, "verdict"), tuple(rows), ("verdict",))
 
-    def notes(self) -> Iterable[str]:
+    def notes(self) -> list[str]:
         """Return what nodes said of themselves, and what the machine is."""
         said = (f"{node}: {sentence}" for node, sentence in self.said.items())
-        return [*said, about(self.machine)]
+        return [*said, *super().notes()]
 
     def figures(self) -> Mapping[str, Figure]:
         """Return the growth of each process over time, a panel for each watch."""
-        figure = new_figure(5.5 * max(len(self.watches), 1), 3.6, CAPTION)
-        panels = figure.subplots(1, max(len(self.watches), 1), squeeze=False)[0]
-        for axes, (name, watch) in zip(panels, self.watches.items(), strict=False):
-            _panel(axes, watch, self.settings.warm_up)
-            pad = 44 if len(watch.resident) > 1 else 6
-            axes.set_title(name, fontsize=TEXT, loc="left", pad=pad)
-        return {"bench_memory.png": figure}
+        # Not before: matplotlib would count in the session's memory.
+        from benchmarks.memory.figure import drawn
+
+        return {"bench_memory.png": drawn(self.watches, self.settings.warm_up)}
 
 
 def run_memory(settings: Settings, out: Path, show: Show = silent) -> MemoryResults:
@@ -257,19 +246,3 @@ def memory(
     # The settings refuse layouts that they do not know.
     settings = Settings(scene, hours, minutes, period, cast("Layout", layout), warm_up)
     carry_out(lambda show: run_memory(settings, out, show), out, json_only)
-
-
-def _panel(axes: Axes, watch: Watch, warm_up: float) -> None:
-    minutes = np.array(watch.times) / 60.0
-    settled = warm_up * float(minutes[-1])
-    begin = int(np.searchsorted(minutes, settled))
-    for name, sizes in watch.resident.items():
-        grown = (np.array(sizes) - sizes[begin]) / (1 << 10)
-        colour = PROCESS_COLOURS.get(name, BLUE)
-        axes.plot(minutes, grown, color=colour, linewidth=1.2, label=name)
-    axes.axvline(settled, color=GREY, linestyle=":", linewidth=1.2)
-    dress(axes, "time (min)", "growth (KiB)")
-    # Growth that is worth a word, a megabyte, is seen; what starting takes is not to hide it.
-    axes.set_ylim(-1024.0, 1024.0)
-    if len(watch.resident) > 1:
-        legend(axes, 2)

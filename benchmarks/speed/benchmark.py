@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -12,7 +12,7 @@ import typer
 from matplotlib.figure import Figure
 
 from benchmarks.goals import Verdict
-from benchmarks.machine import about, machine
+from benchmarks.machine import MachineResults, machine
 from benchmarks.speed.equality import Check, check_all
 from benchmarks.speed.figure import drawn
 from benchmarks.speed.fronts import Ratio, ratios
@@ -25,7 +25,7 @@ from benchmarks.speed.race import race
 from benchmarks.speed.report import sheets
 from benchmarks.speed.scaling import SIZES, Growth, growth
 from benchmarks.speed.tick import TickTime, tick_times
-from hapticmech_ros.analysis.study import Results, Sheet, Show, plain, silent
+from hapticmech_ros.analysis.study import Sheet, Show, plain, silent
 from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import FigureOption, JsonOption, carry_out
 from hapticmech_ros.errors import InvalidInputError
@@ -34,11 +34,10 @@ DISTRIBUTIONS = ("mujoco", "pin", "exudyn", "numpy", "numba")
 
 
 @dataclass(frozen=True)
-class SpeedResults(Results):
+class SpeedResults(MachineResults):
     """All that the benchmark found.
 
     Attributes:
-        machine: cores, kernel, versions.
         absent: peers that are not installed, and how to install them.
         checks: of equality.
         lanes: runs; none if only equality was checked.
@@ -52,7 +51,6 @@ class SpeedResults(Results):
     NAME: ClassVar[str] = "bench_speed"
     FAULT: ClassVar[str] = "not all compute the same motion: see the table of equality"
 
-    machine: Mapping[str, object]
     absent: Mapping[str, str]
     checks: tuple[Check, ...]
     lanes: tuple[Lane, ...] = ()
@@ -78,10 +76,6 @@ class SpeedResults(Results):
     def sheets(self) -> Iterator[Sheet]:
         """Yield the tables of what there is."""
         return sheets(self.checks, self.lanes, self.scaling, self.ticks, self.goals)
-
-    def notes(self) -> Iterable[str]:
-        """Return what the machine is."""
-        return [about(self.machine)]
 
     def figures(self) -> Mapping[str, Figure]:
         """Return error over CPU time, if anything was timed."""

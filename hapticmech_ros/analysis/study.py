@@ -12,15 +12,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from hapticmech_ros.experiment.figure_style import save
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Told of the progress, a line at a time.
 Show = Callable[[str], None]
@@ -141,6 +141,8 @@ class Results(ABC):
             out: folder, made if it is not there.
             figure: path of the first figure; in the folder if None.
         """
+        from hapticmech_ros.experiment.figure_style import save
+
         out.mkdir(parents=True, exist_ok=True)
         text = json.dumps(self.document(), indent=1, ensure_ascii=False, allow_nan=False)
         (out / f"{self.NAME}.json").write_text(text + "\n", encoding="utf-8")

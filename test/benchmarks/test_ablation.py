@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.__main__ import app
+from benchmarks.__main__ import app_of
 from benchmarks.ablation.agreement import agreement
 from benchmarks.ablation.benchmark import Settings
 from benchmarks.ablation.findings import Times, rungs, time_in_turn, time_pair, unused
@@ -168,7 +168,7 @@ def test_the_command_writes_files_and_prints_json(
 ) -> None:
     arguments = ["ablation", "--rounds", "2", "--ticks", "2", "--checked", "2"]
     arguments += ["--out", str(tmp_path)]
-    run = CliRunner().invoke(app, [*arguments, "--json"])
+    run = CliRunner().invoke(app_of(), [*arguments, "--json"])
     assert run.exit_code == 0
     document = json.loads(run.stdout)
     assert document == json.loads((tmp_path / "bench_ablation.json").read_text(encoding="utf-8"))
@@ -176,5 +176,5 @@ def test_the_command_writes_files_and_prints_json(
     assert [pair["name"] for pair in document["unused"]] == [pair.name for pair in PAIRS]
     assert document["sound"] is True
     assert (tmp_path / "bench_ablation.png").stat().st_size > 10_000
-    text = CliRunner().invoke(app, arguments).stdout
+    text = CliRunner().invoke(app_of(), arguments).stdout
     assert "what is not used" in text

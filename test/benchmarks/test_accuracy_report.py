@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from benchmarks.__main__ import app
+from benchmarks.__main__ import app_of
 from benchmarks.accuracy import cases
 from benchmarks.accuracy.benchmark import HEADINGS, AccuracyResults, cells, run_accuracy
 from benchmarks.accuracy.endurance import LongRun, lines
@@ -151,7 +151,7 @@ def test_the_command_prints_json_and_nothing_else(tmp_path: Path) -> None:
     words = ["accuracy", "--cases", "bricard", "--integrators", "rk4", "--steps", "20"]
     figure = tmp_path / "picture.png"
     found = CliRunner().invoke(
-        app, [*words, "--json", "--out", str(tmp_path), "--figure", str(figure)]
+        app_of(), [*words, "--json", "--out", str(tmp_path), "--figure", str(figure)]
     )
     assert found.exit_code == 0, found.output
     (run,) = json.loads(found.stdout)["runs"]
@@ -166,7 +166,7 @@ def test_the_command_fails_where_a_case_misses_its_tolerance(
     strict = replace(falling(), outputs=tuple(replace(o, tolerance=0.0) for o in falling().outputs))
     monkeypatch.setattr("benchmarks.accuracy.plan.cases", lambda: (strict,))
     words = ["accuracy", "--integrators", "rk4", "--steps", "1", "--out", str(tmp_path)]
-    assert CliRunner().invoke(app, words).exit_code == 1
+    assert CliRunner().invoke(app_of(), words).exit_code == 1
 
 
 @pytest.mark.parametrize("failure", ["", "ClosureError: came apart"])
@@ -178,7 +178,7 @@ def test_the_long_command_writes_its_runs_and_fails_with_them(
     monkeypatch.setattr(f"{place}.hour_of", lambda case, show: seen)
     monkeypatch.setattr(f"{place}.minute_of_windows", lambda show: replace(seen, off_branch=0.0))
     words = ["accuracy", "--long", "--json", "--out", str(tmp_path)]
-    found = CliRunner().invoke(app, words)
+    found = CliRunner().invoke(app_of(), words)
     assert found.exit_code == (1 if failure else 0)
     document = json.loads(found.stdout)
     assert document == json.loads((tmp_path / "bench_accuracy_long.json").read_text("utf-8"))

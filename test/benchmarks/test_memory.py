@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.__main__ import app
+from benchmarks.__main__ import app_of
 from benchmarks.memory.benchmark import Settings, watch_session
 from benchmarks.memory.growth import GROWTH_IN_AN_HOUR, LEAST_SAMPLES, Watch, grown, resident, trend
 from hapticmech_ros.errors import InvalidInputError
@@ -108,7 +108,7 @@ def test_a_session_is_watched_from_its_first_tick_to_its_last() -> None:
 
 def test_the_command_writes_files_and_says_what_grows(tmp_path: Path) -> None:
     arguments = ["memory", "two_link", "--hours", "0.0002", "--minutes", "0"]
-    run = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path), "--json"])
+    run = CliRunner().invoke(app_of(), [*arguments, "--out", str(tmp_path), "--json"])
     document = json.loads(run.stdout)
     assert run.exit_code == (0 if document["flat"] else 1)
     assert document == json.loads((tmp_path / "bench_memory.json").read_text(encoding="utf-8"))

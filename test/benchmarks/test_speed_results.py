@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.__main__ import app
+from benchmarks.__main__ import app_of
 from benchmarks.goals import Verdict
 from benchmarks.speed.benchmark import SpeedResults, run_speed
 from benchmarks.speed.equality import Check
@@ -185,7 +185,7 @@ def test_a_run_leaves_tables_numbers_and_a_picture(tmp_path: Path) -> None:
 
 def test_the_command_checks_equality_alone(tmp_path: Path) -> None:
     words = ["speed", "--smoke", "--scenes", "five_bar", "--peers", "mujoco,pinocchio"]
-    found = CliRunner().invoke(app, [*words, "--json", "--out", str(tmp_path)])
+    found = CliRunner().invoke(app_of(), [*words, "--json", "--out", str(tmp_path)])
     assert found.exit_code == 0, found.output
     document = json.loads(found.stdout.splitlines()[-1])
     assert document["lanes"] == []
@@ -205,7 +205,7 @@ def test_the_command_checks_equality_alone(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_not_there_is_named(words: list[str], rule: str, tmp_path: Path) -> None:
-    found = CliRunner().invoke(app, ["speed", *words, "--out", str(tmp_path)])
+    found = CliRunner().invoke(app_of(), ["speed", *words, "--out", str(tmp_path)])
     assert found.exit_code == 1
     assert isinstance(found.exception, InvalidInputError)
     assert rule in str(found.exception)
