@@ -18,6 +18,7 @@ def app_of(names: Iterable[str] = COMMANDS) -> typer.Typer:
     app = typer.Typer(
         name="python -m benchmarks",
         no_args_is_help=True,
+        add_completion=False,
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )

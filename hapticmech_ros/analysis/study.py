@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
+from rich.console import JustifyMethod
 from rich.markup import escape
 from rich.table import Table
 
@@ -27,6 +28,8 @@ Show = Callable[[str], None]
 
 # Where a value does not exist.
 NOTHING = "-"
+# Of a table's first column, characters that are kept together where there is little room.
+NAME_WIDTH = 20
 
 
 def silent(line: str) -> None:
@@ -78,9 +81,13 @@ class Sheet:
             box=SIMPLE_HEAD,
             padding=(0, 1, 0, 0),
         )
+        # On a narrow terminal numbers are folded before names are.
+        names = [row[0] for row in self.rows if row]
+        least = [min(NAME_WIDTH, max(map(len, names), default=0)), *[None] * len(self.headings)]
         for index, heading in enumerate(self.headings):
             left = index == 0 or heading in self.words
-            table.add_column(heading, justify="left" if left else "right", overflow="fold")
+            justify: JustifyMethod = "left" if left else "right"
+            table.add_column(heading, justify=justify, overflow="fold", min_width=least[index])
         for row in self.rows:
             table.add_row(*(_cell(text) for text in row))
         return table
