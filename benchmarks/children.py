@@ -26,7 +26,7 @@ class BenchError(HapticMechError):
     """A run of a benchmark that could not be carried through."""
 
 
-class Teller:
+class ReportingProcess:
     """A process that tells how it goes by lines of JSON, which a thread gathers.
 
     Use as a context manager: leaving it stops the process.
@@ -66,7 +66,7 @@ class Teller:
         stop_process(self.process)
         self._thread.join(LOOK_AGAIN_S * 10)
 
-    def __enter__(self) -> Teller:
+    def __enter__(self) -> ReportingProcess:
         return self
 
     def __exit__(self, *error: object) -> None:

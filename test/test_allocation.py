@@ -1,7 +1,7 @@
 """Ticks leave nothing behind: what a tick allocates is freed by the next ones, and is little.
 
 ``tracemalloc`` sees what Python and NumPy allocate; what kernels allocate inside is theirs, and is
-seen as resident size by ``hapticmech bench memory``.
+seen as resident size by ``python -m benchmarks memory``.
 """
 
 from __future__ import annotations

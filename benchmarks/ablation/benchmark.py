@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from benchmarks.ablation.agreement import Agreement, agreement
 from benchmarks.ablation.findings import (
     ERRORS,
-    Rung,
+    AblationStep,
     Unused,
-    rungs,
+    ablation_steps,
     time_in_turn,
     time_pair,
     unused,
@@ -95,7 +95,7 @@ class AblationResults(MachineResults):
     FAULT: ClassVar[str] = "kernels differ from the readable implementation"
 
     settings: Settings
-    ladder: tuple[Rung, ...]
+    ladder: tuple[AblationStep, ...]
     unused: tuple[Unused, ...]
 
     @property
@@ -109,16 +109,16 @@ class AblationResults(MachineResults):
         numbers = ("nv", "m", "rank", "apart", "p50", "p90", "p99", "ratio", "more", "±")
         rows = tuple(
             (
-                rung.name,
-                *(str(number) for number in (rung.nv, rung.rows, rung.rank)),
-                f"{rung.apart:.0e}" if rung.agrees else judged(f"{rung.apart:.0e}", False),
-                *(f"{value:.1f}" for value in (rung.median_us, rung.p90_us, rung.p99_us)),
-                f"{rung.ratio:.2f}",
-                f"{rung.increment_us:+.1f}",
-                f"{rung.error_us:.1f}",
-                *(f"{rung.parts_us[part]:.1f}" for part in PARTS),
+                step.name,
+                *(str(number) for number in (step.nv, step.rows, step.rank)),
+                f"{step.apart:.0e}" if step.agrees else judged(f"{step.apart:.0e}", False),
+                *(f"{value:.1f}" for value in (step.median_us, step.p90_us, step.p99_us)),
+                f"{step.ratio:.2f}",
+                f"{step.increment_us:+.1f}",
+                f"{step.error_us:.1f}",
+                *(f"{step.parts_us[part]:.1f}" for part in PARTS),
             )
-            for rung in self.ladder
+            for step in self.ladder
         )
         yield Sheet("a tick of the session, µs", ("scene", *numbers, *PARTS), rows)
         headings = ("", "without", "with it", "difference", "±", "verdict")
@@ -156,7 +156,7 @@ def run_ablation(settings: Settings, show: Show = silent) -> AblationResults:
     show("timing the ladder")
     times = time_in_turn(steps, settings.rounds, settings.ticks, show)
     plans = [plan_scene(step.scene()) for step in steps]
-    found = rungs([step.name for step in steps], plans, step_agreements, times)
+    found = ablation_steps([step.name for step in steps], plans, step_agreements, times)
     compared = []
     for index, pair in enumerate(couples):
         show(f"timing the pair: {pair.name}")
@@ -187,18 +187,18 @@ def _agreements(variants: Sequence[Variant], settings: Settings, show: Show) -> 
     return found
 
 
-def _ladder(axes: Axes, rungs: Sequence[Rung]) -> None:
-    for row, rung in enumerate(rungs):
+def _ladder(axes: Axes, steps: Sequence[AblationStep]) -> None:
+    for row, step in enumerate(steps):
         at = 0.0
         for part in PARTS:
             label = part if row == 0 else None
-            axes.barh(row, rung.parts_us[part], 0.62, left=at, color=COLOURS[part], label=label)
-            at += rung.parts_us[part]
-        axes.plot((rung.median_us, rung.p99_us), (row, row), color=GREY, linewidth=1.2)
-        axes.plot(rung.median_us, row, "|", color=BLACK, markersize=11)
-        text = f" {rung.ratio:.2f}"
-        axes.annotate(text, (rung.p99_us, row), va="center", fontsize=SMALL, color="#555555")
-    axes.set_yticks(range(len(rungs)), [rung.name for rung in rungs])
+            axes.barh(row, step.parts_us[part], 0.62, left=at, color=COLOURS[part], label=label)
+            at += step.parts_us[part]
+        axes.plot((step.median_us, step.p99_us), (row, row), color=GREY, linewidth=1.2)
+        axes.plot(step.median_us, row, "|", color=BLACK, markersize=11)
+        text = f" {step.ratio:.2f}"
+        axes.annotate(text, (step.p99_us, row), va="center", fontsize=SMALL, color="#555555")
+    axes.set_yticks(range(len(steps)), [step.name for step in steps])
     axes.invert_yaxis()
     dress(axes, "time (µs)", "")
     legend(axes, len(PARTS))

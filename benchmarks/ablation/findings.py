@@ -30,7 +30,7 @@ TOLD = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Rung:
+class AblationStep:
     """A scene of the ladder.
 
     Attributes:
@@ -39,8 +39,8 @@ class Rung:
         apart: largest relative difference of kernels and readable implementation.
         agrees: whether that is rounding.
         median_us, p90_us, p99_us: of a whole tick.
-        ratio: median over that of the first rung.
-        increment_us: median of the differences to the rung before, round by round; 0 for the first.
+        ratio: median over that of the first step.
+        increment_us: median of the differences to the step before, round by round; 0 for the first.
         error_us: standard error of that.
         parts_us: median of each part.
     """
@@ -106,12 +106,12 @@ class Unused:
         return f"costs {what}" if self.costs else f"next to nothing: {what}"
 
 
-def rungs(
+def ablation_steps(
     names: Sequence[str],
     plans: Sequence[ScenePlan],
     agreements: Sequence[Agreement],
     times: Sequence[Times],
-) -> tuple[Rung, ...]:
+) -> tuple[AblationStep, ...]:
     """Return what was found of each scene of the ladder, in its order."""
     found = []
     for index, (name, plan, agreed, time) in enumerate(
@@ -120,7 +120,7 @@ def rungs(
         before = times[max(index - 1, 0)]
         increment, error = _middle(time.rounds_us - before.rounds_us)
         found.append(
-            Rung(
+            AblationStep(
                 name=name,
                 nv=plan.nv,
                 rows=plan.active_rows,

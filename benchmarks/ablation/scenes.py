@@ -25,11 +25,11 @@ Change = Callable[[Document], None]
 
 
 def ladder() -> tuple[Variant, ...]:
-    """Return the rungs, the smallest scene first."""
-    rungs = [Variant("one revolute joint, planar", smallest())]
+    """Return the steps, the smallest scene first."""
+    steps = [Variant("one revolute joint, planar", smallest())]
     for name, changes in _steps():
-        rungs.append(rungs[-1].changed(name, *changes))
-    return tuple(rungs)
+        steps.append(steps[-1].changed(name, *changes))
+    return tuple(steps)
 
 
 def smallest() -> Document:

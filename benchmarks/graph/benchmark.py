@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, cast
 import typer
 from matplotlib.figure import Figure
 
-from benchmarks.children import Teller
+from benchmarks.children import ReportingProcess
 from benchmarks.goals import Verdict, goal_sheet
 from benchmarks.graph.checks import Expected, expected
 from benchmarks.graph.comparison import Comparison, compare
@@ -122,5 +122,5 @@ def graph(
 
 
 def _middleware() -> str:
-    with Teller(probe_command(), graph_environment()) as probe:
+    with ReportingProcess(probe_command(), graph_environment()) as probe:
         return str(probe.of("ready")[0].get("rmw"))

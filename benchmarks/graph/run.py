@@ -10,7 +10,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmarks.children import BenchError, Teller, finding_benchmarks, ids, output_to, wait_until
+from benchmarks.children import (
+    BenchError,
+    ReportingProcess,
+    finding_benchmarks,
+    ids,
+    output_to,
+    wait_until,
+)
 from benchmarks.graph.checks import ENGAGED, Check, Expected, check_recording, check_run
 from benchmarks.graph.percentiles import Percentiles
 from benchmarks.graph.plan import Step
@@ -111,11 +118,11 @@ def _watch(step: Step, scene: str, seconds: float, folder: Path, bag: Path) -> _
     environment = graph_environment()
     with ExitStack() as stack:
         with output_to(folder / "nodes.log"):
-            probe = stack.enter_context(Teller(probe_command(), environment))
+            probe = stack.enter_context(ReportingProcess(probe_command(), environment))
             others = {"probe": probe}
             if step.configuration.recorded:
                 command = recorder_command(bag, scene)
-                others["recorder"] = stack.enter_context(Teller(command, environment))
+                others["recorder"] = stack.enter_context(ReportingProcess(command, environment))
             graph = stack.enter_context(start_graph(step, scene, environment))
         processes = ids({**graph.processes, **{n: one.process for n, one in others.items()}})
         wait_until_engaged(graph, probe)
@@ -132,7 +139,7 @@ def _watch(step: Step, scene: str, seconds: float, folder: Path, bag: Path) -> _
     return _Watched(statuses, (begun_ns, ended_ns), (before, after))
 
 
-def wait_until_engaged(graph: Graph, probe: Teller) -> None:
+def wait_until_engaged(graph: Graph, probe: ReportingProcess) -> None:
     """Wait until every node works, and a little longer.
 
     Raises:
@@ -160,11 +167,11 @@ def _wait(graph: Graph, seconds: float) -> None:
         time.sleep(min(left, 0.5))
 
 
-def _speaking(probe: Teller, since_ns: int) -> set[str]:
+def _speaking(probe: ReportingProcess, since_ns: int) -> set[str]:
     return {status.node for status in _statuses(probe) if status.stamp_ns >= since_ns}
 
 
-def _statuses(probe: Teller) -> list[Status]:
+def _statuses(probe: ReportingProcess) -> list[Status]:
     return [status_of(event) for event in probe.of("status")]
 
 

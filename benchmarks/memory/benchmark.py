@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, cast
 
 import typer
 
-from benchmarks.children import BenchError, Teller, ids, output_to
+from benchmarks.children import BenchError, ReportingProcess, ids, output_to
 from benchmarks.graph.plan import LAYOUTS, Configuration, Layout, Step, scene_at_rate
 from benchmarks.graph.run import graph_environment, probe_command, start_graph, wait_until_engaged
 from benchmarks.graph.statuses import status_of
@@ -215,7 +215,7 @@ def watch_graph(
     environment, watch = graph_environment(), Watch()
     with ExitStack() as stack:
         with output_to(folder / "memory_nodes.log"):
-            probe = stack.enter_context(Teller(probe_command(), environment))
+            probe = stack.enter_context(ReportingProcess(probe_command(), environment))
             graph = stack.enter_context(start_graph(step, str(path), environment))
         processes = ids(graph.processes)
         wait_until_engaged(graph, probe)

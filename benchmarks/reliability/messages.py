@@ -112,7 +112,7 @@ class Trial:
             self.growth_mb = max(self.growth_mb, found - settled_mb)
 
     def defects(self) -> int:
-        """Return how many errors nobody had foreseen."""
+        """Return how many errors nobody had predicted."""
         return sum(host.actor.failures.defects for host in self.graph.hosts.values())
 
     def lines(self) -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.children import BenchError, Teller, output_to, wait_until
+from benchmarks.children import BenchError, ReportingProcess, output_to, wait_until
 from benchmarks.reliability.sample import DEVICE, Ring, Samples
 from benchmarks.reliability.stepped_clock import SteppedClock
 from hapticmech_ros.compilation.library import compile_ahead
@@ -115,11 +115,13 @@ class Rig:
 
     def start(
         self, script: str, *arguments: str, environment: Mapping[str, str] | None = None
-    ) -> Teller:
+    ) -> ReportingProcess:
         """Start a script of this folder that meets the graph, and ends with the rig."""
         command = [sys.executable, "-u", str(FOLDER / script), *arguments]
         with output_to(self._log):
-            return self._stack.enter_context(Teller(command, environment or self.environment))
+            return self._stack.enter_context(
+                ReportingProcess(command, environment or self.environment)
+            )
 
     def another(self, node: str) -> Graph:
         """Start a second node of a kind, called ``second_...``; whoever asked ends it."""

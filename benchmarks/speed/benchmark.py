@@ -17,12 +17,12 @@ from benchmarks.speed.equality import Check, check_all
 from benchmarks.speed.figure import drawn
 from benchmarks.speed.fronts import Ratio, ratios
 from benchmarks.speed.goals import verdicts
-from benchmarks.speed.lane import Lane
 from benchmarks.speed.own_peer import NAME as OWN
 from benchmarks.speed.plan import Plan, plan
 from benchmarks.speed.problems import Problem
 from benchmarks.speed.race import race
 from benchmarks.speed.report import sheets
+from benchmarks.speed.result import RunResult
 from benchmarks.speed.scaling import SIZES, Growth, growth
 from benchmarks.speed.tick import TickTime, tick_times
 from hapticmech_ros.analysis.study import Sheet, Show, plain, silent
@@ -40,7 +40,7 @@ class SpeedResults(MachineResults):
     Attributes:
         absent: peers that are not installed, and how to install them.
         checks: of equality.
-        lanes: runs; none if only equality was checked.
+        results: runs; none if only equality was checked.
         ratios: of CPU times at equal error.
         scaling: CPU times over size.
         ticks: CPU times of a tick.
@@ -53,7 +53,7 @@ class SpeedResults(MachineResults):
 
     absent: Mapping[str, str]
     checks: tuple[Check, ...]
-    lanes: tuple[Lane, ...] = ()
+    results: tuple[RunResult, ...] = ()
     ratios: tuple[Ratio, ...] = ()
     scaling: tuple[Growth, ...] = ()
     ticks: tuple[TickTime, ...] = ()
@@ -70,16 +70,16 @@ class SpeedResults(MachineResults):
 
     def document(self) -> dict[str, object]:
         """Return all but the problems."""
-        names = ("machine", "absent", "checks", "lanes", "ratios", "scaling", "ticks", "goals")
+        names = ("machine", "absent", "checks", "results", "ratios", "scaling", "ticks", "goals")
         return {name: plain(getattr(self, name)) for name in (*names, "sound")}
 
     def sheets(self) -> Iterator[Sheet]:
         """Yield the tables of what there is."""
-        return sheets(self.checks, self.lanes, self.scaling, self.ticks, self.goals)
+        return sheets(self.checks, self.results, self.scaling, self.ticks, self.goals)
 
     def figures(self) -> Mapping[str, Figure]:
         """Return error over CPU time, if anything was timed."""
-        return {"bench_speed.png": drawn(self.lanes, self.problems)} if self.lanes else {}
+        return {"bench_speed.png": drawn(self.results, self.problems)} if self.results else {}
 
 
 def run_speed(plan: Plan, show: Show = silent) -> SpeedResults:
@@ -87,13 +87,13 @@ def run_speed(plan: Plan, show: Show = silent) -> SpeedResults:
     for name, reason in plan.absent.items():
         show(f"without {name}: {reason}")
     checks: list[Check] = []
-    lanes: list[Lane] = []
+    results: list[RunResult] = []
     for problem in plan.problems:
         show(f"{problem.name}: equality")
         of_problem = check_all([problem], plan.peers)
         checks += of_problem
         if not plan.smoke:
-            lanes += race(problem, plan.peers, of_problem, plan.effort, show)
+            results += race(problem, plan.peers, of_problem, plan.effort, show)
     if plan.smoke:
         return SpeedResults(_about(), plan.absent, tuple(checks), problems=plan.problems)
     grown: tuple[Growth, ...] = ()
@@ -109,12 +109,12 @@ def run_speed(plan: Plan, show: Show = silent) -> SpeedResults:
         _about(),
         plan.absent,
         tuple(checks),
-        tuple(lanes),
-        ratios(lanes, OWN),
+        tuple(results),
+        ratios(results, OWN),
         grown,
         ticks,
         # What was measured over fewer sizes says little of growth.
-        verdicts(lanes, () if plan.effort.quick else grown, ticks),
+        verdicts(results, () if plan.effort.quick else grown, ticks),
         plan.problems,
     )
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchmarks.speed.contender import Method, Peer, Setting, State, initial_state
-from benchmarks.speed.lane import run_lane
 from benchmarks.speed.problems import Problem
+from benchmarks.speed.result import run_once
 
 # Steps in units of a problem, coarse and fine, from this order on.
 STEPS = {3: (2.0, 1.0), 2: (1.0, 0.5), 0: (0.2, 0.1)}
@@ -67,11 +67,11 @@ def _check(problem: Problem, start: State, peer: Peer, method: Method, setting: 
     errors: list[float] = []
     for multiple in next(steps for order, steps in STEPS.items() if method.order >= order):
         step = multiple * problem.unit
-        lane, _ = run_lane(problem, start, peer, method, step, setting)
-        if lane.error is None:
+        result, _ = run_once(problem, start, peer, method, step, setting)
+        if result.error is None:
             known = errors[0] if errors else None
-            return Check(*about, known, None, bound, lane.failure, lane.suitable)
-        errors.append(lane.error)
+            return Check(*about, known, None, bound, result.failure, result.suitable)
+        errors.append(result.error)
     coarse, fine = errors
     reason = ""
     if fine > bound:

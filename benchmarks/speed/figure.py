@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 from benchmarks.speed.fronts import SMALLEST, TARGETS, front
-from benchmarks.speed.lane import Lane
 from benchmarks.speed.problems import Problem
+from benchmarks.speed.result import RunResult
 from hapticmech_ros.experiment.figure_style import (
     BLUE,
     GREEN,
@@ -40,21 +40,21 @@ CAPTION = (
 )
 
 
-def drawn(lanes: Sequence[Lane], known: Sequence[Problem]) -> Figure:
+def drawn(results: Sequence[RunResult], known: Sequence[Problem]) -> Figure:
     """Return a figure of the runs that have an error."""
     by_name = {problem.name: problem for problem in known}
-    names = list(dict.fromkeys(lane.problem for lane in lanes))
+    names = list(dict.fromkeys(result.problem for result in results))
     columns = max(1, min(COLUMNS, len(names)))
     rows = max(1, -(-len(names) // columns))
     figure = new_figure(4.2 * columns, 3.5 * rows, CAPTION)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, name in zip(panels, names, strict=False):
-        _panel(axes, [lane for lane in lanes if lane.problem == name], by_name[name])
+        _panel(axes, [result for result in results if result.problem == name], by_name[name])
     for axes in panels[len(names) :]:
         axes.set_axis_off()
     handles = [
         Line2D([], [], color=_look(peer)[0], marker=_look(peer)[1], label=peer)
-        for peer in dict.fromkeys(lane.peer for lane in lanes)
+        for peer in dict.fromkeys(result.peer for result in results)
     ]
     if handles:
         figure.legend(
@@ -63,15 +63,15 @@ def drawn(lanes: Sequence[Lane], known: Sequence[Problem]) -> Figure:
     return figure
 
 
-def _panel(axes: Axes, members: Sequence[Lane], problem: Problem) -> None:
+def _panel(axes: Axes, members: Sequence[RunResult], problem: Problem) -> None:
     for target in TARGETS:
         axes.axhline(target, color=GREY, linestyle=":", linewidth=1.0, zorder=1)
-    for peer in dict.fromkeys(lane.peer for lane in members):
+    for peer in dict.fromkeys(result.peer for result in members):
         colour, mark = _look(peer)
         others = [
-            (lane.median, max(lane.error, SMALLEST))
-            for lane in members
-            if lane.peer == peer and lane.median is not None and lane.error is not None
+            (result.median, max(result.error, SMALLEST))
+            for result in members
+            if result.peer == peer and result.median is not None and result.error is not None
         ]
         if others:
             axes.plot(*zip(*others, strict=True), mark, color=colour, alpha=0.25, markersize=4)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import exp, log
 
-from benchmarks.speed.lane import Lane
+from benchmarks.speed.result import RunResult
 
 TARGETS = (1e-4, 1e-6, 1e-8)
 # A logarithm has no place for an error of zero.
@@ -46,12 +46,12 @@ class Ratio:
         return None if self.ours is None or self.best is None else self.ours / self.best
 
 
-def front(lanes: Sequence[Lane], peer: str) -> tuple[Point, ...]:
+def front(results: Sequence[RunResult], peer: str) -> tuple[Point, ...]:
     """Return a peer's runs of which none other is cheaper and as accurate; cheapest first."""
     points = sorted(
-        (lane.median, max(lane.error, SMALLEST))
-        for lane in lanes
-        if lane.peer == peer and lane.error is not None and lane.median is not None
+        (result.median, max(result.error, SMALLEST))
+        for result in results
+        if result.peer == peer and result.error is not None and result.median is not None
     )
     kept: list[Point] = []
     for cpu, error in points:
@@ -77,12 +77,12 @@ def cost(points: Sequence[Point], target: float) -> float | None:
     return None
 
 
-def ratios(lanes: Sequence[Lane], own: str) -> tuple[Ratio, ...]:
+def ratios(results: Sequence[RunResult], own: str) -> tuple[Ratio, ...]:
     """Return for each problem and target what we need beside the best of the others."""
     found = []
-    for name in dict.fromkeys(lane.problem for lane in lanes):
-        members = [lane for lane in lanes if lane.problem == name]
-        peers = [peer for peer in dict.fromkeys(lane.peer for lane in members) if peer != own]
+    for name in dict.fromkeys(result.problem for result in results):
+        members = [result for result in results if result.problem == name]
+        peers = [peer for peer in dict.fromkeys(result.peer for result in members) if peer != own]
         for target in TARGETS:
             costs = {peer: cost(front(members, peer), target) for peer in peers}
             reached = {peer: value for peer, value in costs.items() if value is not None}

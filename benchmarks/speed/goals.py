@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 from benchmarks.goals import Verdict, unknown, verdict
 from benchmarks.speed.fronts import cost, front, ratios
-from benchmarks.speed.lane import Lane
 from benchmarks.speed.mujoco_peer import NAME as MUJOCO
 from benchmarks.speed.own_peer import NAME as OWN
+from benchmarks.speed.result import RunResult
 from benchmarks.speed.scaling import FAMILIES, TITLES, Growth
 from benchmarks.speed.tick import MJ_STEP, READABLE, SEE, TickTime
 
@@ -22,10 +22,10 @@ EXPONENT_LIMIT = 1.2
 
 
 def verdicts(
-    lanes: Sequence[Lane], grown: Sequence[Growth], ticks: Sequence[TickTime]
+    results: Sequence[RunResult], grown: Sequence[Growth], ticks: Sequence[TickTime]
 ) -> tuple[Verdict, ...]:
     """Return a verdict for each goal; one that nothing was measured for is ``not measured``."""
-    return (*_ticks(ticks), *_races(lanes), _large(lanes), *_exponents(grown))
+    return (*_ticks(ticks), *_races(results), _large(results), *_exponents(grown))
 
 
 def _ticks(ticks: Sequence[TickTime]) -> list[Verdict]:
@@ -44,8 +44,8 @@ def _ticks(ticks: Sequence[TickTime]) -> list[Verdict]:
     return found
 
 
-def _races(lanes: Sequence[Lane]) -> list[Verdict]:
-    known = {(ratio.problem, ratio.target): ratio for ratio in ratios(lanes, OWN)}
+def _races(results: Sequence[RunResult]) -> list[Verdict]:
+    known = {(ratio.problem, ratio.target): ratio for ratio in ratios(results, OWN)}
     found = []
     for name in RACES:
         for target in (*FACTOR_TARGETS, FINE_TARGET):
@@ -53,7 +53,7 @@ def _races(lanes: Sequence[Lane]) -> list[Verdict]:
             wanted = "no peer is faster" if fine else f"{FACTOR:g} x less CPU time than any peer"
             goal = f"{name} at {target:.0e}: {wanted}"
             ratio = known.get((name, target))
-            if ratio is None or not _has_peers(lanes, name):
+            if ratio is None or not _has_peers(results, name):
                 found.append(unknown(goal))
             elif ratio.ours is None:
                 found.append(verdict(goal, "not reached", False))
@@ -66,9 +66,9 @@ def _races(lanes: Sequence[Lane]) -> list[Verdict]:
     return found
 
 
-def _large(lanes: Sequence[Lane]) -> Verdict:
+def _large(results: Sequence[RunResult]) -> Verdict:
     goal = f"{LARGE}: {LARGE_TARGET:.0e} in less CPU time than MuJoCo's {LARGE_PEER_TARGET:.1e}"
-    members = [lane for lane in lanes if lane.problem == LARGE]
+    members = [result for result in results if result.problem == LARGE]
     if not members or not _has_peers(members, LARGE):
         return unknown(goal)
     ours = cost(front(members, OWN), LARGE_TARGET)
@@ -93,5 +93,5 @@ def _exponents(grown: Sequence[Growth]) -> list[Verdict]:
     return found
 
 
-def _has_peers(lanes: Sequence[Lane], problem: str) -> bool:
-    return any(lane.peer != OWN and lane.problem == problem for lane in lanes)
+def _has_peers(results: Sequence[RunResult], problem: str) -> bool:
+    return any(result.peer != OWN and result.problem == problem for result in results)

@@ -53,7 +53,7 @@ def plan(
         scenes: by name, all if empty; with ``quick`` or ``smoke`` all that are not large.
         peers: beside ours, by name; all if empty.
         integrators: of ours, and their steps in units of a scene; by order if empty.
-        repeats: timed runs of each lane.
+        repeats: timed runs of each result.
         quick: few steps, short runs.
         smoke: no times.
 

@@ -14,8 +14,8 @@ from benchmarks.speed.contender import (
     initial_state,
 )
 from benchmarks.speed.equality import Check
-from benchmarks.speed.lane import Lane, run_lane, timed
 from benchmarks.speed.problems import Problem
+from benchmarks.speed.result import RunResult, run_once, timed
 from hapticmech_ros.analysis.study import Show, silent
 
 # Steps in units of a problem, coarse to fine, from this order on. Each divides all times.
@@ -45,7 +45,7 @@ class Effort:
     """How much is spent.
 
     Attributes:
-        repeats: timed runs of each lane, the comparing one not counted.
+        repeats: timed runs of each result, the comparing one not counted.
         budget_s: CPU time of a timed run, at most: it ends where that is over.
         limit_s: CPU time that a comparing run may be expected to take; finer steps are left out.
         quick: few steps.
@@ -63,17 +63,17 @@ def race(
     checks: Sequence[Check],
     effort: Effort,
     show: Show = silent,
-) -> tuple[Lane, ...]:
-    """Return a lane for every method and step of the peers that passed their check."""
+) -> tuple[RunResult, ...]:
+    """Return a result for every method and step of the peers that passed their check."""
     passed = {(c.problem, c.peer, c.method) for c in checks if c.passed}
     start = initial_state(problem.scene)
-    lanes: list[tuple[Lane, Contender | None]] = []
+    results: list[tuple[RunResult, Contender | None]] = []
     for peer in peers:
         for method in peer.methods:
             if (problem.name, peer.name, method.name) in passed:
                 show(f"{problem.name}: {peer.name}, {method.name}")
-                lanes += _compare(problem, start, peer, method, effort)
-    return _time(problem, lanes, effort)
+                results += _compare(problem, start, peer, method, effort)
+    return _time(problem, results, effort)
 
 
 def multiples_of(problem: Problem, method: Method, quick: bool) -> tuple[float, ...]:
@@ -86,8 +86,8 @@ def multiples_of(problem: Problem, method: Method, quick: bool) -> tuple[float, 
 
 def _compare(
     problem: Problem, start: State, peer: Peer, method: Method, effort: Effort
-) -> list[tuple[Lane, Contender | None]]:
-    found: list[tuple[Lane, Contender | None]] = []
+) -> list[tuple[RunResult, Contender | None]]:
+    found: list[tuple[RunResult, Contender | None]] = []
     settings = method.settings_for(problem.scene)
     step_s = 0.0
     for multiple in multiples_of(problem, method, effort.quick):
@@ -95,64 +95,66 @@ def _compare(
         expected_s = step_s * problem.times[-1] / step
         if expected_s > (LARGE_SHARE if problem.large else 1.0) * effort.limit_s:
             break
-        tried = [run_lane(problem, start, peer, method, step, setting) for setting in settings]
+        tried = [run_once(problem, start, peer, method, step, setting) for setting in settings]
         tried.sort(key=lambda one: float("inf") if one[0].error is None else one[0].error)
         best = tried[0]
         found.append(best)
         if best[0].median is not None:
             step_s = best[0].median * step
-        settings = _still_worth_a_try([lane for lane, _ in tried], settings)
+        settings = _still_worth_a_try([result for result, _ in tried], settings)
     return found
 
 
-def _still_worth_a_try(ranked: Sequence[Lane], settings: Sequence[Setting]) -> tuple[Setting, ...]:
+def _still_worth_a_try(
+    ranked: Sequence[RunResult], settings: Sequence[Setting]
+) -> tuple[Setting, ...]:
     """Return the settings for the next step; all as long as none was good."""
     least = ranked[0].error
     if least is None or least > NOT_LOST:
         return tuple(settings)
     return tuple(
-        lane.setting
-        for lane in ranked[:KEPT_SETTINGS]
-        if lane.error is not None and lane.error <= WORSE * least
+        result.setting
+        for result in ranked[:KEPT_SETTINGS]
+        if result.error is not None and result.error <= WORSE * least
     )
 
 
 def _time(
-    problem: Problem, found: Sequence[tuple[Lane, Contender | None]], effort: Effort
-) -> tuple[Lane, ...]:
-    lanes = [lane for lane, _ in found]
+    problem: Problem, found: Sequence[tuple[RunResult, Contender | None]], effort: Effort
+) -> tuple[RunResult, ...]:
+    results = [result for result, _ in found]
     worth = [
         index
-        for index, (lane, contender) in enumerate(found)
-        if contender is not None and not _dominated(lane, lanes)
+        for index, (result, contender) in enumerate(found)
+        if contender is not None and not _dominated(result, results)
     ]
     # Peers in turn: sorted by step, neighbours are of different peers.
-    worth.sort(key=lambda index: (-lanes[index].step, lanes[index].peer))
+    worth.sort(key=lambda index: (-results[index].step, results[index].peer))
     times: dict[int, list[float]] = {index: [] for index in worth}
     for _ in range(effort.repeats):
         for index in worth:
-            lane, contender = found[index]
-            if contender is None or lane.median is None:
+            result, contender = found[index]
+            if contender is None or result.median is None:
                 continue
-            whole = round(problem.times[-1] / lane.step)
-            cost_s = max(lane.median * lane.step, 1e-9)
+            whole = round(problem.times[-1] / result.step)
+            cost_s = max(result.median * result.step, 1e-9)
             steps = max(1, min(whole, round(effort.budget_s / cost_s)))
-            times[index].append(timed(contender, steps) / (steps * lane.step))
+            times[index].append(timed(contender, steps) / (steps * result.step))
     for index, measured in times.items():
         if measured:
-            lanes[index] = replace(lanes[index], cpu_s_per_s=tuple(measured), raced=True)
-    return tuple(lanes)
+            results[index] = replace(results[index], cpu_s_per_s=tuple(measured), raced=True)
+    return tuple(results)
 
 
-def _dominated(lane: Lane, lanes: Sequence[Lane]) -> bool:
+def _dominated(result: RunResult, results: Sequence[RunResult]) -> bool:
     """Return whether the same peer has a run with less error in clearly less time."""
-    if lane.error is None or lane.median is None:
+    if result.error is None or result.median is None:
         return True
     return any(
         other.error is not None
         and other.median is not None
-        and other.peer == lane.peer
-        and other.error <= lane.error
-        and other.median < DOMINATED * lane.median
-        for other in lanes
+        and other.peer == result.peer
+        and other.error <= result.error
+        and other.median < DOMINATED * result.median
+        for other in results
     )

@@ -9,8 +9,8 @@ from benchmarks.goals import Verdict, goal_sheet
 from benchmarks.speed.contender import setting_text
 from benchmarks.speed.equality import Check
 from benchmarks.speed.fronts import TARGETS, cost, front, ratios
-from benchmarks.speed.lane import Lane
 from benchmarks.speed.own_peer import NAME as OWN
+from benchmarks.speed.result import RunResult
 from benchmarks.speed.scaling import TITLES, Growth
 from benchmarks.speed.tick import TickTime
 from hapticmech_ros.analysis.study import Sheet, judged
@@ -22,7 +22,7 @@ NOT_REACHED = "not reached"
 
 def sheets(
     checks: Sequence[Check],
-    lanes: Sequence[Lane],
+    results: Sequence[RunResult],
     grown: Sequence[Growth],
     ticks: Sequence[TickTime],
     goals: Sequence[Verdict],
@@ -30,9 +30,9 @@ def sheets(
     """Yield the tables of what there is."""
     if checks:
         yield _equality(checks)
-    if lanes:
-        yield _costs(lanes)
-        yield _runs(lanes)
+    if results:
+        yield _costs(results)
+        yield _runs(results)
     if grown:
         yield _growth(grown)
     if ticks:
@@ -62,12 +62,12 @@ def _equality(checks: Sequence[Check]) -> Sheet:
     return Sheet("equality: error at two steps, m or rad", headings, rows, WORDS)
 
 
-def _costs(lanes: Sequence[Lane]) -> Sheet:
-    peers = list(dict.fromkeys(lane.peer for lane in lanes))
-    known = {(ratio.problem, ratio.target): ratio for ratio in ratios(lanes, OWN)}
+def _costs(results: Sequence[RunResult]) -> Sheet:
+    peers = list(dict.fromkeys(result.peer for result in results))
+    known = {(ratio.problem, ratio.target): ratio for ratio in ratios(results, OWN)}
     rows = []
-    for name in dict.fromkeys(lane.problem for lane in lanes):
-        members = [lane for lane in lanes if lane.problem == name]
+    for name in dict.fromkeys(result.problem for result in results):
+        members = [result for result in results if result.problem == name]
         for target in TARGETS:
             cells = [_milli(cost(front(members, peer), target)) for peer in peers]
             ratio = known[name, target]
@@ -77,20 +77,20 @@ def _costs(lanes: Sequence[Lane]) -> Sheet:
     return Sheet(title, ("scene", "error", *peers, "ours / best peer"), tuple(rows))
 
 
-def _runs(lanes: Sequence[Lane]) -> Sheet:
+def _runs(results: Sequence[RunResult]) -> Sheet:
     headings = ("scene", "peer", "method", "step", "error", "median", "p90", "max", "closures")
     rows = tuple(
         (
-            lane.problem,
-            lane.peer,
-            lane.method,
-            step_text(lane.step),
-            _scientific(lane.error) or lane.failure,
-            *(_milli(time) for time in (lane.median, lane.p90, lane.slowest)),
-            setting_text(lane.setting),
+            result.problem,
+            result.peer,
+            result.method,
+            step_text(result.step),
+            _scientific(result.error) or result.failure,
+            *(_milli(time) for time in (result.median, result.p90, result.slowest)),
+            setting_text(result.setting),
         )
-        for lane in lanes
-        if lane.raced
+        for result in results
+        if result.raced
     )
     return Sheet("runs that were timed: CPU time, ms per simulated second", headings, rows, WORDS)
 

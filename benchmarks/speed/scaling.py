@@ -12,9 +12,9 @@ from benchmarks.accuracy.cases import Output
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from benchmarks.speed.contender import Contender, Method, Peer, initial_state
 from benchmarks.speed.equality import Check, check
-from benchmarks.speed.lane import FAILURES, timed, warm_up
 from benchmarks.speed.problems import Problem
 from benchmarks.speed.reference import parallelograms, reference
+from benchmarks.speed.result import FAILURES, timed, warm_up
 from hapticmech_ros.analysis.study import Show, silent
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene, scene_from_document

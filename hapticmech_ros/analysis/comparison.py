@@ -24,8 +24,8 @@ from hapticmech_ros.analysis.rendering_methods import (
     SOFT,
     STIFF,
     Variant,
-    foreseen_delay,
     largest_delay,
+    predicted_delay,
     variants,
 )
 from hapticmech_ros.analysis.scene_variants import at_once, held_by_nobody
@@ -87,7 +87,7 @@ class Column:
         constraints: that the joints hold.
         largest_delay: most periods at which sessions come to rest, of up to 50; -1 if none, None
             where device and mechanism are not tied together in all directions.
-        foreseen_delay: the same of the linear copy of the loop.
+        predicted_delay: the same of the linear copy of the loop.
         experience: what the scene's own experiment showed.
     """
 
@@ -103,7 +103,7 @@ class Column:
     count: int
     constraints: int
     largest_delay: int | None
-    foreseen_delay: int
+    predicted_delay: int
     experience: Experience
 
     @property
@@ -172,7 +172,7 @@ def _column(name: str, variant: Variant) -> Column:
         count=sum(one.stiffness > RIGID for one in yields),
         constraints=directions(setup.scene, setup.point).held.shape[1],
         largest_delay=most,
-        foreseen_delay=foreseen_delay(variant),
+        predicted_delay=predicted_delay(variant),
         experience=experience(setup),
     )
 
@@ -201,7 +201,7 @@ class RenderingComparison(Results):
             lines += [_row(row) for row in group]
         yield Sheet(
             "the architecture beside simpler ones; drift and depth in mm",
-            ("", "2 Hz %", "10 Hz %", "held N/m", "rigid", "bears", "drift", "depth"),
+            ("", "2 Hz %", "10 Hz %", "held N/m", "rigid", "delay margin", "drift", "depth"),
             tuple(lines),
         )
 

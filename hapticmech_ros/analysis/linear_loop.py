@@ -124,8 +124,8 @@ class _Loop:
         ahead = p_rate
         if self._local and self._delay:
             ahead = p_rate + period * self._x_inverse @ np.sum(to_mechanism, axis=0)
-        foreseen = p + self._delay * period * ahead if self._local else p
-        error, error_rate = x - foreseen, seen - ahead
+        predicted = p + self._delay * period * ahead if self._local else p
+        error, error_rate = x - predicted, seen - ahead
         command = -self._stiffness @ error - self._damping @ error_rate
         # Closed in the device: what it was at the sample is replaced by what it is when it acts.
         near = self._near[0] @ x + self._near[1] @ seen

@@ -96,7 +96,7 @@ def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None =
     bounds = 1.0 / HEAVIEST, 1.0 / LIGHTEST
     watched = WATCHED_S if share is not None else SWINGING_S
     measured = frontier(lambda lightness: case.stable(lightness, watched), guess, *bounds)
-    predicted = frontier(case.foreseen, guess, *bounds, FINE) if case.linear else None
+    predicted = frontier(case.predicted, guess, *bounds, FINE) if case.linear else None
     seconds = SLOW_S if share is None else WATCHED_S
     heavy = [one for one in HEAVY if case.stable(1.0 / one, seconds)]
     return MPoint(
@@ -149,7 +149,7 @@ class _Case:
         push = min(1.0, 1.0 / lightness) * self._push
         return touched(setup, push, _command, ticks, LOST_N).stable
 
-    def foreseen(self, lightness: float) -> bool:
+    def predicted(self, lightness: float) -> bool:
         """Return whether the linear copy of the loop is stable."""
         if self._held is None:
             return False

@@ -136,7 +136,7 @@ def largest_delay(variant: Variant) -> int | None:
     return _largest(stable)
 
 
-def foreseen_delay(variant: Variant) -> int:
+def predicted_delay(variant: Variant) -> int:
     """Return the same of the linear copy of the loop."""
     setup = variant.setup
     found = directions(setup.scene, setup.point).analysis

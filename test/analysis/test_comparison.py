@@ -45,11 +45,11 @@ def test_without_joint_constraints_joints_are_not_felt(columns):
 
 def test_sessions_bear_the_delay_that_eigenvalues_say(columns):
     for variant in (PROXY, SOFT):
-        assert columns[variant].largest_delay == columns[variant].foreseen_delay
+        assert columns[variant].largest_delay == columns[variant].predicted_delay
     for variant in (FULL, STIFF):
         # What is left over a late loop grows by little in the time that is watched.
         found = columns[variant]
-        assert abs(found.largest_delay - found.foreseen_delay) <= 1
+        assert abs(found.largest_delay - found.predicted_delay) <= 1
         # Its walls are the device's own: a proxy's margin of 2 at one period is used up by another.
         assert found.largest_delay > 15
     assert columns[PROXY].largest_delay == 1

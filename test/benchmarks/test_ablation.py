@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from benchmarks.__main__ import app_of
 from benchmarks.ablation.agreement import agreement
 from benchmarks.ablation.benchmark import Settings
-from benchmarks.ablation.findings import Times, rungs, time_in_turn, time_pair, unused
+from benchmarks.ablation.findings import Times, ablation_steps, time_in_turn, time_pair, unused
 from benchmarks.ablation.loop import PARTS, Loop
 from benchmarks.ablation.scenes import Variant, ladder, pairs
 from hapticmech_ros.control import rendering_loop
@@ -71,11 +71,11 @@ def test_the_first_scene_has_nothing_that_can_be_left_out() -> None:
     plan = plain(LADDER[0])
     assert (plan.nv, plan.task_rows, plan.substeps) == (1, 3, 1)
     assert not any((any(plan.gravity), plan.rows, any(plan.elements.values())))
-    assert all(computed(plan) <= computed(plain(rung)) for rung in LADDER[1:])
+    assert all(computed(plan) <= computed(plain(step)) for step in LADDER[1:])
 
 
 def test_each_scene_has_one_feature_more() -> None:
-    plans = {rung.name: plain(rung) for rung in LADDER}
+    plans = {step.name: plain(step) for step in LADDER}
     assert any(plans["+ gravity"].gravity)
     assert plans["+ spatial task"].task_rows == 6
     assert plans["+ five joints"].nv == 6
@@ -97,7 +97,7 @@ def test_each_scene_has_one_feature_more() -> None:
 
 
 def test_nothing_latches_while_it_is_timed() -> None:
-    latching = next(rung for rung in LADDER if rung.name == "+ that can latch")
+    latching = next(step for step in LADDER if step.name == "+ that can latch")
     session = Session(latching.scene())
     assert not any(any(session.tick().mechanism.active) for _ in range(300))
 
@@ -137,7 +137,7 @@ def made(level_us: float, rounds: int = 9, ticks: int = 11) -> Times:
 
 def test_increments_are_paired_so_that_drift_cancels() -> None:
     plan, agreed = plain(LADDER[0]), agreement(LADDER[0].scene(), 2)
-    first, second = rungs(["a", "b"], [plan] * 2, [agreed] * 2, [made(100.0), made(107.0)])
+    first, second = ablation_steps(["a", "b"], [plan] * 2, [agreed] * 2, [made(100.0), made(107.0)])
     assert (first.ratio, first.increment_us, first.error_us) == (1.0, 0.0, 0.0)
     assert second.increment_us == pytest.approx(7.0)
     assert second.error_us == pytest.approx(0.0)
@@ -172,7 +172,7 @@ def test_the_command_writes_files_and_prints_json(
     assert run.exit_code == 0
     document = json.loads(run.stdout)
     assert document == json.loads((tmp_path / "bench_ablation.json").read_text(encoding="utf-8"))
-    assert [rung["name"] for rung in document["ladder"]] == [rung.name for rung in LADDER]
+    assert [step["name"] for step in document["ladder"]] == [step.name for step in LADDER]
     assert [pair["name"] for pair in document["unused"]] == [pair.name for pair in PAIRS]
     assert document["sound"] is True
     assert (tmp_path / "bench_ablation.png").stat().st_size > 10_000

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.children import BenchError, Teller, ids, output_to, wait_until
+from benchmarks.children import BenchError, ReportingProcess, ids, output_to, wait_until
 from hapticmech_ros.graph import start_process, stop_process
 
 # A module of the standard library that ends at once and says nothing in JSON.
@@ -13,7 +13,7 @@ SILENT = [sys.executable, "-m", "this"]
 
 def test_a_process_that_ends_before_it_is_ready_is_named() -> None:
     with pytest.raises(BenchError, match="this ended by itself: exit code 0"):
-        Teller(SILENT, {})
+        ReportingProcess(SILENT, {})
 
 
 def test_waiting_ends_with_a_reason() -> None:

@@ -23,13 +23,13 @@ from benchmarks.speed.contender import (
     refuse_what_no_peer_has,
 )
 from benchmarks.speed.equality import Check, check
-from benchmarks.speed.lane import numbers_of, run_lane
 from benchmarks.speed.mujoco_peer import MujocoPeer, MujocoScene
 from benchmarks.speed.own_peer import OwnPeer
 from benchmarks.speed.pinocchio_peer import PinocchioDynamics, PinocchioPeer
 from benchmarks.speed.plan import plan
 from benchmarks.speed.platform import stewart_platform
 from benchmarks.speed.problems import ASKED, NAMES, Problem, problems
+from benchmarks.speed.result import numbers_of, run_once
 from benchmarks.speed.scaling import chain
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Simulator, build
@@ -169,10 +169,10 @@ def test_what_simulators_do_not_agree_on_is_refused() -> None:
     rubbing = scene_from_document(document)
     with pytest.raises(UnsuitableError, match="friction in hinge0"):
         refuse_what_no_peer_has(rubbing, "mujoco")
-    lane, contender = run_lane(
+    result, contender = run_once(
         PROBLEMS["pendulum"], initial_state(rubbing), MujocoPeer(), Method("rk4", 4), 1e-3, {}
     )
-    assert lane.error is not None
+    assert result.error is not None
     assert contender is not None
     document["links"][0]["joint"] |= {
         "friction": 0.0,
@@ -187,9 +187,9 @@ def test_a_motion_that_is_lost_is_a_line_not_a_crash() -> None:
     start = initial_state(problem.scene)
     method = Method("rk4", 4)
     setting = {mujoco_peer.CONSTANT: 0.01, mujoco_peer.EXACT: 1.0}
-    lane, contender = run_lane(problem, start, MujocoPeer(), method, 0.05, setting)
-    assert lane.error is None
-    assert "lost" in lane.failure
+    result, contender = run_once(problem, start, MujocoPeer(), method, 0.05, setting)
+    assert result.error is None
+    assert "lost" in result.failure
     assert contender is None
 
 

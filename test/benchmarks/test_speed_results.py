@@ -15,12 +15,12 @@ from benchmarks.speed.benchmark import SpeedResults, run_speed
 from benchmarks.speed.equality import Check
 from benchmarks.speed.fronts import Point, cost, front, ratios
 from benchmarks.speed.goals import verdicts
-from benchmarks.speed.lane import Lane
 from benchmarks.speed.own_peer import OwnPeer
 from benchmarks.speed.pinocchio_peer import PinocchioPeer
 from benchmarks.speed.plan import plan
 from benchmarks.speed.problems import problems
 from benchmarks.speed.race import Effort, multiples_of, race
+from benchmarks.speed.result import RunResult
 from benchmarks.speed.scaling import Growth, growth, sized
 from benchmarks.speed.tick import (
     MJ_STEP,
@@ -34,8 +34,8 @@ from hapticmech_ros.errors import InvalidInputError
 CHEAP = Effort(repeats=2, budget_s=0.01, limit_s=0.2, quick=True)
 
 
-def lane(peer: str, error: float, cpu_s_per_s: float, problem: str = "five_bar") -> Lane:
-    return Lane(problem, peer, "rk4", 1e-3, {}, error, "", (cpu_s_per_s,))
+def result(peer: str, error: float, cpu_s_per_s: float, problem: str = "five_bar") -> RunResult:
+    return RunResult(problem, peer, "rk4", 1e-3, {}, error, "", (cpu_s_per_s,))
 
 
 def outcomes(found: tuple[Verdict, ...]) -> dict[str, str]:
@@ -43,8 +43,13 @@ def outcomes(found: tuple[Verdict, ...]) -> dict[str, str]:
 
 
 def test_a_front_leaves_out_what_is_neither_cheaper_nor_better() -> None:
-    lanes = [lane("a", 1e-2, 1.0), lane("a", 1e-1, 2.0), lane("a", 1e-4, 3.0), lane("b", 0.0, 0.1)]
-    assert front(lanes, "a") == (Point(1e-2, 1.0), Point(1e-4, 3.0))
+    results = [
+        result("a", 1e-2, 1.0),
+        result("a", 1e-1, 2.0),
+        result("a", 1e-4, 3.0),
+        result("b", 0.0, 0.1),
+    ]
+    assert front(results, "a") == (Point(1e-2, 1.0), Point(1e-4, 3.0))
 
 
 def test_between_points_a_rule_of_order_four_costs_what_it_should() -> None:
@@ -64,12 +69,12 @@ def test_nothing_is_extrapolated() -> None:
 
 
 def test_ratios_are_against_the_best_of_the_others() -> None:
-    lanes = [
-        lane("hapticmech", 1e-9, 2.0),
-        lane("mujoco", 1e-5, 1.0),
-        lane("pinocchio", 1e-7, 8.0),
+    results = [
+        result("hapticmech", 1e-9, 2.0),
+        result("mujoco", 1e-5, 1.0),
+        result("pinocchio", 1e-7, 8.0),
     ]
-    found = {ratio.target: ratio for ratio in ratios(lanes, "hapticmech")}
+    found = {ratio.target: ratio for ratio in ratios(results, "hapticmech")}
     assert (found[1e-4].value, found[1e-4].best_peer) == (2.0, "mujoco")
     assert (found[1e-6].value, found[1e-6].best_peer) == (0.25, "pinocchio")
     assert found[1e-8].value is None
@@ -86,19 +91,19 @@ def test_growth_is_the_exponent_of_a_power() -> None:
 def test_goals_are_met_missed_or_not_measured() -> None:
     nothing = verdicts((), (), ())
     assert {verdict.outcome for verdict in nothing} == {"not measured"}
-    fast = [lane("hapticmech", 1e-9, 1.0), lane("mujoco", 1e-9, 3.5)]
-    slow = [lane("hapticmech", 1e-9, 1.0), lane("mujoco", 1e-9, 2.0)]
-    slower = [lane("hapticmech", 1e-9, 1.0), lane("mujoco", 1e-9, 0.5)]
-    blunt = [lane("hapticmech", 1e-3, 1.0), lane("mujoco", 1e-9, 0.5)]
-    alone = [lane("hapticmech", 1e-9, 1.0)]
-    for lanes, coarse, fine in (
+    fast = [result("hapticmech", 1e-9, 1.0), result("mujoco", 1e-9, 3.5)]
+    slow = [result("hapticmech", 1e-9, 1.0), result("mujoco", 1e-9, 2.0)]
+    slower = [result("hapticmech", 1e-9, 1.0), result("mujoco", 1e-9, 0.5)]
+    blunt = [result("hapticmech", 1e-3, 1.0), result("mujoco", 1e-9, 0.5)]
+    alone = [result("hapticmech", 1e-9, 1.0)]
+    for results, coarse, fine in (
         (fast, "pass", "pass"),
         (slow, "FAIL", "pass"),
         (slower, "FAIL", "FAIL"),
         (blunt, "FAIL", "FAIL"),
         (alone, "not measured", "not measured"),
     ):
-        found = outcomes(verdicts(lanes, (), ()))
+        found = outcomes(verdicts(results, (), ()))
         assert found["five_bar at 1e-06: 3 x less CPU time than any peer"] == coarse
         assert found["five_bar at 1e-08: no peer is faster"] == fine
 
@@ -112,9 +117,9 @@ def test_goals_of_ticks_growth_and_the_large_row() -> None:
         Growth("chain", "mujoco", "rk4", sizes, (1.0, 8.0)),
     ]
     large = [
-        lane("hapticmech", 1e-7, 1.0, "n_four_bar_40"),
-        lane("mujoco", 1e-5, 0.5, "n_four_bar_40"),
-        lane("mujoco", 1e-6, 2.0, "n_four_bar_40"),
+        result("hapticmech", 1e-7, 1.0, "n_four_bar_40"),
+        result("mujoco", 1e-5, 0.5, "n_four_bar_40"),
+        result("mujoco", 1e-6, 2.0, "n_four_bar_40"),
     ]
     found = verdicts(large, grown, [*ticks, TickTime(READABLE, 11.0, 11.0, 11.0)])
     seen = {verdict.goal.split(":")[0]: verdict.outcome for verdict in found}
@@ -126,21 +131,21 @@ def test_goals_of_ticks_growth_and_the_large_row() -> None:
     assert seen["n_four_bar_40"] == "FAIL"
 
 
-def test_a_race_has_a_lane_for_every_step_of_who_may_race() -> None:
+def test_a_race_has_a_result_for_every_step_of_who_may_race() -> None:
     (problem,) = problems(["pendulum"])
     peers = (OwnPeer(), PinocchioPeer())
     checks = [
         Check("pendulum", "hapticmech", "rk4"),
         Check("pendulum", "pinocchio", "rk4", reason="error 1 above 1e-8"),
     ]
-    lanes = race(problem, peers, checks, CHEAP)
-    assert {found.peer for found in lanes} == {"hapticmech"}
-    steps = [found.step for found in lanes]
+    results = race(problem, peers, checks, CHEAP)
+    assert {found.peer for found in results} == {"hapticmech"}
+    steps = [found.step for found in results]
     allowed = [m * problem.unit for m in multiples_of(problem, peers[0].methods[0], True)]
     assert steps == pytest.approx(allowed[: len(steps)])
-    assert all(found.error is not None and found.cpu_s_per_s for found in lanes)
-    assert len(lanes[-1].cpu_s_per_s) == CHEAP.repeats
-    assert lanes[0].slowest >= lanes[0].p90 >= lanes[0].median > 0.0  # type: ignore[operator]
+    assert all(found.error is not None and found.cpu_s_per_s for found in results)
+    assert len(results[-1].cpu_s_per_s) == CHEAP.repeats
+    assert results[0].slowest >= results[0].p90 >= results[0].median > 0.0  # type: ignore[operator]
     assert multiples_of(problem, OwnPeer({"rk4": (2.0, 8.0)}).methods[0], False) == (8.0, 2.0)
 
 
@@ -175,7 +180,7 @@ def test_a_run_leaves_tables_numbers_and_a_picture(tmp_path: Path) -> None:
     assert told
     assert results.sound
     document = json.loads((tmp_path / "bench_speed.json").read_text(encoding="utf-8"))
-    assert {entry["peer"] for entry in document["lanes"]} == {"hapticmech", "pinocchio"}
+    assert {entry["peer"] for entry in document["results"]} == {"hapticmech", "pinocchio"}
     assert {entry["target"] for entry in document["ratios"]} == {1e-4, 1e-6, 1e-8}
     table = (tmp_path / "bench_speed.md").read_text(encoding="utf-8")
     for title in ("equality", "CPU time at equal error", "runs that were timed", "goals"):
@@ -188,7 +193,7 @@ def test_the_command_checks_equality_alone(tmp_path: Path) -> None:
     found = CliRunner().invoke(app_of(), [*words, "--json", "--out", str(tmp_path)])
     assert found.exit_code == 0, found.output
     document = json.loads(found.stdout.splitlines()[-1])
-    assert document["lanes"] == []
+    assert document["results"] == []
     assert all(check["passed"] for check in document["checks"])
     assert {check["peer"] for check in document["checks"]} == {"hapticmech", "mujoco", "pinocchio"}
     assert not (tmp_path / "bench_speed.png").exists()

@@ -32,7 +32,7 @@ ON_TIME = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Lane:
+class RunResult:
     """What was found of a peer's method at a step.
 
     Attributes:
@@ -77,9 +77,9 @@ class Lane:
         return float(np.quantile(self.cpu_s_per_s, share)) if self.cpu_s_per_s else None
 
 
-def run_lane(
+def run_once(
     problem: Problem, start: State, peer: Peer, method: Method, step: float, setting: Setting
-) -> tuple[Lane, Contender | None]:
+) -> tuple[RunResult, Contender | None]:
     """Run a problem once, compare it, and return the contender for more runs; None if it failed."""
     about = (problem.name, peer.name, method.name, step, dict(setting))
     try:
@@ -87,12 +87,12 @@ def run_lane(
         warm_up(contender)
         error, cpu_s = compared(contender, problem, step)
     except UnsuitableError as unsuitable:
-        return Lane(*about, failure=unsuitable.reason, suitable=False), None
+        return RunResult(*about, failure=unsuitable.reason, suitable=False), None
     except FAILURES as failure:
-        return Lane(*about, failure=f"{type(failure).__name__}: {failure}"), None
+        return RunResult(*about, failure=f"{type(failure).__name__}: {failure}"), None
     if not np.isfinite(error):
-        return Lane(*about, failure="the motion is lost"), None
-    return Lane(*about, error=error, cpu_s_per_s=(cpu_s / problem.times[-1],)), contender
+        return RunResult(*about, failure="the motion is lost"), None
+    return RunResult(*about, error=error, cpu_s_per_s=(cpu_s / problem.times[-1],)), contender
 
 
 def warm_up(contender: Contender) -> None:
