@@ -14,10 +14,9 @@ from benchmarks.children import ReportingProcess
 from benchmarks.goals import Verdict, goal_sheet
 from benchmarks.graph.checks import Expected, expected
 from benchmarks.graph.comparison import Comparison, compare
-from benchmarks.graph.figure import drawn
 from benchmarks.graph.goals import verdicts
 from benchmarks.graph.plan import Layout, Plan, scene_at_rate
-from benchmarks.graph.report import configuration_sheets
+from benchmarks.graph.report import configuration_sheets, drawn
 from benchmarks.graph.run import SETTLES_S, Run, graph_environment, measure, probe_command
 from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, silent

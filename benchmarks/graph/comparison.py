@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from benchmarks.graph.checks import Check, check_sizes
-from benchmarks.graph.percentiles import Percentiles, median_of, ratios
 from benchmarks.graph.plan import KINDS, Configuration
 from benchmarks.graph.recorded import Losses, total
 from benchmarks.graph.run import Run
+from benchmarks.graph.statuses import Percentiles, median_of, ratios
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.graph.percentiles import Percentiles, percentiles_of
+from benchmarks.graph.statuses import Percentiles, percentiles_of
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.experiment.bag_topics import full_name
 from hapticmech_ros.wire.cdr import array_stamp, header_stamp

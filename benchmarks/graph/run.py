@@ -19,12 +19,12 @@ from benchmarks.children import (
     wait_until,
 )
 from benchmarks.graph.checks import ENGAGED, Check, Expected, check_recording, check_run
-from benchmarks.graph.percentiles import Percentiles
 from benchmarks.graph.plan import Step
 from benchmarks.graph.recorded import Recorded, recorded
 from benchmarks.graph.statuses import (
     ANSWERS,
     Clocked,
+    Percentiles,
     Status,
     around,
     clocked,

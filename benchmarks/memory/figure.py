@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchmarks.graph.figure import PROCESS_COLOURS
+from benchmarks.graph.report import PROCESS_COLOURS
 from benchmarks.memory.growth import Watch
 from hapticmech_ros.experiment.figure_style import BLUE, GREY, TEXT, dress, legend, new_figure
 

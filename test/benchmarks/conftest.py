@@ -8,11 +8,10 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.accuracy import Case, Output
-from benchmarks.graph.percentiles import Percentiles
 from benchmarks.graph.plan import Configuration, Kind, Step
 from benchmarks.graph.recorded import RECORDED_TRIP, Losses, Recorded
 from benchmarks.graph.run import Run
-from benchmarks.graph.statuses import ROUND_TRIP, Clocked
+from benchmarks.graph.statuses import ROUND_TRIP, Clocked, Percentiles
 from benchmarks.machine import MachineLoad
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM

@@ -10,8 +10,7 @@ import pytest
 from benchmarks.accuracy import cases
 from benchmarks.accuracy.benchmark import AccuracyResults
 from benchmarks.accuracy.endurance import hour_of, lines, minute_of_windows
-from benchmarks.accuracy.plan import Setting, settings
-from benchmarks.accuracy.run import Run, Watch, measure
+from benchmarks.accuracy.run import Run, Setting, Watch, measure, settings
 from hapticmech_ros.mechanism import build
 from hapticmech_ros.mechanism.simulator import MechanismState
 

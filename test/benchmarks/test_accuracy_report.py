@@ -13,16 +13,15 @@ from typer.testing import CliRunner
 
 from benchmarks.__main__ import app_of
 from benchmarks.accuracy import cases
-from benchmarks.accuracy.benchmark import HEADINGS, AccuracyResults, cells, run_accuracy
+from benchmarks.accuracy.benchmark import HEADINGS, AccuracyResults, cells, drawn, run_accuracy
 from benchmarks.accuracy.endurance import LongRun, lines
-from benchmarks.accuracy.figure import drawn
-from benchmarks.accuracy.plan import (
+from benchmarks.accuracy.run import (
     INTEGRATOR_NAMES,
     LARGE_MULTIPLES,
     MULTIPLES,
+    Run,
     settings,
 )
-from benchmarks.accuracy.run import Run
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.figure_style import save
 
@@ -164,7 +163,7 @@ def test_the_command_fails_where_a_case_misses_its_tolerance(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     strict = replace(falling(), outputs=tuple(replace(o, tolerance=0.0) for o in falling().outputs))
-    monkeypatch.setattr("benchmarks.accuracy.plan.cases", lambda: (strict,))
+    monkeypatch.setattr("benchmarks.accuracy.run.cases", lambda: (strict,))
     words = ["accuracy", "--integrators", "rk4", "--steps", "1", "--out", str(tmp_path)]
     assert CliRunner().invoke(app_of(), words).exit_code == 1
 

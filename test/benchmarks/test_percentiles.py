@@ -3,7 +3,7 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from benchmarks.graph.percentiles import (
+from benchmarks.graph.statuses import (
     Percentiles,
     median_of,
     percentiles_of,

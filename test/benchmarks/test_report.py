@@ -13,10 +13,9 @@ from benchmarks.goals import goal_sheet
 from benchmarks.graph.benchmark import ANSWERING
 from benchmarks.graph.checks import Check
 from benchmarks.graph.comparison import Comparison, compare
-from benchmarks.graph.figure import drawn
 from benchmarks.graph.goals import verdicts
 from benchmarks.graph.plan import Configuration
-from benchmarks.graph.report import configuration_sheets
+from benchmarks.graph.report import configuration_sheets, drawn
 from benchmarks.graph.run import Run
 from hapticmech_ros.analysis.study import plain
 from hapticmech_ros.experiment.figure_style import save

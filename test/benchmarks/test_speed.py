@@ -15,6 +15,7 @@ import pytest
 from benchmarks.accuracy import cases
 from benchmarks.children import finding_benchmarks
 from benchmarks.speed import exudyn_peer, mujoco_peer, reference
+from benchmarks.speed.benchmark import plan
 from benchmarks.speed.contender import (
     Method,
     Peer,
@@ -26,7 +27,6 @@ from benchmarks.speed.equality import Check, check
 from benchmarks.speed.mujoco_peer import MujocoPeer, MujocoScene
 from benchmarks.speed.own_peer import OwnPeer
 from benchmarks.speed.pinocchio_peer import PinocchioDynamics, PinocchioPeer
-from benchmarks.speed.plan import plan
 from benchmarks.speed.platform import stewart_platform
 from benchmarks.speed.problems import ASKED, NAMES, Problem, problems
 from benchmarks.speed.result import numbers_of, run_once

@@ -11,13 +11,12 @@ from typer.testing import CliRunner
 
 from benchmarks.__main__ import app_of
 from benchmarks.goals import Verdict
-from benchmarks.speed.benchmark import SpeedResults, run_speed
+from benchmarks.speed.benchmark import SpeedResults, plan, run_speed
 from benchmarks.speed.equality import Check
 from benchmarks.speed.fronts import Point, cost, front, ratios
 from benchmarks.speed.goals import verdicts
 from benchmarks.speed.own_peer import OwnPeer
 from benchmarks.speed.pinocchio_peer import PinocchioPeer
-from benchmarks.speed.plan import plan
 from benchmarks.speed.problems import problems
 from benchmarks.speed.race import Effort, multiples_of, race
 from benchmarks.speed.result import RunResult
