@@ -209,7 +209,7 @@ def _evaluated(step: Step, watched: _Watched, bag: Path, point: str, session: Ex
 
 
 class BareGraph(Graph):
-    """The bare graph's nodes in the real one's layout; see nodes/bench/bare_node.py."""
+    """The bare graph's nodes in the real one's layout; see bare_node.py."""
 
     def __init__(self, scene: str, composed: bool, environment: Mapping[str, str]) -> None:
         self.processes = {}

@@ -278,7 +278,7 @@ def _drawn(columns: Sequence[Column]) -> Figure:
                 _dots(panel, [scenes.index(row.scene) for row in rows], kept, name)
         if least:
             panel.set_yscale("log") if over_delay else panel.set_xscale("log")
-    labels = ("error at 10 Hz (1)", "stiffness held (N/m)", "delay borne (periods)")
+    labels = ("error at 10 Hz (1)", "stiffness held (N/m)", "delay margin (periods)")
     for panel, label in zip(axes, labels, strict=True):
         dress(panel, *(("delay (periods)", label) if over_delay else (label, "")))
     if over_delay:

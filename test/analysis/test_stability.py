@@ -37,7 +37,7 @@ def matrix_of(scene, delay, held=NOBODY):
 
 
 @pytest.mark.parametrize("delay", [5, 10])
-def test_without_foresight_hand_and_losses_it_is_the_loop_of_the_control(delay):
+def test_without_prediction_hand_and_losses_it_is_the_loop_of_the_control(delay):
     """Where that diverges, so that rigid motions, of size 1, do not hide its largest eigenvalue."""
     scene = with_loop(held_by_nobody(load_scene("five_bar")), local=False)
     found = directions(scene).analysis
