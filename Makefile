@@ -3,6 +3,7 @@
 #   make demo    the paper's experiment, into demo/
 #   make test    lint, types, tests
 #   make lint    lint and types only
+#   make bench   accuracy, ablation, speed, memory and graphs, for hours, into bench/; ONE=speed: one
 #   make campaign   every fault against the graph, for hours, into reliability/; QUICK=1: minutes
 #   make clean   remove .venv and everything else that was made here
 #
@@ -48,7 +49,7 @@ SOURCES := package.xml $(shell find $(PACKAGE) config launch resource \
 
 .PHONY: help
 help:
-	@sed -n '3,9s/^# *//p' Makefile
+	@sed -n '3,10s/^# *//p' Makefile
 
 .PHONY: demo
 demo: .venv/package
@@ -67,13 +68,19 @@ lint: .venv/test-requirements .venv/package
 	$(BIN)/mypy
 
 # In .venv alone: what the tests need is not needed here.
+BENCHMARKS := accuracy ablation speed memory graph
+.PHONY: bench
+bench: .venv/bench-requirements .venv/package
+	set -e; for one in $(or $(ONE),$(BENCHMARKS)); do \
+	  $(BIN)/python -m benchmarks $$one $(OPTIONS) --out bench; done
+
 .PHONY: campaign
 campaign: .venv/package
 	$(BIN)/python -m benchmarks.reliability $(if $(QUICK),--quick) --out reliability $(PARTS)
 
 .PHONY: clean
 clean:
-	rm -rf .venv build dist demo reliability install log $(PACKAGE).egg-info
+	rm -rf .venv build dist demo bench feel reliability install log $(PACKAGE).egg-info
 	rm -rf .coverage .mypy_cache .pytest_cache .ruff_cache
 	find . -name .git -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
@@ -86,6 +93,10 @@ clean:
 
 .venv/requirements: .venv/made $(REQUIREMENTS)
 	$(PIP) install --quiet 'setuptools>=70.1,<80' '.[ros]'
+	@touch $@
+
+.venv/bench-requirements: .venv/requirements
+	$(PIP) install --quiet '.[ros,bench]'
 	@touch $@
 
 .venv/test-requirements: .venv/requirements

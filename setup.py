@@ -51,11 +51,7 @@ setup(
     license=stated("license"),
     python_requires=">=3.10",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={
-        PACKAGE: ["py.typed"],
-        f"{PACKAGE}.bench.accuracy": ["*.json", "scenes/*.yaml"],
-        f"{PACKAGE}.bench.speed": ["*.json"],
-    },
+    package_data={PACKAGE: ["py.typed"]},
     zip_safe=False,
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
@@ -97,7 +93,7 @@ setup(
         "typer",
     ],
     extras_require={
-        # Other simulators, which `hapticmech bench speed` puts beside ours.
+        # Other simulators, which `python -m benchmarks speed` puts beside ours.
         "bench": [
             "exudyn>=1.13",
             "mujoco>=4",

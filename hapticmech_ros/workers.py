@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import connection, get_context, parent_process
+from typing import TypeVar
+
+from hapticmech_ros.errors import InvalidInputError
+
+Given = TypeVar("Given")
+Found = TypeVar("Found")
 
 
 def worker_pool(
@@ -36,3 +42,26 @@ def _end_with_parent() -> None:
     if parent is not None:
         connection.wait([parent.sentinel])
         os._exit(1)
+
+
+def in_order(
+    work: Callable[[Given], Found], cases: Sequence[Given], processes: int | None = None
+) -> Iterator[Found]:
+    """Yield what a function returns for each case, in their order.
+
+    Args:
+        work: a function of a module, and of nothing but its argument.
+        cases: that processes can be given.
+        processes: that share the cases; this one alone if 1, one for each core if None.
+
+    Raises:
+        InvalidInputError: no process.
+    """
+    if processes is not None and processes < 1:
+        raise InvalidInputError("processes", processes, "must be 1 or more")
+    if processes == 1:
+        yield from map(work, cases)
+        return
+    # Forked, a process would lack the threads that this one has.
+    with worker_pool(processes) as pool:
+        yield from pool.map(work, cases)

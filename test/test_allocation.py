@@ -1,7 +1,7 @@
 """Ticks leave nothing behind: what a tick allocates is freed by the next ones, and is little.
 
 ``tracemalloc`` sees what Python and NumPy allocate; what kernels allocate inside is theirs, and is
-seen as resident size by ``hapticmech bench memory``.
+seen as resident size by ``python -m benchmarks memory``.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from benchmarks.ablation.scenes import ladder
 from hapticmech_ros import load_scene
-from hapticmech_ros.bench.ablation import ladder
 from hapticmech_ros.control import control_for
 from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.device import device_for

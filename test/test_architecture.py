@@ -9,12 +9,22 @@ import hapticmech_ros
 
 PACKAGE = Path(hapticmech_ros.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
+# Beside the package, and not installed with it.
+BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
+ALL_FILES = [*FILES, *sorted(BENCHMARKS.rglob("*.py"))]
 CORE = (
     *("scene", "mechanism", "operational", "control", "device", "wire", "session", "errors"),
     *("formats", "plan", "contact", "simulation"),
 )
 # Above the core, still without ROS: they run sessions and read files.
 TOOLS = ("experiment", "bag", "view")
+# Above these: they measure what a scene's loop does, and may start a graph.
+STUDIES = ("analysis", "offline")
+# Circles of imports that are known, and may only become fewer.
+CIRCLES = (
+    {"compilation.numba_types", "compilation.structures"},
+    {"nodes.crtk_device", "nodes.teleoperation_controller"},
+)
 CLOCKS = {"time", "datetime", "random", "secrets", "uuid", "sched", "timeit"}
 # A bag says when it was recorded; that is data, and may be formatted for people.
 MAY_SPEAK_OF_DATES = {"bag"}
@@ -57,8 +67,13 @@ def called(path):
     return {ast.unparse(n.func) for n in ast.walk(tree(path)) if isinstance(n, ast.Call)}
 
 
+def _name(path):
+    folder = PACKAGE if PACKAGE in path.parents else BENCHMARKS.parent
+    return str(path.relative_to(folder))
+
+
 def named(paths):
-    return pytest.mark.parametrize("path", paths, ids=lambda p: str(p.relative_to(PACKAGE)))
+    return pytest.mark.parametrize("path", paths, ids=_name)
 
 
 QUIET = [path for path in FILES if part_of(path) in CORE + TOOLS]
@@ -92,7 +107,67 @@ def test_the_core_knows_no_clock_and_no_chance(path):
 @named([path for path in FILES if part_of(path) in CORE])
 def test_the_core_does_not_depend_on_what_is_above_it(path):
     inside = {name.split(".")[1] for name in imports(path) if name.startswith("hapticmech_ros.")}
-    assert not inside & {*TOOLS, "nodes", "cli"}
+    assert not inside & {*TOOLS, *STUDIES, "nodes", "cli"}
+
+
+@named(FILES)
+def test_the_package_knows_nothing_of_benchmarks_and_tests(path):
+    assert not roots(path) & {"benchmarks", "test", "oracles"}
+
+
+def graph_of(folder):
+    """Return what each module of a package imports of it, by names without the package's.
+
+    A module of a package counts, not the package that it is in: that imports what it offers.
+    """
+    modules = {
+        ".".join(path.relative_to(folder.parent).with_suffix("").parts).removesuffix(
+            ".__init__"
+        ): path
+        for path in folder.rglob("*.py")
+    }
+    found = {}
+    for module, path in modules.items():
+        names = set()
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.Import):
+                names |= {name.name for name in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                inner = {f"{node.module}.{name.name}": node.module for name in node.names}
+                names |= {name if name in modules else base for name, base in inner.items()}
+        found[module] = (names & modules.keys()) - {module}
+    start = len(folder.name) + 1
+    return {name[start:]: {other[start:] for other in seen} for name, seen in found.items()}
+
+
+def circles(graph):
+    """Return the sets of modules of which each imports, over others, itself."""
+    reached = {}
+    for start in graph:
+        seen, ahead = set(), [start]
+        while ahead:
+            for following in graph[ahead.pop()] - seen:
+                seen.add(following)
+                ahead.append(following)
+        reached[start] = seen
+    found = []
+    for module, seen in reached.items():
+        if module in seen and not any(module in circle for circle in found):
+            found.append({other for other in seen if module in reached[other]})
+    return found
+
+
+def test_a_circle_is_seen():
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}, "e": set()}
+    assert circles(graph) == [{"a", "b", "c"}]
+
+
+@pytest.mark.parametrize("folder", [PACKAGE, BENCHMARKS], ids=lambda folder: folder.name)
+def test_imports_go_one_way(folder):
+    graph = graph_of(folder)
+    assert sum(map(len, graph.values())) > len(graph)
+    unknown = [circle for circle in circles(graph) if circle not in CIRCLES]
+    assert not unknown
 
 
 # From below: each knows only those before it.
@@ -111,18 +186,18 @@ def test_the_model_does_not_depend_on_device_or_control(path):
     assert not inside & {"control", "device", "session", "wire"}
 
 
-@named(FILES)
+@named(ALL_FILES)
 def test_library_errors_are_exceptions_not_asserts(path):
     lines = [node.lineno for node in ast.walk(tree(path)) if isinstance(node, ast.Assert)]
     assert not lines
 
 
-@named(FILES)
+@named(ALL_FILES)
 def test_files_stay_small(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST_FILE
 
 
-@named(FILES)
+@named(ALL_FILES)
 def test_every_module_and_public_name_says_what_it_is(path):
     module = tree(path)
     assert ast.get_docstring(module)

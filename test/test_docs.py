@@ -29,6 +29,7 @@ def _commands() -> list[str]:
 
 
 OURS = [line for line in _commands() if Path(line.split()[0]).name == "hapticmech"]
+BENCHMARKS = [line for line in _commands() if line.startswith("python -m benchmarks ")]
 
 
 def test_the_table_of_topics_is_the_codes() -> None:
@@ -80,9 +81,23 @@ def test_every_hapticmech_command_of_the_documents_is_understood(line: str) -> N
     assert run.returncode == 0, run.stderr
 
 
+@pytest.mark.parametrize("line", BENCHMARKS)
+def test_every_benchmark_of_the_documents_is_understood(line: str) -> None:
+    words = shlex.split(line, comments=True)
+    run = subprocess.run(
+        [sys.executable, *words[1:], "--help"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        cwd=ROOT,
+    )
+    assert run.returncode == 0, run.stderr
+
+
 @pytest.mark.parametrize(
     "command",
-    ["demo", "experiment", "run", "topics", "parameters", "bag", "bench", "scene", "device"],
+    ["demo", "experiment", "run", "topics", "parameters", "bag", "feel", "scene", "device"],
 )
 def test_subcommands_explain_themselves(command: str) -> None:
     run = subprocess.run(

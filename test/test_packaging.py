@@ -30,8 +30,9 @@ EXECUTABLES = [
     "teleoperation_controller",
 ]
 ROOT = Path(__file__).resolve().parents[1]
-# What an installation is made from; a fresh clone has nothing else of relevance.
-SOURCES = [PACKAGE, "config", "launch", "resource"]
+# What an installation is made from, and benchmarks, which are not to come along; a fresh clone has
+# nothing else of relevance.
+SOURCES = [PACKAGE, "benchmarks", "config", "launch", "resource"]
 SOURCE_FILES = ["LICENSE", "README.md", "package.xml", "pyproject.toml", "setup.cfg", "setup.py"]
 TIMEOUT_S = 120.0
 # What brings a module whose name is not its own.
@@ -172,6 +173,9 @@ def test_pip_installs_every_module_and_every_shared_file(prefix: Path, site_pack
     # A folder without __init__.py, or a pattern that is too narrow, would be left out in silence.
     assert modules(site_packages / PACKAGE) == modules(ROOT / PACKAGE)
     assert Path("py.typed") in modules(site_packages / PACKAGE)
+    assert [path.name for path in site_packages.iterdir() if path.suffix != ".dist-info"] == [
+        PACKAGE
+    ]
     assert shared_files(prefix / "share" / PACKAGE) == shared_files(ROOT)
 
 

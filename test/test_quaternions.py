@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.bench.memory import resident
+from benchmarks.memory.growth import resident
 from hapticmech_ros.control import control_for
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.quaternions import quaternion_of

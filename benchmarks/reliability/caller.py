@@ -11,7 +11,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import SetBool
 
-from hapticmech_ros.bench.children import BenchError
+from benchmarks.children import BenchError
 from hapticmech_ros.wire.topics import EMERGENCY_STOP
 
 ANSWERS_WITHIN_S = 5.0

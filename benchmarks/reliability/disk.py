@@ -12,13 +12,13 @@ import sys
 import time
 from pathlib import Path
 
+from benchmarks.children import wait_until
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.full_disk import FullDisk, NoDiskError
 from benchmarks.reliability.rig import Rig, pushing
 from benchmarks.reliability.sample import Samples
 from benchmarks.reliability.trial import GOAL_PEAK
 from benchmarks.reliability.usage import Usage, grown, usage
-from hapticmech_ros.bench.children import wait_until
 from hapticmech_ros.graph import stop_process
 from hapticmech_ros.nodes.entry import NODES
 
@@ -44,11 +44,13 @@ def run(quick: bool, out: Path) -> list[Figure]:
 def _on(disk: FullDisk, seconds: float, out: Path) -> list[Figure]:
     logs = {"ROS_LOG_DIR": str(disk.path / "log")}
     bag, told = disk.path / "bag", out / "disk_recorder.log"
-    with Rig(out, PART, hosts=((tuple(NODES), logs),)) as rig:
+    with Rig(out, PART, variables=logs) as rig:
         rig.ready()
         with told.open("w") as log:
             record = [*HAPTICMECH, "bag", "record", "--all", "--out", str(bag)]
-            recorder = subprocess.Popen(record, env=rig.environment, stdout=log, stderr=log)
+            recorder = subprocess.Popen(
+                record, env=rig.environment, stdout=log, stderr=log, text=True
+            )
         try:
             what = "the recorder to end with its disk full"
             wait_until(lambda: recorder.poll() is not None, FILLS_WITHIN_S, what, rig.check)

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.children import BenchError, ReportingProcess, wait_until
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig, pushing
 from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, RENDERING
 from benchmarks.reliability.trial import Fault, Trial, observe, summarised, tell_lateness
-from hapticmech_ros.bench.children import BenchError, Teller, wait_until
 from hapticmech_ros.graph import Graph
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER
 from hapticmech_ros.wire.topic import DEVICE as DEVICE_NODE
@@ -71,7 +71,7 @@ class Double:
 
     def __init__(self, rig: Rig, kind: Kind, alone: bool) -> None:
         self._graph: Graph | None = None
-        self.teller: Teller | None = None
+        self.teller: ReportingProcess | None = None
         if kind.name in FOREIGN:
             pushes = kind.original == CONTROLLER and not alone
             arguments = PUSH if pushes else ()
@@ -172,7 +172,9 @@ def _wait_alone(rig: Rig, kind: Kind, joined: Double) -> None:
     time.sleep(0.5)
 
 
-def _first(rig: Rig, kind: Kind, since: int, asked_ns: int, teller: Teller | None) -> int | None:
+def _first(
+    rig: Rig, kind: Kind, since: int, asked_ns: int, teller: ReportingProcess | None
+) -> int | None:
     """Wait for the newcomer's first message, and return when that was; None if it never says any.
 
     One that cannot tell is known by the numbers of its messages: the other counted further.

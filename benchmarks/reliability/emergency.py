@@ -7,11 +7,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from benchmarks.children import BenchError
 from benchmarks.reliability.caller import Caller
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import MS, Rig, pushing
 from benchmarks.reliability.stepped_clock import SteppedClock
-from hapticmech_ros.bench.children import BenchError
 
 # The answer and the sample take ways of their own to processes of their own.
 WAYS_MS = 5.0

@@ -242,7 +242,7 @@ class FakeGraph:
         self.hosts: dict[str, Host] = {}
         for kind in actors:
             host = self.hosts[kind.name] = Host(self, kind.name)
-            given = {"scene": scene, **(parameters or {}).get(kind.name, {})}
+            given: dict[str, Any] = {"scene": scene, **(parameters or {}).get(kind.name, {})}
             host.actor = kind(host, kind.parameters_type(**given))
         device = next(iter(self.hosts.values())).actor.scene.device
         self._limits = device.force_limit * (1 + 1e-9), device.torque_limit * (1 + 1e-9)

@@ -105,11 +105,13 @@ def forward(ends: tuple[str, str], seed: int = 1) -> None:
                     print(json.dumps(told), flush=True)
                 continue
             way = by_source[source]
-            while (frame := _received(source)) is not None:
+            while (heard_frame := _received(source)) is not None:
                 late = way.late(draw)
                 if late is not None:
                     number += 1
-                    heapq.heappush(waiting, (time.monotonic() + late, number, way.target, frame))
+                    heapq.heappush(
+                        waiting, (time.monotonic() + late, number, way.target, heard_frame)
+                    )
 
 
 def _received(source: socket.socket) -> bytes | None:

@@ -9,10 +9,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from benchmarks.children import BenchError
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.trial import Fault, Trial, observe, summarised, tell_lateness
-from hapticmech_ros.bench.children import BenchError
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topic import DEVICE
 

@@ -17,11 +17,11 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.serialization import serialize_message
 
+from benchmarks.memory.growth import resident
 from benchmarks.reliability.fake_graph import FakeGraph
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.wire_messages import run_wire
-from hapticmech_ros.bench.memory.resident import resident
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.scene.document import Scene
 
@@ -112,7 +112,7 @@ class Trial:
             self.growth_mb = max(self.growth_mb, found - settled_mb)
 
     def defects(self) -> int:
-        """Return how many errors nobody had foreseen."""
+        """Return how many errors nobody had predicted."""
         return sum(host.actor.failures.defects for host in self.graph.hosts.values())
 
     def lines(self) -> list[str]:

@@ -7,13 +7,14 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
 from benchmarks.reliability.emulated_network import EmulatedNetwork, Path, not_permitted
 from benchmarks.reliability.figure import Figure, save, table
 from benchmarks.reliability.split_graph import SplitGraph, Watched, run_for
-from hapticmech_ros.bench.feel.passive.trial import Trial, scene_of
+from hapticmech_ros.analysis.passivity import Trial, scene_of
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.loader import document_of
@@ -22,7 +23,7 @@ from hapticmech_ros.session import Session
 PART = "network"
 SCENE = "five_bar"
 DELAYS = (0.0, 0.01, 0.05)
-KINDS = {
+KINDS: dict[str, dict[str, Any]] = {
     "plain": {},
     "20 % jitter": {"jitter": 0.2},
     "5 % loss": {"loss": 0.05},

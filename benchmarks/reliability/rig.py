@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.children import BenchError, ReportingProcess, output_to, wait_until
 from benchmarks.reliability.sample import DEVICE, Ring, Samples
 from benchmarks.reliability.stepped_clock import SteppedClock
-from hapticmech_ros.bench.children import BenchError, Teller, output_to, wait_until
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
@@ -47,6 +47,7 @@ class Rig:
         domain: ROS_DOMAIN_ID; one that is probably free if left out.
         clean: measure a clean run first.
         composed: all nodes of a host in one process, which takes a machine least.
+        variables: of the environment of all, besides the usual ones.
 
     Attributes:
         environment: of a process that is to meet the graph, with the machine's own clock.
@@ -65,6 +66,7 @@ class Rig:
         domain: int | None = None,
         clean: bool = True,
         composed: bool = False,
+        variables: Mapping[str, str] | None = None,
     ) -> None:
         out.mkdir(parents=True, exist_ok=True)
         self._log = out / f"{name}.log"
@@ -76,7 +78,11 @@ class Rig:
         self._composed = composed
         self._stack = ExitStack()
         self._graphs: list[Graph] = []
-        self.environment = {**private_environment(domain), "OPENBLAS_NUM_THREADS": "1"}
+        self.environment = {
+            **private_environment(domain),
+            "OPENBLAS_NUM_THREADS": "1",
+            **(variables or {}),
+        }
         self.clean_max = 0.0
         self.lateness_ns = np.zeros(0)
 
@@ -109,11 +115,13 @@ class Rig:
 
     def start(
         self, script: str, *arguments: str, environment: Mapping[str, str] | None = None
-    ) -> Teller:
+    ) -> ReportingProcess:
         """Start a script of this folder that meets the graph, and ends with the rig."""
         command = [sys.executable, "-u", str(FOLDER / script), *arguments]
         with output_to(self._log):
-            return self._stack.enter_context(Teller(command, environment or self.environment))
+            return self._stack.enter_context(
+                ReportingProcess(command, environment or self.environment)
+            )
 
     def another(self, node: str) -> Graph:
         """Start a second node of a kind, called ``second_...``; whoever asked ends it."""

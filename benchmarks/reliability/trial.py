@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.children import BenchError, wait_until
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import MS, Rig, pushing
 from benchmarks.reliability.sample import DEVICE, Samples
-from hapticmech_ros.bench.children import BenchError, wait_until
 
 GOAL_ZERO_MS, GOAL_BACK_S, GOAL_PEAK = 20.0, 2.0, 1.2
 # How long a fault is waited out, and what is said about it.

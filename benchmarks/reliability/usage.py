@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.bench.children import BenchError
-from hapticmech_ros.bench.memory.trend import LEAST_SAMPLES, WARM_UP_SHARE
+from benchmarks.children import BenchError
+from benchmarks.memory.growth import LEAST_SAMPLES, WARM_UP_SHARE
 
 PROC = Path("/proc")
 KILO = 1024

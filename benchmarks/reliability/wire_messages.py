@@ -18,11 +18,11 @@ from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
+from benchmarks.children import BenchError, output_to
+from benchmarks.memory.growth import resident
 from benchmarks.reliability.fake_graph import applied_in, numbers_of
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.hostile import Hostile
-from hapticmech_ros.bench.children import BenchError, output_to
-from hapticmech_ros.bench.memory.resident import resident
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.nodes.loop import wait_for_messages
 from hapticmech_ros.nodes.qos import LATCHED

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from hapticmech_ros.cli import analyse, bag, bench, device, experiment, graph, replay, scene
+from hapticmech_ros.cli import analyse, bag, device, experiment, feel, graph, replay, scene
 from hapticmech_ros.cli.console import console, errors
 from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError
@@ -42,7 +42,7 @@ for command in (graph.run, experiment.demo, experiment.experiment, graph.topics,
     app.command()(command)
 app.command()(analyse.analyse)
 app.command()(analyse.sweep)
-app.add_typer(bench.app, name="bench")
+app.add_typer(feel.app, name="feel")
 bag.app.command()(replay.replay)
 app.add_typer(bag.app, name="bag")
 app.add_typer(scene.app, name="scene")
@@ -50,10 +50,15 @@ app.add_typer(device.app, name="device")
 
 
 def main() -> None:
-    """Run the command; errors of ours, and files, are one clear message and exit code 1."""
+    """Run the command ``hapticmech``."""
+    run_app(app)
+
+
+def run_app(commands: typer.Typer) -> None:
+    """Run a command; errors of ours, and files, are one clear message and exit code 1."""
     choose_discovery(os.environ)
     try:
-        app()
+        commands()
     except HapticMechError as error:
         _end(str(error))
     except BrokenPipeError:

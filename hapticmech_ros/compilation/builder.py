@@ -37,16 +37,19 @@ from hapticmech_ros.errors import HapticMechError
 _HOMES = ("mechanism.stepping", "operational.compiled", "control.compiled")
 _MORE_HOMES = (
     *("device.compiled", "wire.readings", "contact.search", "contact.stepping"),
-    *("control.rendering_loop", "session.session"),
+    "session.session",
 )
 # Of the C library, which every process has.
 _C_LIBRARY = frozenset(
     ("sqrt", "sin", "cos", "tan", "tanh", "atan2", "exp", "log", "pow", "memset", "memcpy")
 )
 # Kernels with much in common, by what their names begin with; all others are one more family.
-_FAMILIES: tuple[tuple[str, ...], ...] = (("mechanism_", "operational_"), ("contact_",))
+_FAMILIES: tuple[tuple[str, ...], ...] = (
+    ("mechanism_", "operational_", "session_"),
+    ("contact_",),
+)
 # Those that take longest begin first.
-_LONG = ("run_kernels", "observe_kernels", "mechanism_kernels_factor", "contact_solver")
+_LONG = ("tick_kernels", "run_kernels", "observe_kernels", "kernels_factor", "contact_solver")
 # Beyond the families only LLVM's part is faster.
 _MOST_LANES = 8
 _PR_SET_PDEATHSIG = 1

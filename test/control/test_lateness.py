@@ -3,7 +3,7 @@
 import pytest
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.bench.feel.stability.variations import with_loop
+from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.errors import InvalidInputError
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.bench.feel.impedance import _alone
+from hapticmech_ros.analysis.impedance import alone
 from hapticmech_ros.control import control_for
 from hapticmech_ros.control.loop_stability import LoopTerms, loop_margins, spectral_radius
 from hapticmech_ros.control.rendering_model import rendering_model
@@ -82,7 +82,7 @@ def errors_after_a_touch(scene, delay):
 @pytest.mark.parametrize("delay", [1, 2, 3])
 @pytest.mark.parametrize("name", ["five_bar", "two_link"])
 def test_sessions_diverge_where_it_says(name, delay, local):
-    scene = with_gains(_alone(load_scene(name)), 1.0, local)
+    scene = with_gains(alone(load_scene(name)), 1.0, local)
     analysis = Session(scene).tick().analysis
     control, model = control_for(scene), rendering_model(analysis)
     margin = loop_margins(control, model, analysis.rows, scene.simulation.period, delay).gain

@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.bench.ablation.loop import Loop
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.session import Session
+from oracles.sessions import take_hold_beside
 
 MASS, STIFFNESS, DAMPING = 0.5, 100.0, 4.0
 # Of a wall that holds the mechanism from outside, N/m and N s/m.
@@ -108,14 +108,13 @@ def test_drift_decays_as_the_loops_own_oscillation():
     turn = np.sqrt(square - rate**2)
     errors = []
     for period in PERIODS:
-        loop, found, taken = Loop(block(period)), [], np.zeros(5)
-        start = loop.device_state.pose
-        away = np.array([drift, 0.0, 0.0])
-        loop.device_state = loop.device.at_rest(pin.SE3(start.rotation, start.translation + away))
+        session, found = Session(block(period)), []
+        start, away = session.device.pose, np.array([drift, 0.0, 0.0])
+        take_hold_beside(session, pin.SE3(start.rotation, start.translation + away))
         for _ in range(round(until / period)):
-            point = loop.simulator.evaluate(loop.state).points[0].pose
-            found.append(loop.device_state.pose.translation[0] - point.translation[0])
-            loop.tick(taken)
+            sample = session.tick()
+            apart = sample.device.pose.translation - sample.point.pose.translation
+            found.append(apart[0])
         time = period * np.arange(len(found))
         wave = np.cos(turn * time) + rate / turn * np.sin(turn * time)
         exact = drift * np.exp(-rate * time) * wave

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.accuracy import cases
 from hapticmech_ros import load_scene
-from hapticmech_ros.bench.accuracy import cases
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.planar_linkages import five_bar, five_bar_bent

@@ -6,7 +6,7 @@ Never NaN, never silence: a step gives a closed, finite state or raises an error
 import numpy as np
 import pytest
 
-from hapticmech_ros.bench.accuracy import cases, n_four_bar
+from benchmarks.accuracy import cases, n_four_bar
 from hapticmech_ros.errors import ClosureError, HapticMechError
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.scene import scene_from_document

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hapticmech_ros.bench.accuracy import n_four_bar
+from benchmarks.accuracy import n_four_bar
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.mechanism.stepping import split_around
 from hapticmech_ros.simulation import Simulator

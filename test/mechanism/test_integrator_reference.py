@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.bench.accuracy import cases
+from benchmarks.accuracy import cases
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator

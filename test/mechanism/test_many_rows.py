@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hapticmech_ros.bench.accuracy.n_four_bar import n_four_bar
+from benchmarks.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.kernels.many_rows import (
     FEW_ROWS,

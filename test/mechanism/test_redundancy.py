@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.bench.accuracy import cases
+from benchmarks.accuracy import cases
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.accuracy import cases, n_four_bar
 from hapticmech_ros import Mechanism, Simulator
-from hapticmech_ros.bench.accuracy import cases, n_four_bar
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document

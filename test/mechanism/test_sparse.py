@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hapticmech_ros.bench.accuracy.n_four_bar import n_four_bar
+from benchmarks.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.constraint_space import Closing, factored

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.bench.accuracy import cases
+from benchmarks.accuracy import cases
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED, WEIGHTS
 from hapticmech_ros.mechanism.projection import project

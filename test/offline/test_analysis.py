@@ -5,9 +5,9 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
 
+from benchmarks.accuracy import cases
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.bag.writer import BagWriter
-from hapticmech_ros.bench.accuracy import cases
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism

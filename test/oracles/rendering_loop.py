@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.controller_side import Reading
 from hapticmech_ros.control.engagement import Engagement
 from hapticmech_ros.control.measurements import ControlOutput
-from hapticmech_ros.control.rendering_loop import Acting
 from hapticmech_ros.device.safety import safety_limits
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.times import nanoseconds
@@ -19,6 +19,18 @@ from oracles.controller_side import Answer, ControllerSide
 from oracles.local_model import corrected
 from oracles.passivity import NO_WRENCH, PassivityController, passivity_for
 from oracles.safety import SafetyEnvelope
+
+
+class Acting(NamedTuple):
+    """What acts over the next period, (6,) each, world axes.
+
+    Attributes:
+        device: on the hand, by the device.
+        mechanism: on the mechanism, by the hand.
+    """
+
+    device: Array
+    mechanism: Array
 
 
 class RenderingLoop:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from hapticmech_ros.bench.accuracy import cases, n_four_bar
+from benchmarks.accuracy import cases, n_four_bar
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS

@@ -12,11 +12,11 @@ from types import ModuleType
 
 import pytest
 
+from benchmarks.children import BenchError
 from benchmarks.reliability import __main__ as campaign
 from benchmarks.reliability.document import BEGIN, DOCUMENT, END, RESULTS, with_table
 from benchmarks.reliability.figure import Figure, load, save, table
 from benchmarks.reliability.usage import grown, usage
-from hapticmech_ros.bench.children import BenchError
 from hapticmech_ros.errors import HapticMechError
 
 GOOD = Figure("kills", "zero", 12.0, "ms", most=20.0, trials=4)

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from hapticmech_ros.bench.benchmark import JSON_NAME, PLOT_NAME, Results, run_benchmark
-from hapticmech_ros.bench.checks import Expected
-from hapticmech_ros.bench.plan import Configuration, Plan, Step
-from hapticmech_ros.bench.run import Run, measure
-from hapticmech_ros.bench.words import ANSWERS, SAID_HOPS
+from benchmarks.graph.bare_node import PHASES
+from benchmarks.graph.benchmark import GraphResults, run_benchmark
+from benchmarks.graph.checks import Expected
+from benchmarks.graph.plan import Configuration, Plan, Step
+from benchmarks.graph.run import Run, measure
+from benchmarks.graph.statuses import ANSWERS, SAID_HOPS
 from hapticmech_ros.graph import private_environment
-from hapticmech_ros.nodes.bench.bare_node import PHASES
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
@@ -34,10 +34,12 @@ def alone(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(os.environ, name, value)
 
 
-def run(out: Path, recorded: bool, layout: str = "separate") -> tuple[Results, list[str]]:
+def run(out: Path, recorded: bool, layout: str = "separate") -> tuple[GraphResults, list[str]]:
     plan = Plan("five_bar", (RATE_HZ,), (layout,), (recorded,), SECONDS, 1)  # type: ignore[arg-type]
     told: list[str] = []
-    return run_benchmark(plan, out, told.append), told
+    results = run_benchmark(plan, out, told.append)
+    results.write(out)
+    return results, told
 
 
 def conserves(run: Run) -> None:
@@ -72,10 +74,10 @@ def test_both_graphs_are_run_and_written_down(alone: None, tmp_path: Path) -> No
         assert {*NODES, "probe"} == set(one.load.cpu)
         assert one.recorded is None
     assert results.machine["rmw"] == "rmw_fastrtps_cpp"
-    document = json.loads((tmp_path / JSON_NAME).read_text())
+    document = json.loads((tmp_path / "bench_graph.json").read_text())
     assert document["sound"] == results.sound
     assert len(document["runs"]) == 2
-    assert (tmp_path / PLOT_NAME).stat().st_size > 0
+    assert (tmp_path / "bench_graph.png").stat().st_size > 0
     # What the nodes printed as they ended is kept, not shown.
     log = (tmp_path / "nodes.log").read_text()
     assert all(f"bare {name}: " in log and f"\n{name}: " in f"\n{log}" for name in NODES)
@@ -106,7 +108,7 @@ def test_a_graph_that_does_not_start_is_a_result(
     alone: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # A module that says something else and ends.
-    monkeypatch.setattr("hapticmech_ros.bench.graphs.BARE", "this")
+    monkeypatch.setattr("benchmarks.graph.run.BARE", "this")
     step = Step(Configuration(RATE_HZ, "composed", False), 1, "bare")
     nothing = Expected((), (), False)
     found = measure(step, tmp_path / "scene.yaml", "handle", SECONDS, tmp_path, nothing)

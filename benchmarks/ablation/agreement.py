@@ -1,0 +1,151 @@
+"""Before anything is timed: kernels and the readable implementation give the same, to rounding."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.ablation.loop import PARTS
+from benchmarks.oracle import oracle, readable_simulator
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control import PointMeasurement, control_for
+from hapticmech_ros.control.engagement import engage
+from hapticmech_ros.control.flat import flat_rendered
+from hapticmech_ros.control.lateness import loop_lateness
+from hapticmech_ros.device import DeviceState, device_for
+from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.operational import Analyser, OperationalAnalysis
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.session import Sample, Session
+from hapticmech_ros.simulation import MechanismState, Simulator
+
+# Relative to a field's size. Rounding is 1e-16; conditions of D and W, and differences of
+# velocities over a period of 1 ms, take the rest.
+ROUNDING = 1e-9
+# A field that is smaller than this has no size of its own: m, N, s and their products.
+FLOOR = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """How far kernels are from the readable implementation.
+
+    Attributes:
+        ticks: that were compared, each from the same state.
+        apart: largest relative difference of each part of the tick.
+    """
+
+    ticks: int
+    apart: dict[str, float]
+
+    @property
+    def held(self) -> bool:
+        """Whether all parts agree to rounding."""
+        return all(value <= ROUNDING for value in self.apart.values())
+
+
+def agreement(scene: Scene, ticks: int) -> Agreement:
+    """Compare every tick of a session with the readable implementation, part by part.
+
+    Both start a tick from the same state, so that differences do not add up.
+    """
+    session = Session(scene)
+    readable = _Readable(scene, session)
+    apart = dict.fromkeys(PARTS, 0.0)
+    sample = session.tick()
+    readable.engage(sample)
+    for number in range(1, ticks + 1):
+        following = session.tick()
+        for part, value in readable.compare(sample, following, number - 1).items():
+            apart[part] = max(apart[part], value)
+        sample = following
+    return Agreement(ticks, apart)
+
+
+class _Readable:
+    def __init__(self, scene: Scene, session: Session) -> None:
+        self._simulator = readable_simulator(scene)
+        self._kernels = Simulator(scene)
+        mechanism, lateness = self._simulator.mechanism, loop_lateness(scene)
+        self._analyser = Analyser(mechanism, lateness=lateness)
+        self._control = control_for(scene, compiled=False)
+        self._device = device_for(scene, compiled=False)
+        self._index = self._analyser.index
+        self._held: DeviceState | None = None
+        self._loop = oracle("rendering_loop").RenderingLoop(scene, self._control)
+        self._loop.envelope.place(session.device.published[:3])
+        self._points = len(session.simulator.mechanism.point_names)
+
+    def engage(self, first: Sample) -> None:
+        """Take hold where the session did."""
+        start = first.point.pose
+        self._engagement = engage(0.0, start, start)
+        self._held = first.device
+
+    def compare(self, sample: Sample, following: Sample, tick: int) -> dict[str, float]:
+        """Return the relative difference of each part of one tick."""
+        terms = self._simulator.evaluate(sample.mechanism)
+        analysis = self._analyser.analyse(terms)
+        state = sample.mechanism
+        late = self._analyser.late(terms, state.q, state.v, state.active, analysis)
+        device, point, model = sample.device, sample.point, sample.model
+        environment = sample.external_wrench + sample.contact_wrench
+        seen = PointMeasurement(point.pose, point.twist, environment)
+        measured = np.concatenate((device.published[:13], sample.hand_wrench))
+        rendered = flat_rendered(model, seen)
+        acting = self._loop.tick(sample.time, self._engagement, measured, device.applied, rendered)
+        output = self._loop.output
+        wrenches = np.zeros((self._points, 6))
+        wrenches[self._index] = acting.mechanism
+        moved = self._simulator.step(sample.mechanism, wrenches)
+        held = self._device.step(device, acting.device, self._held, tick)
+        return {
+            "observe": max(
+                _terms_apart(self._kernels.evaluate(sample.mechanism), terms),
+                _analysis_apart(sample.analysis, analysis),
+                _apart(model.inverse_inertia, late.inverse_inertia),
+                _apart(model.free_acceleration, late.free_acceleration),
+            ),
+            "control": max(
+                _apart(sample.output.device, output.device),
+                _apart(sample.output.mechanism, output.mechanism),
+                _apart(sample.acting, np.array(acting)),
+            ),
+            "step": _states_apart(following.mechanism, moved),
+            "device": _apart(following.device.published, held.published),
+        }
+
+
+def _terms_apart(found: Evaluation, expected: Evaluation) -> float:
+    point, other = found.points, expected.points
+    fields = [
+        (found.bias_force, expected.bias_force),
+        (found.passive_force, expected.passive_force),
+        (found.closure_jacobian, expected.closure_jacobian),
+        (found.closure_bias, expected.closure_bias),
+        (found.inertia, expected.inertia),
+        *((a.jacobian, b.jacobian) for a, b in zip(point, other, strict=True)),
+        *((a.drift, b.drift) for a, b in zip(point, other, strict=True)),
+    ]
+    return max(_apart(one, two) for one, two in fields)
+
+
+def _analysis_apart(found: OperationalAnalysis, expected: OperationalAnalysis) -> float:
+    return max(
+        _apart(found.inverse_inertia, expected.inverse_inertia),
+        _apart(found.constraint_projector, expected.constraint_projector),
+        _apart(found.balanced_share, expected.balanced_share),
+        _apart(found.free_acceleration, expected.free_acceleration),
+    )
+
+
+def _states_apart(found: MechanismState, expected: MechanismState) -> float:
+    return max(_apart(found.q, expected.q), _apart(found.v, expected.v))
+
+
+def _apart(found: Array, expected: Array) -> float:
+    if expected.size == 0:
+        return 0.0
+    size = max(float(np.abs(expected).max()), FLOOR)
+    return float(np.abs(found - expected).max()) / size

@@ -1,0 +1,125 @@
+"""Processes that a benchmark starts: where their output goes, and what they tell in JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.graph import start_process, stop_process
+
+# Where this package is found, which is not installed.
+ROOT = Path(__file__).resolve().parents[1]
+LOOK_AGAIN_S = 0.2
+STARTS_WITHIN_S = 30.0
+
+
+class BenchError(HapticMechError):
+    """A run of a benchmark that could not be carried through."""
+
+
+class ReportingProcess:
+    """A process that tells how it goes by lines of JSON, which a thread gathers.
+
+    Use as a context manager: leaving it stops the process.
+
+    Raises:
+        BenchError: it ends, or does not say ``ready`` in time.
+    """
+
+    def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
+        self.name = command[2]
+        self.events: list[dict[str, Any]] = []
+        self.process = start_process(command, environment, pipe_output=True)
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+        try:
+            wait_until(
+                lambda: self.of("ready"), STARTS_WITHIN_S, f"{self.name} to start", self.check
+            )
+        except BenchError:
+            self.stop()
+            raise
+
+    def of(self, kind: str) -> list[dict[str, Any]]:
+        """Return the events of a kind, as yet."""
+        return [event for event in list(self.events) if event.get("event") == kind]
+
+    def check(self) -> None:
+        """Raise BenchError if the process has ended by itself."""
+        code = self.process.poll()
+        if code is not None:
+            reasons = [str(event.get("reason")) for event in self.of("failed")]
+            why = reasons[-1] if reasons else f"exit code {code}"
+            raise BenchError(f"{self.name} ended by itself: {why}")
+
+    def stop(self) -> None:
+        """End the process and read it to its last word."""
+        stop_process(self.process)
+        self._thread.join(LOOK_AGAIN_S * 10)
+
+    def __enter__(self) -> ReportingProcess:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.stop()
+
+    def _listen(self) -> None:
+        for line in self.process.stdout or ():
+            if line.startswith("{"):
+                self.events.append(json.loads(line))
+
+
+def wait_until(
+    condition: Callable[[], object],
+    timeout_s: float,
+    what: str,
+    check: Callable[[], object] = lambda: None,
+) -> None:
+    """Wait for a condition, and call ``check`` all the while, which may raise.
+
+    Raises:
+        BenchError: it does not come true in time.
+    """
+    end = time.monotonic() + timeout_s
+    while not condition():
+        check()
+        if time.monotonic() > end:
+            raise BenchError(f"waited {timeout_s:g} s in vain for {what}")
+        time.sleep(LOOK_AGAIN_S)
+
+
+def finding_benchmarks(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return an environment in which ``python -m benchmarks...`` works from any folder."""
+    paths = [*filter(None, [environment.get("PYTHONPATH")]), str(ROOT)]
+    return {**environment, "PYTHONPATH": os.pathsep.join(paths)}
+
+
+def ids(processes: Mapping[str, subprocess.Popen[str]]) -> dict[str, int]:
+    """Return process ids; a process of several nodes is called ``composed``."""
+    return {"composed" if "," in name else name: p.pid for name, p in processes.items()}
+
+
+@contextmanager
+def output_to(path: Path) -> Iterator[None]:
+    """Let processes that are started within write into a file what they would print here."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = os.dup(1), os.dup(2)
+    try:
+        with path.open("ab") as file:
+            os.dup2(file.fileno(), 1)
+            os.dup2(file.fileno(), 2)
+        yield
+    finally:
+        for number, copy in enumerate(kept, start=1):
+            os.dup2(copy, number)
+            os.close(copy)

@@ -1,0 +1,223 @@
+"""The bare graph: the same processes, topics, messages, rates and QoS, and nothing in between.
+
+What the middleware and rclpy cost by themselves, for `python -m benchmarks graph`. Nodes have the
+real ones' names and deadlines; a callback hands on the stamp of its message, and that is all.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.signals import SignalHandlerOptions
+
+from benchmarks.graph.bare_examples import TYPES, Example, Examples
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.nodes.loop import (
+    StopRequest,
+    run_until,
+    wake_up_in_time,
+)
+from hapticmech_ros.nodes.messages import set_stamp, stamp_ns
+from hapticmech_ros.nodes.node_time import NodeTime
+from hapticmech_ros.nodes.period_clock import PeriodClock
+from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, LATCHED, STREAM_PUBLISHER
+from hapticmech_ros.nodes.statistics import DurationHistogram
+from hapticmech_ros.scene import load_scene
+from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.topic import ANALYSER, ARRAY, CONTROLLER, DEVICE, MECHANISM, Topic
+from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_STATE, DIAGNOSTICS, STATE, TOPICS
+
+# Shares of a period by which the clocked nodes follow the common grid, as the real ones do.
+PHASES = {DEVICE: 0.0, MECHANISM: 0.5}
+# What the other nodes answer, each message with one on every control topic of theirs.
+QUESTIONS = {ANALYSER: STATE, CONTROLLER: DEVICE_STATE}
+# A message older than this is not heard any more; says no more than diagnostics' first word.
+SILENCE_NS = NANOSECONDS // 4
+
+
+class BareNode(Node):
+    """A node of the bare graph; its topics are those that the table gives to ``name``."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._time = NodeTime()
+        self._scene_name = str(self.declare_parameter("scene", "five_bar").value)
+        view_rate = float(self.declare_parameter("view_rate", 100.0).value)
+        period_s = float(self.declare_parameter("diagnostics_period", 1.0).value)
+        scene = load_scene(self._scene_name)
+        self._period_s = scene.simulation.period
+        self._view_every = max(1, round(1.0 / (view_rate * self._period_s)))
+        self._samples = Examples(scene)
+        self._deadlines: PeriodClock | None = None
+        self._said = 0
+        self._heard_ns = 0
+        self._ages, self._latency = DurationHistogram(), DurationHistogram()
+        self._control = self._outputs_at("control")
+        self._view = self._outputs_at("view")
+        self._latched = self._outputs_at("change")
+        for topic in TOPICS:
+            if name in topic.subscribers:
+                self._listen_to(topic)
+        self._say(self._latched, 0)
+        self._diagnostics = self.create_publisher(
+            DiagnosticArray, DIAGNOSTICS.name, STREAM_PUBLISHER
+        )
+        self.create_timer(period_s, self._publish_diagnostics)
+
+    def begin(self) -> None:
+        """Start the deadlines, if the node has any."""
+        phase = PHASES.get(self.get_name())
+        if phase is not None:
+            self._deadlines = PeriodClock.on_grid(self._period_s, phase, self.now_ns())
+
+    def look_at_clock(self) -> None:
+        """Leave the machine's clock alone."""
+
+    def now_ns(self) -> int:
+        """Return the node's time, ns."""
+        return self._time.now_ns()
+
+    def next_deadline_ns(self) -> int | None:
+        """Return when the node wants to publish next; None: only when asked."""
+        return None if self._deadlines is None else self._deadlines.next_ns
+
+    def act(self, now_ns: int) -> None:
+        """Publish a sample if a deadline has come."""
+        clock = self._deadlines
+        if clock is not None and clock.due(now_ns):
+            self._say_sample(clock.last_deadline_ns)
+
+    def final_report(self) -> str:
+        """Return what is printed when the node ends."""
+        shown = ", ".join(f"{key} {value}" for key, value in self._figures().items())
+        return f"bare {self.get_name()}: {shown}"
+
+    def _names(self, topic: Topic) -> list[str]:
+        """Return a topic's name, or the mechanism's for each operational point."""
+        points = self._samples.points if self.get_name() == MECHANISM else self._samples.points[:1]
+        return list(dict.fromkeys(topic.of(point) for point in points))
+
+    def _outputs_at(self, rate: str) -> list[tuple[Publisher, Example]]:
+        return [
+            (self.create_publisher(TYPES[topic.type], name, _qos(topic)), self._samples.of(topic))
+            for topic in TOPICS
+            if topic.publisher == self.get_name() and topic.rate == rate
+            for name in self._names(topic)
+        ]
+
+    def _listen_to(self, topic: Topic) -> None:
+        for name in self._names(topic):
+            self.create_subscription(
+                TYPES[topic.type],
+                name,
+                self._hearer(topic),
+                COMMAND_SUBSCRIBER,
+                raw=topic.type == ARRAY,
+            )
+
+    def _hearer(self, topic: Topic) -> Callable[[Any], None]:
+        stamp_of = _header_stamp
+        if topic in self._samples.arrays:
+            stamp_of = self._samples.arrays[topic].stamp_ns
+        if topic.rate != "control":
+            return lambda message: None
+        answers = QUESTIONS.get(self.get_name()) == topic
+        closes_loop = topic == DEVICE_COMMAND
+
+        def hear(message: Any) -> None:
+            now, stamp = self.now_ns(), stamp_of(message)
+            self._ages.add(now - stamp)
+            self._heard_ns = now
+            if closes_loop:
+                self._latency.add(now - stamp)
+            if answers:
+                self._say_sample(stamp)
+
+        return hear
+
+    def _say_sample(self, time_ns: int) -> None:
+        self._say(self._control, time_ns)
+        if self._said % self._view_every == 0:
+            self._say(self._view, time_ns)
+        self._said += 1
+
+    def _say(self, publishers: Sequence[tuple[Publisher, Example]], time_ns: int) -> None:
+        for publisher, example in publishers:
+            publisher.publish(example(time_ns))
+
+    def _hears(self) -> bool:
+        return self.now_ns() - self._heard_ns < SILENCE_NS
+
+    def _figures(self) -> dict[str, str]:
+        figures: dict[str, str] = {}
+        if (clock := self._deadlines) is not None:
+            share = (clock.periods - clock.missed) / clock.periods if clock.periods else 1.0
+            figures |= {
+                "periods": str(clock.periods),
+                "missed_deadlines": str(clock.missed),
+                "dropped_periods": "0",
+                "achieved_rate_hz": f"{share / self._period_s:.1f}",
+            }
+        if self.get_name() == DEVICE:
+            figures |= self._latency.summary("loop_latency")
+        if self.get_name() == ANALYSER:
+            figures["analyses"] = str(self._said)
+        if self.get_name() == CONTROLLER:
+            figures |= {"answers": str(self._said), "engagements": "1"}
+        return {**figures, **self._ages.summary("message_age"), "refused_messages": "0"}
+
+    def _publish_diagnostics(self) -> None:
+        heard = self._hears()
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.OK if heard else DiagnosticStatus.WARN,
+            name=self.get_name(),
+            message="engaged" if heard else "waiting for messages",
+            hardware_id=self._scene_name,
+            values=[KeyValue(key=key, value=value) for key, value in self._figures().items()],
+        )
+        message = DiagnosticArray(status=[status])
+        set_stamp(message.header.stamp, self.now_ns())
+        self._diagnostics.publish(message)
+
+
+def run(names: Sequence[str], arguments: Sequence[str]) -> int:
+    """Run the named nodes of the bare graph in this thread until a signal; return the exit code."""
+    stop = StopRequest()
+    wake_up_in_time()
+    rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+    nodes: list[BareNode] = []
+    try:
+        # One by one: those made before a failure are destroyed.
+        for name in names:
+            nodes.append(BareNode(name))
+            nodes[-1].begin()
+        run_until(stop, nodes)
+        for node in nodes:
+            print(node.final_report(), flush=True)
+        return 0
+    except HapticMechError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    finally:
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _qos(topic: Topic) -> Any:
+    return LATCHED if topic.qos == "latched" else STREAM_PUBLISHER
+
+
+def _header_stamp(message: Any) -> int:
+    return stamp_ns(message.header)
+
+
+if __name__ == "__main__":
+    # python -m benchmarks.graph.bare_node NAME[,NAME...] [--ros-args ...]
+    sys.exit(run(sys.argv[1].split(","), sys.argv[2:]))

@@ -1,0 +1,1 @@
+"""Memory: whether session and nodes stay as large as they are, for an hour and for good."""

@@ -1,0 +1,37 @@
+"""Readable implementations that kernels are compared with, from the tests of this source tree."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.simulation import Simulator
+
+
+def oracle(name: str) -> ModuleType:
+    """Return a module of ``test/oracles``, by its name there.
+
+    Raises:
+        HapticMechError: there are no tests beside the benchmarks.
+    """
+    tests = str(Path(__file__).parents[1] / "test")
+    if tests not in sys.path:
+        sys.path.append(tests)
+    try:
+        return importlib.import_module(f"oracles.{name}")
+    except ImportError as error:
+        raise HapticMechError(f"no oracle {name} in {tests}/oracles: {error}") from None
+
+
+def readable_simulator(scene: Scene) -> Simulator:
+    """Return a simulator whose mechanism Pinocchio and NumPy evaluate.
+
+    Raises:
+        HapticMechError: there are no tests beside the benchmarks.
+    """
+    found: Simulator = oracle("mechanism.stepping").ReadableSimulator(scene)
+    return found

@@ -1,0 +1,98 @@
+"""Do all compute the same motion? Asked before anything is timed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from benchmarks.speed.contender import Method, Peer, Setting, State, initial_state
+from benchmarks.speed.problems import Problem
+from benchmarks.speed.result import run_once
+
+# Steps in units of a problem, coarse and fine, from this order on.
+STEPS = {3: (2.0, 1.0), 2: (1.0, 0.5), 0: (0.2, 0.1)}
+LOW_ORDER = 1
+# What a method has to reach at the fine step, m or rad: those that hold closures to rounding, and
+# those that hold them softly or are of order 2; rules of order 1, which err by their step.
+HARD_BOUNDS = {"hapticmech": 1e-9, "pinocchio": 1e-8}
+SOFT_BOUND, LOW_ORDER_BOUND = 1e-3, 2e-2
+# Halving the step has to leave at most so much of the error, unless it is this small already.
+SHRINKS_TO, SMALL = 0.8, 1e-7
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """Whether a peer's method computes a problem's motion.
+
+    Attributes:
+        problem, peer, method: names.
+        coarse, fine: errors at two steps, m or rad, at the first time of comparison.
+        bound: of ``fine``, m or rad.
+        reason: why it does not pass; empty if it does.
+        suitable: whether it could run the scene at all.
+    """
+
+    problem: str
+    peer: str
+    method: str
+    coarse: float | None = None
+    fine: float | None = None
+    bound: float = 0.0
+    reason: str = ""
+    suitable: bool = True
+
+    @property
+    def passed(self) -> bool:
+        """Whether the method may be timed."""
+        return not self.reason
+
+
+def check(problem: Problem, peer: Peer, method: Method) -> Check:
+    """Run a method at two steps up to the first time of comparison.
+
+    The first of its settings that passes is enough; without one, the setting that comes closest.
+    """
+    short, start = problem.shortened(), initial_state(problem.scene)
+    found = []
+    for setting in method.settings_for(problem.scene):
+        found.append(_check(short, start, peer, method, setting))
+        if found[-1].passed or not found[-1].suitable:
+            break
+    return min(found, key=lambda one: (not one.passed, one.fine is None, one.fine or 0.0))
+
+
+def _check(problem: Problem, start: State, peer: Peer, method: Method, setting: Setting) -> Check:
+    about = (problem.name, peer.name, method.name)
+    bound = bound_of(peer.name, method)
+    errors: list[float] = []
+    for multiple in next(steps for order, steps in STEPS.items() if method.order >= order):
+        step = multiple * problem.unit
+        result, _ = run_once(problem, start, peer, method, step, setting)
+        if result.error is None:
+            known = errors[0] if errors else None
+            return Check(*about, known, None, bound, result.failure, result.suitable)
+        errors.append(result.error)
+    coarse, fine = errors
+    reason = ""
+    if fine > bound:
+        reason = f"error {fine:.1e} above {bound:.0e}"
+    elif fine > SMALL and fine > SHRINKS_TO * coarse:
+        reason = f"error does not shrink with the step: {coarse:.1e}, then {fine:.1e}"
+    return Check(*about, coarse, fine, bound, reason)
+
+
+def bound_of(peer: str, method: Method) -> float:
+    """Return the error that a method must not exceed at the fine step, m or rad."""
+    if method.order <= LOW_ORDER:
+        return LOW_ORDER_BOUND
+    return HARD_BOUNDS.get(peer, SOFT_BOUND)
+
+
+def check_all(problems: Sequence[Problem], peers: Sequence[Peer]) -> tuple[Check, ...]:
+    """Check every method of every peer on every problem."""
+    return tuple(
+        check(problem, peer, method)
+        for problem in problems
+        for peer in peers
+        for method in peer.methods
+    )

@@ -1,0 +1,92 @@
+"""Work against precision: each peer's best runs, and what an error costs along them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import exp, log
+
+from benchmarks.speed.result import RunResult
+
+TARGETS = (1e-4, 1e-6, 1e-8)
+# A logarithm has no place for an error of zero.
+SMALLEST = 1e-16
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Of a front: error (m or rad) and CPU time (s per simulated second)."""
+
+    error: float
+    cpu_s_per_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Ratio:
+    """What an error costs us and the best of the others.
+
+    Attributes:
+        problem: name.
+        target: error, m or rad.
+        ours: CPU time, s per simulated second; None if not reached.
+        best: of the others, likewise.
+        best_peer: whose; empty if none reaches the target.
+    """
+
+    problem: str
+    target: float
+    ours: float | None
+    best: float | None
+    best_peer: str
+
+    @property
+    def value(self) -> float | None:
+        """Our CPU time over theirs; None unless both are known."""
+        return None if self.ours is None or self.best is None else self.ours / self.best
+
+
+def front(results: Sequence[RunResult], peer: str) -> tuple[Point, ...]:
+    """Return a peer's runs of which none other is cheaper and as accurate; cheapest first."""
+    points = sorted(
+        (result.median, max(result.error, SMALLEST))
+        for result in results
+        if result.peer == peer and result.error is not None and result.median is not None
+    )
+    kept: list[Point] = []
+    for cpu, error in points:
+        if not kept or error < kept[-1].error:
+            kept.append(Point(error, cpu))
+    return tuple(kept)
+
+
+def cost(points: Sequence[Point], target: float) -> float | None:
+    """Return the CPU time (s per simulated second) at which a front reaches an error.
+
+    Between two points, straight in logarithms. Nothing is extrapolated: None if the front does not
+    get there, and the time of the cheapest run if that one is more accurate already.
+    """
+    if not points or points[-1].error > target:
+        return None
+    if points[0].error <= target:
+        return points[0].cpu_s_per_s
+    for coarse, fine in pairwise(points):
+        if fine.error <= target:
+            share = log(coarse.error / target) / log(coarse.error / fine.error)
+            return exp((1.0 - share) * log(coarse.cpu_s_per_s) + share * log(fine.cpu_s_per_s))
+    return None
+
+
+def ratios(results: Sequence[RunResult], own: str) -> tuple[Ratio, ...]:
+    """Return for each problem and target what we need beside the best of the others."""
+    found = []
+    for name in dict.fromkeys(result.problem for result in results):
+        members = [result for result in results if result.problem == name]
+        peers = [peer for peer in dict.fromkeys(result.peer for result in members) if peer != own]
+        for target in TARGETS:
+            costs = {peer: cost(front(members, peer), target) for peer in peers}
+            reached = {peer: value for peer, value in costs.items() if value is not None}
+            best = min(reached, key=reached.__getitem__) if reached else ""
+            ours = cost(front(members, own), target)
+            found.append(Ratio(name, target, ours, reached.get(best), best))
+    return tuple(found)

@@ -1,0 +1,97 @@
+"""What speed is wanted, and whether it is there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from benchmarks.goals import Verdict, unknown, verdict
+from benchmarks.speed.fronts import cost, front, ratios
+from benchmarks.speed.mujoco_peer import NAME as MUJOCO
+from benchmarks.speed.own_peer import NAME as OWN
+from benchmarks.speed.result import RunResult
+from benchmarks.speed.scaling import FAMILIES, TITLES, Growth
+from benchmarks.speed.tick import MJ_STEP, READABLE, SEE, TickTime
+
+TICK_LIMIT, NUMPY_LIMIT = 2.5, 1.0 / 6.0
+# CPU time of the best peer over ours.
+FACTOR = 3.0
+RACES = ("n_four_bar_2", "five_bar", "bricard")
+FACTOR_TARGETS, FINE_TARGET = (1e-4, 1e-6), 1e-8
+LARGE, LARGE_TARGET, LARGE_PEER_TARGET = "n_four_bar_40", 1e-6, 7.6e-6
+EXPONENT_LIMIT = 1.2
+
+
+def verdicts(
+    results: Sequence[RunResult], grown: Sequence[Growth], ticks: Sequence[TickTime]
+) -> tuple[Verdict, ...]:
+    """Return a verdict for each goal; one that nothing was measured for is ``not measured``."""
+    return (*_ticks(ticks), *_races(results), _large(results), *_exponents(grown))
+
+
+def _ticks(ticks: Sequence[TickTime]) -> list[Verdict]:
+    times: Mapping[str, float] = {tick.name: tick.median for tick in ticks}
+    goals = (
+        (f"five-bar: a tick at most {TICK_LIMIT:g} x mj_step", MJ_STEP, TICK_LIMIT),
+        ("five-bar: a tick at most 1/6 of NumPy's", READABLE, NUMPY_LIMIT),
+    )
+    found = []
+    for goal, beside, limit in goals:
+        if SEE not in times or beside not in times:
+            found.append(unknown(goal))
+        else:
+            ratio = times[SEE] / times[beside]
+            found.append(verdict(goal, f"{ratio:.2f} x", ratio <= limit))
+    return found
+
+
+def _races(results: Sequence[RunResult]) -> list[Verdict]:
+    known = {(ratio.problem, ratio.target): ratio for ratio in ratios(results, OWN)}
+    found = []
+    for name in RACES:
+        for target in (*FACTOR_TARGETS, FINE_TARGET):
+            fine = target == FINE_TARGET
+            wanted = "no peer is faster" if fine else f"{FACTOR:g} x less CPU time than any peer"
+            goal = f"{name} at {target:.0e}: {wanted}"
+            ratio = known.get((name, target))
+            if ratio is None or not _has_peers(results, name):
+                found.append(unknown(goal))
+            elif ratio.ours is None:
+                found.append(verdict(goal, "not reached", False))
+            elif ratio.value is None:
+                found.append(verdict(goal, "no peer gets there", True))
+            else:
+                seen = f"{ratio.value:.2f} x the time of {ratio.best_peer}"
+                limit = 1.0 if fine else 1.0 / FACTOR
+                found.append(verdict(goal, seen, ratio.value <= limit))
+    return found
+
+
+def _large(results: Sequence[RunResult]) -> Verdict:
+    goal = f"{LARGE}: {LARGE_TARGET:.0e} in less CPU time than MuJoCo's {LARGE_PEER_TARGET:.1e}"
+    members = [result for result in results if result.problem == LARGE]
+    if not members or not _has_peers(members, LARGE):
+        return unknown(goal)
+    ours = cost(front(members, OWN), LARGE_TARGET)
+    theirs = cost(front(members, MUJOCO), LARGE_PEER_TARGET)
+    if ours is None:
+        return verdict(goal, "not reached", False)
+    if theirs is None:
+        return verdict(goal, "MuJoCo does not get there", True)
+    return verdict(goal, f"{ours:.3g} s/s, MuJoCo {theirs:.3g} s/s", ours < theirs)
+
+
+def _exponents(grown: Sequence[Growth]) -> list[Verdict]:
+    found = []
+    for family in FAMILIES:
+        goal = f"{TITLES[family]}: a step's time grows with N to {EXPONENT_LIMIT:g} at most"
+        ours = [one for one in grown if one.family == family and one.peer == OWN]
+        exponent = ours[0].exponent if ours else None
+        if exponent is None:
+            found.append(unknown(goal))
+        else:
+            found.append(verdict(goal, f"{exponent:.2f}", exponent <= EXPONENT_LIMIT))
+    return found
+
+
+def _has_peers(results: Sequence[RunResult], problem: str) -> bool:
+    return any(result.peer != OWN and result.problem == problem for result in results)

@@ -1,0 +1,281 @@
+"""MuJoCo as a peer: its own loop over steps, closures as stiff as they stay stable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from benchmarks.accuracy.cases import Output
+from benchmarks.speed.contender import (
+    EXTRA,
+    Contender,
+    Method,
+    Reading,
+    Setting,
+    State,
+    UnsuitableError,
+    refuse_what_no_peer_has,
+)
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.mechanism import Closure, Joint, LinkFrame, Spring
+
+# Time constant of a closure in steps, with or without its exact inverse inertia in place of
+# MuJoCo's estimate.
+CONSTANT, EXACT = "time constant", "exact inertia"
+# A shorter one is unstable under this rule.
+IMPLICIT: tuple[Setting, ...] = ({CONSTANT: 2.0, EXACT: 1.0}, {CONSTANT: 2.0, EXACT: 0.0})
+DISCRETE: tuple[Setting, ...] = (
+    {CONSTANT: 1.0, EXACT: 1.0},
+    {CONSTANT: 1.0, EXACT: 0.0},
+    {CONSTANT: 2.0, EXACT: 1.0},
+)
+RUNGE_KUTTA: tuple[Setting, ...] = (
+    *({CONSTANT: constant, EXACT: 0.0} for constant in (0.5, 1.0, 2.0, 4.0)),
+    *({CONSTANT: constant, EXACT: 1.0} for constant in (0.7, 1.0)),
+)
+# The stiffest that it takes: MuJoCo clamps at this. Width, midpoint and power have no effect then.
+SOLIMP = (0.9999, 0.9999, 1.0, 0.5, 1.0)
+TOLERANCE = 1e-12
+NAME = "mujoco"
+# A revolute closure is two points of its axis on each other: five independent rows out of six.
+AXIS_POINTS = (0.0, 0.2)
+SIMPLE = ("revolute", "prismatic")
+# MuJoCo takes no body without rotational inertia; so little (kg m^2) changes no digit of a motion.
+LEAST_INERTIA = 1e-13
+POINT = "point/"
+
+
+class MujocoPeer:
+    """MuJoCo by ``mj_step``, many steps in a call.
+
+    The solver is Newton's, which is exact for equalities in one or two iterations; islands are
+    off, because finding them costs more here than it saves. MuJoCo's Euler, left out, is
+    ``implicitfast`` but for how it takes dampers.
+    """
+
+    name = NAME
+    methods = (
+        Method("implicitfast", 1, IMPLICIT),
+        Method("discrete", 1, DISCRETE),
+        Method("rk4", 4, RUNGE_KUTTA),
+    )
+
+    def missing(self) -> str:
+        """Return why it cannot run here, empty if it can."""
+        return "" if find_spec("mujoco") else f"MuJoCo is not installed: {EXTRA}"
+
+    def contender(
+        self, scene: Scene, start: State, method: Method, step: float, setting: Setting
+    ) -> Contender:
+        """Return the scene ready to run."""
+        return _Mujoco(scene, start, method, step, setting)
+
+
+class _Mujoco:
+    def __init__(
+        self, scene: Scene, start: State, method: Method, step: float, setting: Setting
+    ) -> None:
+        import mujoco
+
+        self._mujoco: Any = mujoco
+        converted = MujocoScene(scene)
+        spec, off = converted.spec, mujoco.mjtDisableBit
+        integrators = {
+            "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+            "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
+            "rk4": mujoco.mjtIntegrator.mjINT_RK4,
+        }
+        spec.option.integrator = integrators[method.name]
+        spec.option.timestep, spec.option.tolerance = step, TOLERANCE
+        unwanted = (off.mjDSBL_REFSAFE, off.mjDSBL_ISLAND, off.mjDSBL_AUTORESET)
+        for bit in unwanted:
+            spec.option.disableflags |= int(bit)
+        if setting.get(EXACT):
+            spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
+        for equality in spec.equalities:
+            equality.solref = (setting[CONSTANT] * step, 1.0)
+            equality.solimp = SOLIMP
+        # Without this a motion that is lost is told in a log file in the current folder.
+        mujoco.set_mju_user_warning(_say_nothing)
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        self._qpos, self._qvel = converted.state(start)
+        self._efforts = converted.efforts()
+        self.restart()
+
+    def restart(self) -> None:
+        """Go back to the initial state."""
+        self._mujoco.mj_resetData(self._model, self._data)
+        self._data.qpos[:], self._data.qvel[:] = self._qpos, self._qvel
+        self._data.qfrc_applied[:] = self._efforts
+
+    def advance(self, steps: int) -> None:
+        """Take so many steps."""
+        self._mujoco.mj_step(self._model, self._data, steps)
+        if not np.isfinite(self._data.qpos).all() or any(w.number for w in self._data.warning):
+            raise FloatingPointError("MuJoCo's motion is lost")
+
+    def read(self, outputs: Sequence[Output]) -> Reading:
+        """Return what outputs are now, m or rad."""
+        self._mujoco.mj_kinematics(self._model, self._data)
+        return [self._output(output) for output in outputs]
+
+    def _output(self, output: Output) -> tuple[float, ...]:
+        if output.kind == "joint":
+            values = self._data.joint(output.name).qpos
+        else:
+            values = self._data.site(POINT + output.name).xpos
+        return tuple(float(values[k]) for k in output.components)
+
+
+def _say_nothing(_text: str) -> None:
+    return
+
+
+class MujocoScene:
+    """A scene in MuJoCo.
+
+    Contacts, limits, friction and actuators are off: the scenes have none.
+
+    Args:
+        scene: what to convert.
+
+    Attributes:
+        spec: the model's description; options and the equalities' ``solref`` may still change.
+        tree: our tree, whose joints have the same order.
+
+    Raises:
+        UnsuitableError: friction, stops, rods or planar joints.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        import mujoco
+
+        refuse_what_no_peer_has(scene, NAME)
+        self._mujoco: Any = mujoco
+        self._scene = scene
+        self.tree: TreeModel = build_tree(scene)
+        self.spec = mujoco.MjSpec()
+        self.spec.option.gravity = np.array(scene.gravity)
+        off = mujoco.mjtDisableBit
+        unused = (
+            off.mjDSBL_CONTACT,
+            off.mjDSBL_LIMIT,
+            off.mjDSBL_FRICTIONLOSS,
+            off.mjDSBL_ACTUATION,
+            off.mjDSBL_SENSOR,
+        )
+        self.spec.option.disableflags = sum(int(bit) for bit in unused)
+        self._bodies: list[Any] = [self.spec.worldbody]
+        for number, joint in enumerate(self.tree.joints, start=1):
+            self._add_body(number, joint)
+        for point in scene.operational_points:
+            self._add_site(POINT + point.name, point.link, se3(point.origin))
+        for closure in scene.closures:
+            if closure.active:
+                self._add_closure(closure)
+        for spring in scene.springs:
+            self._add_spring(spring)
+
+    def state(self, start: State) -> tuple[Array, Array]:
+        """Return qpos and qvel: MuJoCo writes quaternions w first, and moves bodies by their
+        velocity in world axes, where ours is in their own.
+        """  # noqa: D205
+        q, v = start.q.copy(), start.v.copy()
+        for index, kind in enumerate(self.tree.joint_types):
+            at, rate = self.tree.position_slice(index), self.tree.velocity_slice(index)
+            if kind in ("spherical", "free"):
+                turn = start.q[at][-4:]
+                q[at.stop - 4 : at.stop] = turn[[3, 0, 1, 2]]
+                if kind == "free":
+                    axes = pin.Quaternion(*turn[[3, 0, 1, 2]]).toRotationMatrix()
+                    v[rate.start : rate.start + 3] = axes @ start.v[rate][:3]
+        return q, v
+
+    def efforts(self) -> Array:
+        """Return (nv,) constant efforts in the joints, N m or N."""
+        efforts = np.zeros(self.tree.pinocchio.nv)
+        for index, joint in enumerate(self.tree.joints):
+            efforts[self.tree.velocity_slice(index)] = joint.effort
+        return efforts
+
+    def _add_body(self, number: int, joint: Joint) -> None:
+        model = self.tree.pinocchio
+        place, inertia = model.jointPlacements[number], model.inertias[number]
+        moments = inertia.inertia
+        if np.linalg.eigvalsh(moments).min() < LEAST_INERTIA:
+            moments = moments + LEAST_INERTIA * np.eye(3)
+        body = self._bodies[model.parents[number]].add_body(
+            name=self.tree.links[number - 1],
+            pos=place.translation,
+            quat=_wxyz(place.rotation),
+            mass=inertia.mass,
+            ipos=inertia.lever,
+            fullinertia=moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
+            explicitinertial=True,
+        )
+        kinds = self._mujoco.mjtJoint
+        known = {
+            "revolute": kinds.mjJNT_HINGE,
+            "prismatic": kinds.mjJNT_SLIDE,
+            "spherical": kinds.mjJNT_BALL,
+            "free": kinds.mjJNT_FREE,
+        }
+        if joint.type not in known:
+            raise UnsuitableError(NAME, self._scene.name, f"a {joint.type} joint")
+        added = body.add_joint(name=joint.name, type=known[joint.type])
+        added.align = self._mujoco.mjtAlignFree.mjALIGNFREE_FALSE
+        if joint.type in SIMPLE:
+            added.axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
+            added.springref = joint.rest
+        added.stiffness[0], added.damping[0] = joint.stiffness, joint.damping
+        self._bodies.append(body)
+
+    def _add_site(self, name: str, link: str, placement: pin.SE3) -> str:
+        number, within = self.tree.link_joint[link]
+        placed = within * placement
+        self._bodies[number].add_site(
+            name=name, pos=placed.translation, quat=_wxyz(placed.rotation)
+        )
+        return name
+
+    def _add_closure(self, closure: Closure) -> None:
+        kinds, weld = self._mujoco.mjtEq, closure.kind == "weld"
+        if closure.kind == "rod":
+            raise UnsuitableError(NAME, self._scene.name, f"rod {closure.name}")
+        offsets = AXIS_POINTS if closure.kind == "revolute" else (0.0,)
+        for number, along_z in enumerate(offsets):
+            ends = [
+                self._add_frame(f"{closure.name}/{number}{end}", frame, along_z)
+                for end, frame in (("a", closure.a), ("b", closure.b))
+            ]
+            equality = self.spec.add_equality(
+                name=f"{closure.name}/{number}",
+                type=kinds.mjEQ_WELD if weld else kinds.mjEQ_CONNECT,
+                name1=ends[0],
+                name2=ends[1],
+                objtype=self._mujoco.mjtObj.mjOBJ_SITE,
+            )
+            if weld:
+                equality.data[10] = 1.0
+
+    def _add_frame(self, name: str, frame: LinkFrame, along_z: float) -> str:
+        offset = pin.SE3(np.eye(3), np.array([0.0, 0.0, along_z]))
+        return self._add_site(name, frame.link, se3(frame.origin) * offset)
+
+    def _add_spring(self, spring: Spring) -> None:
+        tendon = self.spec.add_tendon(name=spring.name)
+        for end, frame in (("a", spring.a), ("b", spring.b)):
+            tendon.wrap_site(self._add_frame(f"{spring.name}/{end}", frame, 0.0))
+        tendon.stiffness[0], tendon.damping[0] = spring.stiffness, spring.damping
+        tendon.springlength = [spring.rest_length] * 2
+
+
+def _wxyz(rotation: Array) -> Array:
+    return np.array(pin.Quaternion(rotation).coeffs())[[3, 0, 1, 2]]

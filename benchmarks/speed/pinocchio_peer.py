@@ -1,0 +1,288 @@
+"""Pinocchio as a peer: its dynamics under the classical Runge-Kutta rule, in a lean loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from benchmarks.accuracy.cases import Output
+from benchmarks.speed.contender import (
+    Contender,
+    Method,
+    Reading,
+    Setting,
+    State,
+    UnsuitableError,
+    joint_place,
+    refuse_what_no_peer_has,
+)
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.mechanism import Closure, LinkFrame
+
+# The closures' pull a: so much per second, or per step. A fixed one keeps the order of the rule;
+# where singular positions are passed only a strong one holds.
+RATE, GAIN = "pull times s", "pull times step"
+SETTINGS: tuple[Setting, ...] = (
+    {RATE: 5.0},
+    {RATE: 20.0},
+    {GAIN: 0.02},
+    {GAIN: 0.1},
+    {GAIN: 0.3},
+)
+# Of the proximal solver: with a smaller μ redundant closures lose digits.
+SOFTNESS, ACCURACY, ITERATIONS = 1e-8, 1e-11, 5
+NAME = "pinocchio"
+# A revolute closure is two points of its axis on each other: five independent rows out of six.
+AXIS_POINTS = (0.0, 0.2)
+WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+class PinocchioPeer:
+    """Pinocchio by ``constraintDynamics`` or ``aba``, which are C++; the rule is Python."""
+
+    name = NAME
+    methods = (Method("rk4", 4, SETTINGS),)
+
+    def missing(self) -> str:
+        """Return why it cannot run here: this package needs it anyway."""
+        return ""
+
+    def contender(
+        self, scene: Scene, start: State, method: Method, step: float, setting: Setting
+    ) -> Contender:
+        """Return the scene ready to run."""
+        return _Pinocchio(scene, start, step, setting)
+
+
+class _Pinocchio:
+    def __init__(self, scene: Scene, start: State, step: float, setting: Setting) -> None:
+        pull = setting.get(RATE, 0.0) + setting.get(GAIN, 0.0) / step
+        self._dynamics = PinocchioDynamics(scene, pull, SOFTNESS, ACCURACY, ITERATIONS)
+        self._start, self._step = start, step
+        model = self._dynamics.model
+        # Only then are coordinates numbers that add up.
+        self._advance = self._in_numbers if model.nq == model.nv else self._on_manifold
+        if "planar" in self._dynamics.tree.joint_types:
+            raise UnsuitableError(NAME, scene.name, "a planar joint")
+        self.restart()
+
+    def restart(self) -> None:
+        """Go back to the initial state."""
+        self._q, self._v = self._start.q.copy(), self._start.v.copy()
+
+    def advance(self, steps: int) -> None:
+        """Take so many steps."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            self._advance(steps)
+        if not np.isfinite(self._q).all():
+            raise FloatingPointError("Pinocchio's motion is lost")
+
+    def read(self, outputs: Sequence[Output]) -> Reading:
+        """Return what outputs are now, m or rad."""
+        return self._dynamics.read(self._q, outputs)
+
+    def _in_numbers(self, steps: int) -> None:
+        """Step q and v as numbers; copies only where a result would be overwritten."""
+        rate, step, half, sixth = (
+            self._dynamics.acceleration,
+            self._step,
+            0.5 * self._step,
+            self._step / 6.0,
+        )
+        q, v = self._q, self._v
+        for _ in range(steps):
+            first = rate(q, v).copy()
+            v2 = v + half * first
+            second = rate(q + half * v, v2).copy()
+            v3 = v + half * second
+            third = rate(q + half * v2, v3).copy()
+            v4 = v + step * third
+            fourth = rate(q + step * v3, v4)
+            q = q + sixth * (v + 2.0 * (v2 + v3) + v4)
+            v = v + sixth * (first + 2.0 * (second + third) + fourth)
+        self._q, self._v = q, v
+
+    def _on_manifold(self, steps: int) -> None:
+        """Step on the configuration manifold: stages in coordinates θ around the step's start."""
+        rate, tree, step = self._dynamics.acceleration, self._dynamics.tree, self._step
+        half, sixth = 0.5 * step, step / 6.0
+        move, model = pin.integrate, self._dynamics.model
+        q, v = self._q, self._v
+        for _ in range(steps):
+            first = rate(q, v).copy()
+            theta, v2 = half * v, v + half * first
+            second = rate(move(model, q, theta), v2).copy()
+            turn2, v3 = local_rates(tree, theta, v2), v + half * second
+            theta = half * turn2
+            third = rate(move(model, q, theta), v3).copy()
+            turn3, v4 = local_rates(tree, theta, v3), v + step * third
+            theta = step * turn3
+            fourth = rate(move(model, q, theta), v4)
+            q = move(model, q, sixth * (v + 2.0 * (turn2 + turn3) + local_rates(tree, theta, v4)))
+            v = v + sixth * (first + 2.0 * (second + third) + fourth)
+        self._q, self._v = q, v
+
+
+def local_rates(tree: TreeModel, theta: Array, speed: Array) -> Array:
+    """Return θ̇ (nv,) at θ for rates ``speed``: turns in space need the exponential's slope."""
+    rates = speed.copy()
+    for index, kind in enumerate(tree.joint_types):
+        if kind == "free":
+            at = tree.velocity_slice(index)
+            rates[at] = pin.Jlog6(pin.exp6(theta[at])) @ speed[at]
+        elif kind == "spherical":
+            at = tree.velocity_slice(index)
+            rates[at] = pin.Jlog3(pin.exp3(theta[at])) @ speed[at]
+    return rates
+
+
+class PinocchioDynamics:
+    """v̇ at (q, v): ``constraintDynamics``, or ``aba`` for a scene without closures.
+
+    Args:
+        scene: what to convert; springs, dampers and efforts become joint forces.
+        pull: a of v̇-level closures φ̈ + 2a φ̇ + a² φ = 0, 1/s.
+        softness: of the proximal solver, its μ.
+        accuracy: of the proximal solver.
+        iterations: of the proximal solver, at most.
+
+    Attributes:
+        tree: our tree, whose model Pinocchio computes with.
+
+    Raises:
+        UnsuitableError: friction, stops or rods.
+    """
+
+    def __init__(
+        self, scene: Scene, pull: float, softness: float, accuracy: float, iterations: int
+    ) -> None:
+        refuse_what_no_peer_has(scene, NAME)
+        self.tree: TreeModel = build_tree(scene)
+        self.model: pin.Model = self.tree.pinocchio
+        self._points = {
+            point.name: self.tree.add_frame(f"point/{point.name}", point.link, point.origin)
+            for point in scene.operational_points
+        }
+        self._springs = [
+            (
+                self.tree.add_frame(f"{spring.name}/a", spring.a.link, spring.a.origin),
+                self.tree.add_frame(f"{spring.name}/b", spring.b.link, spring.b.origin),
+                spring,
+            )
+            for spring in scene.springs
+        ]
+        self._constraints = pin.StdVec_RigidConstraintModel()
+        self._constraint_data = pin.StdVec_RigidConstraintData()
+        for closure in scene.closures:
+            if closure.active:
+                self._add(scene.name, closure, pull)
+        self._data = self.model.createData()
+        self._settings = pin.ProximalSettings(accuracy, softness, iterations)
+        if len(self._constraints):
+            pin.initConstraintDynamics(
+                self.model, self._data, self._constraints, self._constraint_data
+            )
+        self._effort, self._stiffness, self._rest = self._joint_laws()
+        damping = self.tree.damping
+        self._damping = damping if damping.any() else None
+        self._passive = self._damping is not None or self._springs or self._stiffness is not None
+
+    def acceleration(self, q: Array, v: Array) -> Array:
+        """Return (nv,) v̇, valid until the next call."""
+        force = self._force(q, v) if self._passive else self._effort
+        if len(self._constraints):
+            found: Array = pin.constraintDynamics(
+                self.model,
+                self._data,
+                q,
+                v,
+                force,
+                self._constraints,
+                self._constraint_data,
+                self._settings,
+            )
+            return found
+        free: Array = pin.aba(self.model, self._data, q, v, force)
+        return free
+
+    def read(self, q: Array, outputs: Sequence[Output]) -> Reading:
+        """Return what outputs are at q, m or rad."""
+        pin.framesForwardKinematics(self.model, self._data, q)
+        found = []
+        for output in outputs:
+            if output.kind == "joint":
+                at = joint_place(self.tree, output.name)
+                found.append(tuple(float(q[at + k]) for k in output.components))
+            else:
+                place = self._data.oMf[self._points[output.name]].translation
+                found.append(tuple(float(place[k]) for k in output.components))
+        return found
+
+    def _force(self, q: Array, v: Array) -> Array:
+        force = self._effort.copy()
+        if self._damping is not None:
+            force -= self._damping * v
+        if self._stiffness is not None:
+            at, rate, stiffness = self._stiffness
+            force[rate] -= stiffness * (q[at] - self._rest)
+        if self._springs:
+            self._add_springs(q, v, force)
+        return force
+
+    def _add_springs(self, q: Array, v: Array, force: Array) -> None:
+        model, data = self.model, self._data
+        for frame_a, frame_b, spring in self._springs:
+            # Each call places the frame as well.
+            rows = pin.computeFrameJacobian(model, data, q, frame_a, WORLD_AXES)[:3]
+            rows = rows - pin.computeFrameJacobian(model, data, q, frame_b, WORLD_AXES)[:3]
+            place_a = pin.updateFramePlacement(model, data, frame_a).translation
+            place_b = pin.updateFramePlacement(model, data, frame_b).translation
+            gap = place_a - place_b
+            length = float(np.sqrt(gap @ gap))
+            along = (gap / length) @ rows
+            pull = spring.stiffness * (length - spring.rest_length)
+            force -= (pull + spring.damping * float(along @ v)) * along
+
+    def _joint_laws(self) -> tuple[Array, tuple[Array, Array, Array] | None, Array]:
+        """Return efforts (nv,), and of joints with springs: places, stiffness, rest positions."""
+        effort = np.zeros(self.model.nv)
+        sprung: list[tuple[int, int, float, float]] = []
+        for index, joint in enumerate(self.tree.joints):
+            at, rate = self.tree.position_slice(index), self.tree.velocity_slice(index)
+            effort[rate] = joint.effort
+            if joint.stiffness:
+                sprung.append((at.start, rate.start, joint.stiffness, joint.rest))
+        if not sprung:
+            return effort, None, np.zeros(0)
+        at_all, rate_all, stiffness, rest = (
+            np.array(column) for column in zip(*sprung, strict=True)
+        )
+        return effort, (at_all, rate_all, stiffness), rest
+
+    def _add(self, scene: str, closure: Closure, pull: float) -> None:
+        if closure.kind == "rod":
+            raise UnsuitableError(NAME, scene, f"rod {closure.name}")
+        weld = closure.kind == "weld"
+        kind = pin.ContactType.CONTACT_6D if weld else pin.ContactType.CONTACT_3D
+        for along_z in AXIS_POINTS if closure.kind == "revolute" else (0.0,):
+            constraint = pin.RigidConstraintModel(
+                kind,
+                self.model,
+                *self._placed(closure.a, along_z),
+                *self._placed(closure.b, along_z),
+                pin.ReferenceFrame.LOCAL,
+            )
+            constraint.setBaumgarteCorrectorParameters(
+                pin.BaumgarteCorrectorParameters(pull * pull, 2.0 * pull)
+            )
+            self._constraints.append(constraint)
+            self._constraint_data.append(constraint.createData())
+
+    def _placed(self, frame: LinkFrame, along_z: float) -> tuple[int, pin.SE3]:
+        joint, link = self.tree.link_joint[frame.link]
+        offset = pin.SE3(np.eye(3), np.array([0.0, 0.0, along_z]))
+        return joint, link * se3(frame.origin) * offset

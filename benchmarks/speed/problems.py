@@ -1,0 +1,225 @@
+"""What is raced: scenes, how long they run, what is compared, and the steps worth a run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from benchmarks.accuracy.cases import Output
+from benchmarks.accuracy.cases import cases as accuracy_cases
+from benchmarks.accuracy.n_four_bar import n_four_bar
+from benchmarks.speed.platform import stewart_platform
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene import Scene, load_scene
+
+# Written by reference.py.
+PATH = Path(__file__).parent / "reference.json"
+SECONDS = (1.0, 2.0, 5.0, 10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A scene and what is compared of it, before there is a reference.
+
+    Attributes:
+        name: short, for options and tables.
+        title: for people.
+        scene: makes it.
+        times: s, of comparison; the last is the duration.
+        kind, outputs_of, components: of what is compared, as in ``Output``.
+        unit: s; steps are multiples of it.
+        large: whether a step costs as much as many of another scene.
+        windows: N of A02, whose motion is one equation; 0 elsewhere.
+    """
+
+    name: str
+    title: str
+    scene: Callable[[], Scene]
+    times: tuple[float, ...]
+    kind: Literal["point", "joint"]
+    outputs_of: tuple[str, ...]
+    components: tuple[int, ...]
+    unit: float = 1e-3
+    large: bool = False
+    windows: int = 0
+
+    def outputs(
+        self, values: Sequence[Sequence[Sequence[float]]] | None = None
+    ) -> tuple[Output, ...]:
+        """Return outputs with values (outputs, times, components), or with none."""
+        return tuple(
+            Output(
+                self.kind,
+                name,
+                self.components,
+                self.times,
+                () if values is None else tuple(tuple(row) for row in values[index]),
+                0.0,
+            )
+            for index, name in enumerate(self.outputs_of)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A scene with its reference.
+
+    Attributes:
+        name, title, unit, large: as in ``Asked``.
+        scene: what moves.
+        outputs: what is compared, with the reference's values.
+    """
+
+    name: str
+    title: str
+    scene: Scene
+    outputs: tuple[Output, ...]
+    unit: float
+    large: bool
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Times of comparison, s."""
+        return self.outputs[0].times
+
+    @property
+    def length_unit(self) -> str:
+        """Of errors: m or rad."""
+        return "m" if self.outputs[0].kind == "point" else "rad"
+
+    def shortened(self) -> Problem:
+        """Return the problem up to the first time of comparison."""
+        return replace(
+            self,
+            outputs=tuple(
+                replace(output, times=output.times[:1], values=output.values[:1])
+                for output in self.outputs
+            ),
+        )
+
+    def error(self, readings: Sequence[Sequence[Sequence[float]]]) -> float:
+        """Return the largest difference from the reference, m or rad; (times, outputs, parts)."""
+        return max(
+            output.error([reading[index] for reading in readings])
+            for index, output in enumerate(self.outputs)
+        )
+
+
+def swinging_five_bar() -> Scene:
+    """Return the shipped five-bar under gravity along -x, without damping: it never settles.
+
+    Along -y it would, and so wildly that after 10 s no digit is left of any start.
+    """
+    scene = load_scene("five_bar")
+    links = tuple(
+        link.model_copy(update={"joint": link.joint.model_copy(update={"damping": 0.0})})
+        for link in scene.links
+    )
+    return scene.model_copy(update={"gravity": (-9.81, 0.0, 0.0), "links": links})
+
+
+def falling_arm() -> Scene:
+    """Return the shipped spatial arm under gravity, damped as it is."""
+    return load_scene("spatial_arm").model_copy(update={"gravity": (0.0, 0.0, -9.81)})
+
+
+def _accuracy_scene(name: str) -> Callable[[], Scene]:
+    return lambda: next(case.scene for case in accuracy_cases() if case.name == name)
+
+
+def _windows(windows: int, times: tuple[float, ...], large: bool) -> Asked:
+    return Asked(
+        f"n_four_bar_{windows}",
+        f"A02, N = {windows}",
+        lambda: n_four_bar(windows),
+        times,
+        "point",
+        ("b0",),
+        (0, 1),
+        large=large,
+        windows=windows,
+    )
+
+
+ANGLES = ("beta", "theta", "gamma", "phi", "delta", "omega", "epsilon")
+ASKED = (
+    Asked(
+        "pendulum", "A01 pendulum", _accuracy_scene("pendulum"), SECONDS, "point", ("p1",), (0, 1)
+    ),
+    Asked(
+        "five_bar",
+        "five-bar, swinging",
+        swinging_five_bar,
+        SECONDS,
+        "point",
+        ("handle",),
+        (0, 1),
+    ),
+    _windows(2, SECONDS, large=False),
+    Asked(
+        "bricard", "A04 Bricard", _accuracy_scene("bricard"), SECONDS, "point", ("p3",), (0, 1, 2)
+    ),
+    Asked(
+        "spatial_arm",
+        "arm, falling",
+        falling_arm,
+        (0.5, 1.0, 2.0),
+        "point",
+        ("handle",),
+        (0, 1, 2),
+        unit=2e-4,
+    ),
+    Asked(
+        "stewart_platform",
+        "platform on six legs",
+        stewart_platform,
+        (0.5, 1.0, 2.0),
+        "point",
+        ("rim",),
+        (0, 1, 2),
+        unit=5e-4,
+    ),
+    Asked(
+        "andrews",
+        "A03 Andrews' squeezer",
+        _accuracy_scene("andrews"),
+        (0.01, 0.02, 0.03),
+        "joint",
+        ANGLES,
+        (0,),
+        unit=1e-5,
+    ),
+    _windows(10, SECONDS, large=False),
+    _windows(40, SECONDS, large=True),
+    _windows(80, (1.0, 2.0), large=True),
+)
+NAMES = tuple(asked.name for asked in ASKED)
+
+
+def problems(names: Sequence[str] = ()) -> tuple[Problem, ...]:
+    """Return problems by name, all if no name is given.
+
+    Raises:
+        InvalidInputError: unknown name, or no stored reference of that name and those times.
+    """
+    for name in names:
+        if name not in NAMES:
+            raise InvalidInputError("scene", name, f"must be one of {list(NAMES)}")
+    stored = {
+        entry["name"]: entry for entry in json.loads(PATH.read_text(encoding="utf-8"))["cases"]
+    }
+    found = []
+    for asked in ASKED:
+        if names and asked.name not in names:
+            continue
+        entry = stored.get(asked.name)
+        if entry is None or tuple(entry["times"]) != asked.times:
+            raise InvalidInputError("reference.json", asked.name, "must hold it: compute it anew")
+        outputs = asked.outputs(entry["values"])
+        found.append(
+            Problem(asked.name, asked.title, asked.scene(), outputs, asked.unit, asked.large)
+        )
+    return tuple(found)

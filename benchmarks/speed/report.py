@@ -1,0 +1,207 @@
+"""The speed benchmark shown: sheets, and error over CPU time, a panel for each scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
+
+from benchmarks.accuracy.benchmark import step_text
+from benchmarks.goals import Verdict, goal_sheet
+from benchmarks.speed.contender import setting_text
+from benchmarks.speed.equality import Check
+from benchmarks.speed.fronts import SMALLEST, TARGETS, cost, front, ratios
+from benchmarks.speed.own_peer import NAME as OWN
+from benchmarks.speed.problems import Problem
+from benchmarks.speed.result import RunResult
+from benchmarks.speed.scaling import TITLES, Growth
+from benchmarks.speed.tick import TickTime
+from hapticmech_ros.analysis.study import Sheet, judged
+from hapticmech_ros.experiment.figure_style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    TEXT,
+    VERMILION,
+    dress,
+    new_figure,
+)
+
+# Columns of words, which stand to the left.
+WORDS = ("peer", "method", "outcome", "closures")
+NOT_REACHED = "not reached"
+COLUMNS = 3
+LOOKS = {
+    "hapticmech": (BLUE, "o"),
+    "mujoco": (VERMILION, "s"),
+    "pinocchio": (GREEN, "D"),
+    "exudyn": (PURPLE, "^"),
+}
+OTHER = (ORANGE, "v")
+CAPTION = (
+    "Largest error against the reference over the CPU time of a simulated second, both "
+    "logarithmic: down and to the left is better. A line joins a peer's best runs, over all its "
+    "methods and steps; pale marks are its other runs. Dotted: the errors at which times are "
+    "compared."
+)
+
+
+def sheets(
+    checks: Sequence[Check],
+    results: Sequence[RunResult],
+    grown: Sequence[Growth],
+    ticks: Sequence[TickTime],
+    goals: Sequence[Verdict],
+) -> Iterator[Sheet]:
+    """Yield the tables of what there is."""
+    if checks:
+        yield _equality(checks)
+    if results:
+        yield _costs(results)
+        yield _runs(results)
+    if grown:
+        yield _growth(grown)
+    if ticks:
+        yield _ticks(ticks)
+    if goals:
+        yield goal_sheet(goals)
+
+
+def _equality(checks: Sequence[Check]) -> Sheet:
+    rows = tuple(
+        (
+            check.problem,
+            check.peer,
+            check.method,
+            _scientific(check.coarse),
+            _scientific(check.fine),
+            _scientific(check.bound) if check.suitable else "",
+            judged("pass", True)
+            if check.passed
+            else check.reason
+            if check.suitable
+            else f"no: {check.reason}",
+        )
+        for check in checks
+    )
+    headings = ("scene", "peer", "method", "coarse", "fine", "bound", "outcome")
+    return Sheet("equality: error at two steps, m or rad", headings, rows, WORDS)
+
+
+def _costs(results: Sequence[RunResult]) -> Sheet:
+    peers = list(dict.fromkeys(result.peer for result in results))
+    known = {(ratio.problem, ratio.target): ratio for ratio in ratios(results, OWN)}
+    rows = []
+    for name in dict.fromkeys(result.problem for result in results):
+        members = [result for result in results if result.problem == name]
+        for target in TARGETS:
+            cells = [_milli(cost(front(members, peer), target)) for peer in peers]
+            ratio = known[name, target]
+            value = "" if ratio.value is None else f"{ratio.value:.2f} ({ratio.best_peer})"
+            rows.append((name, f"{target:.0e}", *cells, value))
+    title = "CPU time at equal error, ms per simulated second"
+    return Sheet(title, ("scene", "error", *peers, "ours / best peer"), tuple(rows))
+
+
+def _runs(results: Sequence[RunResult]) -> Sheet:
+    headings = ("scene", "peer", "method", "step", "error", "median", "p90", "max", "closures")
+    rows = tuple(
+        (
+            result.problem,
+            result.peer,
+            result.method,
+            step_text(result.step),
+            _scientific(result.error) or result.failure,
+            *(_milli(time) for time in (result.median, result.p90, result.slowest)),
+            setting_text(result.setting),
+        )
+        for result in results
+        if result.raced
+    )
+    return Sheet("runs that were timed: CPU time, ms per simulated second", headings, rows, WORDS)
+
+
+def _growth(grown: Sequence[Growth]) -> Sheet:
+    sizes = grown[0].sizes
+    rows = tuple(
+        (
+            TITLES[one.family],
+            one.peer,
+            one.method,
+            *("-" if cpu is None else f"{1e6 * cpu:.1f}" for cpu in one.cpu_s_per_step),
+            "" if one.exponent is None else f"{one.exponent:.2f}",
+        )
+        for one in grown
+    )
+    headings = ("family", "peer", "method", *(f"N = {size}" for size in sizes), "exponent")
+    return Sheet("CPU time of a step over size, µs", headings, rows, WORDS)
+
+
+def _ticks(ticks: Sequence[TickTime]) -> Sheet:
+    rows = tuple(
+        (tick.name, *(f"{1e6 * time:.2f}" for time in (tick.median, tick.p90, tick.slowest)))
+        for tick in ticks
+    )
+    return Sheet("a tick of the five-bar, CPU time, µs", ("call", "median", "p90", "max"), rows)
+
+
+def _scientific(value: float | None) -> str:
+    return "" if value is None else f"{value:.1e}"
+
+
+def _milli(time: float | None) -> str:
+    return NOT_REACHED if time is None else f"{1e3 * time:.3g}"
+
+
+def drawn(results: Sequence[RunResult], known: Sequence[Problem]) -> Figure:
+    """Return a figure of the runs that have an error."""
+    by_name = {problem.name: problem for problem in known}
+    names = list(dict.fromkeys(result.problem for result in results))
+    columns = max(1, min(COLUMNS, len(names)))
+    rows = max(1, -(-len(names) // columns))
+    figure = new_figure(4.2 * columns, 3.5 * rows, CAPTION)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, name in zip(panels, names, strict=False):
+        _panel(axes, [result for result in results if result.problem == name], by_name[name])
+    for axes in panels[len(names) :]:
+        axes.set_axis_off()
+    handles = [
+        Line2D([], [], color=_look(peer)[0], marker=_look(peer)[1], label=peer)
+        for peer in dict.fromkeys(result.peer for result in results)
+    ]
+    if handles:
+        figure.legend(
+            handles=handles, loc="outside upper left", ncols=5, fontsize=TEXT, frameon=False
+        )
+    return figure
+
+
+def _panel(axes: Axes, members: Sequence[RunResult], problem: Problem) -> None:
+    for target in TARGETS:
+        axes.axhline(target, color=GREY, linestyle=":", linewidth=1.0, zorder=1)
+    for peer in dict.fromkeys(result.peer for result in members):
+        colour, mark = _look(peer)
+        others = [
+            (result.median, max(result.error, SMALLEST))
+            for result in members
+            if result.peer == peer and result.median is not None and result.error is not None
+        ]
+        if others:
+            axes.plot(*zip(*others, strict=True), mark, color=colour, alpha=0.25, markersize=4)
+        points = front(members, peer)
+        times = [point.cpu_s_per_s for point in points]
+        axes.plot(times, [point.error for point in points], "-", color=colour, marker=mark)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_title(problem.title, fontsize=TEXT, loc="left")
+    dress(axes, "CPU time per simulated second (s)", f"error ({problem.length_unit})")
+
+
+def _look(peer: str) -> tuple[str, str]:
+    return LOOKS.get(peer, OTHER)

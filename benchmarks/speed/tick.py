@@ -1,0 +1,146 @@
+"""What a haptic tick costs: a state evaluated and the point held analysed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+import numpy as np
+
+from benchmarks.oracle import readable_simulator
+from benchmarks.speed.contender import initial_state
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.simulation import MechanismState, Simulator
+
+SCENE = "five_bar"
+# States on a motion under a steady push, N and N m, so that no two calls see the same.
+STATES, PUSH = 200, (-0.5, 0.0, 0.0, 0.0, 0.0, -0.0025)
+# Kernels and the readable implementation give the same Λ_h⁻¹, relative to its largest entry.
+AGREEMENT = 1e-9
+SEE, BOTH, READABLE = "observe", "evaluate, analyse", "evaluate, analyse in NumPy"
+MJ_STEP, MJ_LOOP = "mj_step", "mj_step, in its own loop"
+_X = OPERATIONAL_MODEL.slice("inverse_inertia")
+
+
+@dataclass(frozen=True, slots=True)
+class TickTime:
+    """CPU times of one call, s: median, 90th percentile and largest of repeated rounds."""
+
+    name: str
+    median: float
+    p90: float
+    slowest: float
+
+
+def tick_times(rounds: int = 30) -> tuple[TickTime, ...]:
+    """Return what ticks of the shipped five-bar cost, and one ``mj_step`` of it.
+
+    Each is called once from Python per state, in turn with the others, round by round; MuJoCo also
+    in its own loop. Without MuJoCo its lines are left out.
+
+    Raises:
+        HapticMechError: kernels and NumPy disagree.
+    """
+    scene = load_scene(SCENE)
+    states = _states(scene)
+    check_agreement(scene, states)
+    callers: dict[str, Callable[[], None]] = {
+        SEE: _see(scene, states),
+        BOTH: _both(Simulator(scene), states),
+        READABLE: _both(readable_simulator(scene), states),
+    }
+    if find_spec("mujoco"):
+        callers[MJ_STEP] = _mj_step(scene, in_loop=False)
+        callers[MJ_LOOP] = _mj_step(scene, in_loop=True)
+    for call in callers.values():
+        call()
+    times: dict[str, list[float]] = {name: [] for name in callers}
+    for _ in range(rounds):
+        for name, call in callers.items():
+            begun = time.process_time()
+            call()
+            times[name].append((time.process_time() - begun) / STATES)
+    return tuple(
+        TickTime(name, *(float(np.quantile(one, share)) for share in (0.5, 0.9, 1.0)))
+        for name, one in times.items()
+    )
+
+
+def check_agreement(scene: Scene, states: Sequence[MechanismState]) -> float:
+    """Return the largest relative difference of Λ_h⁻¹ between kernels and NumPy.
+
+    Raises:
+        HapticMechError: it is above 1e-9.
+    """
+    fast, slow = Simulator(scene), readable_simulator(scene)
+    quick, plain = Analyser(fast.mechanism), Analyser(slow.mechanism)
+    apart = 0.0
+    for state in states:
+        expected = plain.analyse(slow.evaluate(state)).inverse_inertia
+        scale = float(np.abs(expected).max())
+        seen = quick.observe(state.q, state.v, state.active).model
+        both = (
+            quick.analyse(fast.evaluate(state)).inverse_inertia,
+            seen[_X].reshape(6, 6),
+        )
+        apart = max(apart, *(float(np.abs(one - expected).max()) / scale for one in both))
+    if not apart <= AGREEMENT:
+        raise HapticMechError(f"Λ_h⁻¹ by kernels and by NumPy differ by {apart:.1e}")
+    return apart
+
+
+def _states(scene: Scene) -> list[MechanismState]:
+    simulator = Simulator(scene)
+    state, push = simulator.initial_state(), np.array([PUSH])
+    states = []
+    for _ in range(STATES):
+        state = simulator.run(state, 10, push, 10).end
+        states.append(state)
+    return states
+
+
+def _see(scene: Scene, states: Sequence[MechanismState]) -> Callable[[], None]:
+    analyser = Analyser(Simulator(scene).mechanism)
+
+    def call() -> None:
+        for state in states:
+            analyser.observe(state.q, state.v, state.active)
+
+    return call
+
+
+def _both(simulator: Simulator, states: Sequence[MechanismState]) -> Callable[[], None]:
+    analyser = Analyser(simulator.mechanism)
+
+    def call() -> None:
+        for state in states:
+            analyser.analyse(simulator.evaluate(state))
+
+    return call
+
+
+def _mj_step(scene: Scene, in_loop: bool) -> Callable[[], None]:
+    import mujoco
+
+    from benchmarks.speed.mujoco_peer import MujocoScene
+
+    converted = MujocoScene(scene)
+    converted.spec.option.timestep = scene.simulation.period
+    converted.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    model = converted.spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = converted.state(initial_state(scene))
+
+    def call() -> None:
+        if in_loop:
+            mujoco.mj_step(model, data, STATES)
+            return
+        for _ in range(STATES):
+            mujoco.mj_step(model, data)
+
+    return call

@@ -1,0 +1,211 @@
+"""Felt over desired impedance of a session, along the directions that a mechanism leaves free.
+
+A small push of many frequencies at once acts on the hand of a session, and on the operational point
+of the mechanism alone, which is what the hand should feel: same scene, same start, same samples.
+Runs without the push are subtracted, so that what moves by itself does not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticmech_ros.analysis.touch import Setup
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.felt_model import felt_model
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.operational import OperationalAnalysis
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.hand import ConstantWrenchHand
+from hapticmech_ros.session import Session
+from hapticmech_ros.simulation import Simulator
+
+FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30, 42, 60, 85)
+# Of the push: as large at each frequency as its velocity asks, N per Hz, and so small that what the
+# mechanism moves meanwhile is not seen; and N m of a torque per N of a force.
+PUSH_N_PER_HZ = 0.0005
+TORQUE_UNIT = 0.02
+SETTLING_S, WINDOW_S = 0.5, 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Felt:
+    """What is felt along one direction.
+
+    Attributes:
+        direction: (6,) of the push, force before torque; its largest part is 1 N or 0.02 N m.
+        mass: that X promises there, kg for a push by a force: 1 / (dᵀ X d).
+        frequencies: (k,) Hz.
+        ratio: (k,) complex, felt over desired impedance: 1 is right, larger is heavier.
+        predicted: (k,) the same by the model of control/felt_model.py, pushed as the session is.
+        steady: (k,) what the model says is left once all that the push began with has died away.
+    """
+
+    direction: Array
+    mass: float
+    frequencies: Array
+    ratio: Array
+    predicted: Array
+    steady: Array
+
+    def error(self, frequency: float) -> float:
+        """Return the largest |ratio - 1| up to a frequency, Hz."""
+        return float(np.abs(self.ratio - 1.0)[self.frequencies <= frequency].max())
+
+    def steady_error(self, frequency: float) -> float:
+        """Return the largest |steady - 1| up to a frequency, Hz."""
+        return float(np.abs(self.steady - 1.0)[self.frequencies <= frequency].max())
+
+    def model_error(self, frequency: float) -> float:
+        """Return the largest |predicted / ratio - 1| up to a frequency, Hz."""
+        off = np.abs(self.predicted / self.ratio - 1.0)
+        return float(off[self.frequencies <= frequency].max())
+
+    @property
+    def bandwidth(self) -> float:
+        """Highest frequency, Hz, up to which the felt size is within 3 dB; 0 if at none."""
+        within = np.abs(20.0 * np.log10(np.abs(self.ratio))) <= 3.0
+        wrong = np.flatnonzero(~within)
+        if wrong.size == 0:
+            return float(self.frequencies[-1])
+        return float(self.frequencies[wrong[0] - 1]) if wrong[0] else 0.0
+
+
+def felt(scene: Scene, point: str = "", delay: int = 1) -> list[Felt]:
+    """Return what is felt along every free direction of a scene at its start, held by nobody.
+
+    Args:
+        scene: to feel.
+        point: operational point; the first one if empty.
+        delay: periods from measuring to acting.
+
+    Raises:
+        InvalidInputError: a period that does not divide 1 s, or is too long for 85 Hz.
+    """
+    free = alone(scene)
+    analysis = Session(free, point).tick().analysis
+    frequencies = np.array(FREQUENCIES_HZ, dtype=float)
+    # Once the first command has arrived.
+    ratios = measured_ratios(Setup(free, point, delay), frequencies, wait=delay)
+    model, times = felt_model(free, point, delay), _times(free.simulation.period)
+    shape = multisine(times, FREQUENCIES_HZ, PUSH_N_PER_HZ * frequencies)[:, None]
+    found = []
+    for direction, ratio in ratios:
+        alike = (one.run(shape * direction) @ direction for one in (model.mechanism, model))
+        predicted = np.divide(*(_answer(times, one, frequencies) for one in alike))
+        steady = model.ratio(direction, frequencies)
+        mass = 1.0 / float(direction @ analysis.inverse_inertia @ direction)
+        found.append(Felt(direction, mass, frequencies, ratio, predicted, steady))
+    return found
+
+
+def measured_ratios(setup: Setup, frequencies: Array, wait: int = 0) -> list[tuple[Array, Array]]:
+    """Return each free direction (6,) and felt over desired impedance (k,) along it, complex.
+
+    Args:
+        setup: of the sessions, whose hand does nothing.
+        frequencies: (k,) of the push, Hz.
+        wait: ticks before the push.
+
+    Raises:
+        InvalidInputError: a period that does not divide 1 s, or is too long for the frequencies.
+        ClosureError: a session that ended by itself.
+    """
+    period, highest = setup.scene.simulation.period, float(frequencies[-1])
+    samples = round(WINDOW_S / period)
+    if abs(samples * period - WINDOW_S) > 1e-9 or samples < 4 * highest:
+        rule = f"must divide {WINDOW_S:g} s and be below {0.25 / highest:.4f} s"
+        raise InvalidInputError("simulation.period", period, rule)
+    times = _times(period)
+    push = multisine(times, frequencies, PUSH_N_PER_HZ * frequencies)[:, None]
+    still = np.zeros((times.size, 6))
+    calm = _device(setup, still, wait), _mechanism(setup, still, wait)
+    found = []
+    for direction in free_directions(Session(setup.scene, setup.point).tick().analysis):
+        device = (_device(setup, push * direction, wait) - calm[0]) @ direction
+        desired = (_mechanism(setup, push * direction, wait) - calm[1]) @ direction
+        ratio = _answer(times, desired, frequencies) / _answer(times, device, frequencies)
+        found.append((direction, ratio))
+    return found
+
+
+def multisine(times: Array, frequencies: Sequence[float] | Array, sizes: Array) -> Array:
+    """Return a push (n,) over times (n,), s, of sizes (k,) at frequencies (k,), Hz.
+
+    Phases after Schroeder keep its peak low.
+    """
+    push = np.zeros(times.size)
+    for index, (frequency, size) in enumerate(zip(frequencies, sizes, strict=True)):
+        phase = np.pi * index**2 / len(sizes)
+        push += size * np.cos(2.0 * np.pi * frequency * times - phase)
+    return push
+
+
+def amplitudes(times: Array, values: Array, frequencies: Sequence[float] | Array) -> Array:
+    """Return the complex amplitudes (k,) of values (n,) at frequencies (k,), Hz, without a drift.
+
+    Args:
+        times: (n,) s, not necessarily at equal distances.
+        values: of any unit.
+        frequencies: of the push.
+    """
+    columns = [np.ones(times.size), times - times.mean()]
+    for frequency in frequencies:
+        turn = 2.0 * np.pi * frequency * times
+        columns += [np.cos(turn), np.sin(turn)]
+    fit = np.linalg.lstsq(np.array(columns).T, values, rcond=None)[0][2:].reshape(-1, 2)
+    return np.asarray(fit[:, 0] - 1j * fit[:, 1])
+
+
+def free_directions(analysis: OperationalAnalysis) -> list[Array]:
+    """Return wrenches (6,) along the directions that are felt as inertia alone, X's own."""
+    found = []
+    for column, weight in zip(analysis.spectrum.wrenches.T, analysis.weights, strict=True):
+        if weight == 0.0:
+            wrench = np.zeros(6)
+            wrench[analysis.rows] = column
+            scale = max(np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:]) / TORQUE_UNIT)
+            found.append(wrench / scale)
+    return found
+
+
+def alone(scene: Scene) -> Scene:
+    """Return the scene held by nobody, and engaged at once."""
+    nobody = ConstantWrenchHand(kind="constant_wrench")
+    at_once = scene.controller.model_copy(update={"engagement_ramp": 0.0})
+    return scene.model_copy(update={"hand": nobody, "controller": at_once})
+
+
+def _times(period: float) -> Array:
+    return period * np.arange(round((SETTLING_S + WINDOW_S) / period))
+
+
+def _answer(times: Array, velocity: Array, frequencies: Array) -> Array:
+    """Return the amplitudes of what follows the settling, by the window's own time."""
+    samples = round(WINDOW_S / times[1])
+    return amplitudes(times[:samples], velocity[-samples:], frequencies)
+
+
+def _device(setup: Setup, pushes: Array, wait: int) -> Array:
+    """Return twists (n, 6) of the device in a session."""
+    session = setup.session()
+    for _ in range(wait):
+        session.tick()
+    return np.array([session.tick(hand_wrench=push).device.twist for push in pushes])
+
+
+def _mechanism(setup: Setup, pushes: Array, wait: int) -> Array:
+    """Return twists (n, 6) of the operational point of the mechanism alone, from the same time."""
+    simulator = Simulator(setup.scene)
+    index = simulator.mechanism.point_index(setup.point)
+    state, twists = simulator.initial_state(), np.empty((len(pushes), 6))
+    wrenches = np.zeros((len(simulator.mechanism.point_names), 6))
+    for _ in range(wait):
+        state = simulator.step(state, wrenches)
+    for tick, push in enumerate(pushes):
+        twists[tick] = simulator.evaluate(state).points[index].twist
+        wrenches[index] = push
+        state = simulator.step(state, wrenches)
+    return twists

@@ -1,0 +1,204 @@
+"""A linear copy of a session's loop, tick by tick, with the mechanism's position frozen.
+
+    device   (Λ_d + M_a) ẍ = F_s + u - D ẋ,      F_s = -K_s x - B_s ẋ
+    point    p̈ = X u_m,                          e = x - p
+
+    u = G F_h - K e - B ė   on the device,       C3 F_h + K_m e + B_m ė   on the mechanism
+
+G, K and B are the controllers' linear laws at the position; of K and B the device closes N_k and
+N_b itself. Sampled, held over a period and late by whole periods exactly as :class:`Session` is:
+the device's substeps, its encoders' velocity filter, the correction of commands by what the hand
+has done since, and the prediction of what is in flight are in it; limits, encoder steps and Coulomb
+friction are not. Eigenvalues of one tick outside the unit circle say that the session diverges.
+:mod:`hapticmech_ros.control.loop_stability` is the case of no hand, no damping and no encoders.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.architecture import ControlArchitecture, device_inertia
+from hapticmech_ros.control.force_gain import force_gain
+from hapticmech_ros.control.loop_stability import ON_CIRCLE
+from hapticmech_ros.control.measurements import RenderingModel
+from hapticmech_ros.device.hand import spring_gains
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, SpringDamperHand
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What the hand is to the device, (6, 6) each.
+
+    Attributes:
+        stiffness, damping: K_s and B_s, of a hand as a spring and damper to a place.
+        mass: M_a, of a hand that is rigidly fixed to the device.
+    """
+
+    stiffness: Array
+    damping: Array
+    mass: Array
+
+
+NOBODY = Held(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)))
+
+
+def held_by(scene: Scene) -> Held | None:
+    """Return what the scene's hand is to the device; None for a hand that is not linear here."""
+    hand: object = scene.hand
+    if isinstance(hand, SpringDamperHand | ArmHand):
+        stiffness, damping = spring_gains(hand)
+        mass = [0.0] * 6
+        if isinstance(hand, ArmHand):
+            mass = [hand.mass] * 3 + [hand.angular_inertia] * 3
+        return Held(np.diag(stiffness), np.diag(damping), np.diag(mass))
+    return NOBODY if isinstance(hand, ConstantWrenchHand) else None
+
+
+def tick_matrix(
+    scene: Scene, law: Law, inverse_inertia: Array, rows: Array, delay: int, held: Held = NOBODY
+) -> Array:
+    """Return the matrix of one tick, square.
+
+    Args:
+        scene: whose device and period.
+        law: of the controllers.
+        inverse_inertia: (6, 6) X.
+        rows: of a six-vector that the task space has.
+        delay: whole periods from measuring to acting.
+        held: the hand.
+
+    Raises:
+        InvalidInputError: a delay below 0.
+    """
+    if delay < 0:
+        raise InvalidInputError("delay", delay, "must be 0 or more periods")
+    loop = _Loop(scene, law, inverse_inertia, rows, delay, held)
+    return np.array([loop.tick(one) for one in np.eye(loop.size)]).T
+
+
+def diverges(matrix: Array) -> bool:
+    """Return whether an eigenvalue of a tick's matrix is outside the unit circle.
+
+    Rigid motions of device and mechanism lie on it, up to the rounding of their double roots.
+    """
+    return float(np.abs(np.linalg.eigvals(matrix)).max()) > 1.0 + ON_CIRCLE
+
+
+class _Loop:
+    """State: x, ẋ, p, ṗ, measured ẋ, F_h of the hand's mass, then commands, oldest first."""
+
+    def __init__(
+        self, scene: Scene, law: Law, inverse_inertia: Array, rows: Array, delay: int, held: Held
+    ) -> None:
+        def cut(square: Array) -> Array:
+            return np.asarray(square[np.ix_(rows, rows)])
+
+        device = scene.device
+        self._n, self._delay, self._local = len(rows), delay, law.local
+        self._period, self._substeps = scene.simulation.period, device.substeps
+        self._x_inverse = cut(inverse_inertia)
+        self._force, self._hand = cut(law.force), cut(law.hand)
+        self._stiffness, self._damping = cut(law.stiffness), cut(law.damping)
+        self._pull, self._drag = cut(law.pull), cut(law.drag)
+        self._near = cut(law.near[0]), cut(law.near[1])
+        self._spring, self._grip, self._mass = map(cut, (held.stiffness, held.damping, held.mass))
+        self._gain = np.linalg.inv(cut(device_inertia(device)) + self._mass)
+        self._loss = cut(np.diag([device.damping] * 3 + [device.angular_damping] * 3))
+        coarse = device.position_resolution > 0.0 or device.angle_resolution > 0.0
+        cut_off = 2.0 * np.pi * device.velocity_filter * self._period
+        self._filter = cut_off / (1.0 + cut_off) if coarse else None
+        self.size = self._n * (6 + 2 * delay)
+
+    def tick(self, state: Array) -> Array:
+        """Return the state (size,) a period later."""
+        period, parts = self._period, state.reshape(-1, self._n)
+        x, rate, p, p_rate, seen, inert = parts[:6]
+        to_device = list(parts[6 : 6 + self._delay])
+        to_mechanism = list(parts[6 + self._delay :])
+        force = inert - self._spring @ x - self._grip @ rate
+        ahead = p_rate
+        if self._local and self._delay:
+            ahead = p_rate + period * self._x_inverse @ np.sum(to_mechanism, axis=0)
+        predicted = p + self._delay * period * ahead if self._local else p
+        error, error_rate = x - predicted, seen - ahead
+        command = -self._stiffness @ error - self._damping @ error_rate
+        # Closed in the device: what it was at the sample is replaced by what it is when it acts.
+        near = self._near[0] @ x + self._near[1] @ seen
+        command = command + near
+        # What is sent is corrected by G times the change of F_h since; or it is not.
+        to_device.append(command if self._local else command + self._force @ force)
+        mechanism = self._hand @ force + self._pull @ error + self._drag @ error_rate
+        to_mechanism.append(mechanism)
+        act = to_device.pop(0) - near + (self._force @ force if self._local else 0.0)
+        push = self._x_inverse @ to_mechanism.pop(0)
+        x_next, rate_next = self._device(x, rate, act)
+        seen_next = rate_next
+        if self._filter is not None:
+            seen_next = seen + self._filter * ((x_next - x) / period - seen)
+        inert_next = -self._mass @ (rate_next - rate) / period
+        p_next = p + period * p_rate + 0.5 * period**2 * push
+        new = (x_next, rate_next, p_next, p_rate + period * push, seen_next, inert_next)
+        return np.concatenate((*new, *to_device, *to_mechanism))
+
+    def _device(self, x: Array, rate: Array, act: Array) -> tuple[Array, Array]:
+        step = self._period / self._substeps
+        for _ in range(self._substeps):
+            force = act - self._spring @ x - self._grip @ rate - self._loss @ rate
+            rate = rate + step * self._gain @ force
+            x = x + step * rate
+        return x, rate
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """Gains of a controller at a position, (6, 6) each, world axes at the point held.
+
+    Attributes:
+        force: G, from F_h to the device's wrench.
+        stiffness, damping: K and B, from e and ė to the device's wrench; N/m, N s/m and their like
+            in rotation.
+        hand: C3, from F_h to the mechanism's wrench.
+        pull, drag: K_m and B_m, from e and ė to the mechanism's wrench.
+        local: whether the device corrects G F_h by what F_h has become.
+        near: N_k and N_b.
+    """
+
+    force: Array
+    stiffness: Array
+    damping: Array
+    hand: Array
+    pull: Array
+    drag: Array
+    local: bool
+    near: tuple[Array, Array] = (np.zeros((6, 6)), np.zeros((6, 6)))
+
+
+def law_of(control: ControlArchitecture, model: RenderingModel) -> Law:
+    """Return the law of a scene's controllers, limits and ramps left out.
+
+    Args:
+        control: whose gains.
+        model: what the analysis reports at the position.
+    """
+    joint, channels = control.gains.joint_constraint, control.channels
+    x, share, projector = model.inverse_inertia, model.balanced_share, model.constraint_projector
+    free = np.eye(6) - share
+    position, feedback = control.gains.position_channel, channels.force.device_feedback
+    rigid = joint.stiffness * projector, joint.damping * projector
+    held = position.to_device * free
+    nothing = np.zeros((6, 6))
+    return Law(
+        force=force_gain(control.device_inertia, x, share, joint.feedforward, feedback),
+        stiffness=rigid[0] + held * channels.held_stiffness,
+        damping=rigid[1] + held * channels.held_damping,
+        hand=channels.force.hand * np.eye(6),
+        pull=position.to_mechanism * np.diag(channels.stiffness),
+        drag=position.to_mechanism * np.diag(channels.damping),
+        local=control.gains.force_channel.local,
+        near=rigid if joint.local else (nothing, nothing),
+    )

@@ -1,0 +1,109 @@
+"""What is felt over a graph of real nodes: its hand pushes by a script, its device is recorded.
+
+F_h and the twist of the same samples are fitted at the push's frequencies, whatever samples a busy
+machine missed; their ratio is the admittance felt. Desired is the mechanism's own linear model.
+
+The push is as large at every frequency: a sample that is missed leaves the device alone with an
+old command for as long, and what F_h does meanwhile is noise on a light device.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from hapticmech_ros.analysis.impedance import Felt, amplitudes, free_directions, multisine
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.bag import BagReader
+from hapticmech_ros.control.felt_model import felt_model
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.experiment.demo import record_graph
+from hapticmech_ros.scene import Scene, document_of
+from hapticmech_ros.session import Session
+from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.topics import DEVICE_STATE
+
+FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30, 42)
+# At each frequency, N; and the time before and while it is watched, s.
+PUSH_N = 0.05
+SETTLING_S, WINDOW_S = 1.0, 4.0
+# Beside the push, s.
+SPARE_S = 0.3
+# Of the samples: a device that kept fewer was starved, and says nothing of what is felt.
+ENOUGH = 0.6
+
+
+class FeelGraphError(HapticMechError):
+    """A graph that could not be felt."""
+
+
+def felt_over_graph(scene: Scene, composed: bool) -> list[Felt]:
+    """Return what is felt along every free direction over a graph of a scene.
+
+    Args:
+        scene: to feel.
+        composed: whether all nodes are in one process; in four otherwise.
+
+    Raises:
+        DemoError: a node ended, or the hand never started.
+        FeelGraphError: nothing was recorded, or the machine starved the device.
+    """
+    sample = Session(scene).tick()
+    model = felt_model(scene)
+    frequencies = np.array(FREQUENCIES_HZ, dtype=float)
+    desired = model.mechanism.admittance(frequencies)
+    found = []
+    for direction in free_directions(sample.analysis):
+        with tempfile.TemporaryDirectory() as folder:
+            times, forces, twists = _recorded(scene, direction, composed, Path(folder))
+        moved, pushed = (
+            amplitudes(times, one @ direction, frequencies) for one in (twists, forces)
+        )
+        felt = moved / pushed * float(direction @ direction)
+        wanted = np.einsum("i,kij,j->k", direction, desired, direction)
+        steady = model.ratio(direction, frequencies)
+        mass = 1.0 / float(direction @ sample.analysis.inverse_inertia @ direction)
+        found.append(Felt(direction, mass, frequencies, wanted / felt, steady, steady))
+    return found
+
+
+def _recorded(
+    scene: Scene, direction: Array, composed: bool, folder: Path
+) -> tuple[Array, Array, Array]:
+    """Return times (n,), s, F_h and twists (n, 6) of a graph whose hand pushes."""
+    period, seconds = scene.simulation.period, SETTLING_S + WINDOW_S + SPARE_S
+    time = period * np.arange(round(seconds / period))
+    push = multisine(time, FREQUENCIES_HZ, np.full(len(FREQUENCIES_HZ), PUSH_N))
+    rows = np.column_stack((time, push[:, None] * direction))
+    script = folder / "push.csv"
+    np.savetxt(script, rows, "%.17g", ",", header="time,fx,fy,fz,tx,ty,tz", comments="")
+    document = document_of(scene)
+    document["hand"] = {"kind": "scripted", "file": script.name, "interpolation": "held"}
+    path = folder / "felt.yaml"
+    # JSON is YAML.
+    path.write_text(json.dumps(document), encoding="utf-8")
+    bag = folder / "bag"
+    record_graph(str(path), bag, composed, seconds)
+    return _samples(bag, period)
+
+
+def _samples(bag: Path, period: float) -> tuple[Array, Array, Array]:
+    with BagReader(bag) as reader:
+        (name,) = [one for one in reader.topics if one.endswith(f"/{DEVICE_STATE.name}")]
+        samples = [unpack_device(decode(data)) for _, _, data in reader.serialized(name)]
+    stamps = np.array([one.stamp_ns for one in samples], dtype=float) * 1e-9
+    forces = np.array([one.measured.hand_wrench for one in samples])
+    twists = np.array([one.measured.twist for one in samples])
+    pushed = np.flatnonzero(np.abs(forces).max(axis=1) > 0.0)
+    if pushed.size < 100:
+        raise FeelGraphError("the hand never pushed, or was let go")
+    first = stamps[pushed[0]]
+    window = (stamps >= first + SETTLING_S) & (stamps < first + SETTLING_S + WINDOW_S)
+    kept = int(np.count_nonzero(window))
+    if kept < ENOUGH * WINDOW_S / period:
+        raise FeelGraphError(f"starved: the device kept {kept / WINDOW_S:.0f} samples per second")
+    return stamps[window] - first, forces[window], twists[window]

@@ -1,0 +1,335 @@
+"""Trials of passivity: the energy at the hand's port over delayed, uneven and lossy connections.
+
+A trial is a scene, a device, a hand and a connection, for some time. Hands do not come to rest: the
+library's models, moved for as long as a trial lasts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby, product
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.analysis.scene_variants import LOOPS
+from hapticmech_ros.analysis.study import Results, Sheet, Show, plain, silent
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.scene.controller import Connection
+from hapticmech_ros.scene.device import Device
+from hapticmech_ros.scene.gain_rule import damping_for
+from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, Hand, Tremor, Waypoint
+from hapticmech_ros.session import Session
+from hapticmech_ros.workers import in_order
+
+# Constraint stiffness of every trial, N/m, whatever the rule would give.
+STIFFNESS = 2000.0
+JITTER, LOSS = 0.2, 0.05
+# J: E_h is never to be less, beyond what the mechanism gave of its own.
+ALLOWED_J = 1e-3
+# A device this fast is out of anybody's hands, m/s or rad/s.
+ESCAPED = 1e3
+# From waypoint to waypoint, s; and how far from where it took hold, m and rad.
+EVERY_S = 0.6
+REACH_M, TURN_RAD = 0.015, 0.1
+# Peak of physiological tremor, as docs/devices.md has it, and a force that shows.
+TREMOR = Tremor(frequency=10.0, force=(0.5, 0.3, 0.0))
+_SEED = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What is tried.
+
+    Attributes:
+        scene: name or path.
+        device: preset, or "scene" for the scene's own.
+        hand: of :data:`HANDS`.
+        delay: s, each way.
+        local: whether the device closes the loops that it can.
+        control: whether passivity is controlled.
+        seconds: s.
+    """
+
+    scene: str
+    device: str = "scene"
+    hand: str = "scene"
+    delay: float = 0.0
+    local: bool = True
+    control: bool = True
+    seconds: float = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What came of a trial.
+
+    Attributes:
+        trial: it.
+        lowest: J, least of W + ½ vᵀ Λ_d v - min(0, least E_m): what the hand put in, without what
+            friction took, and with what the mechanism gave of its own.
+        mechanism_gave: J, -min(0, least E_m).
+        most_force: N, of the actuators.
+        motion: m/s, rms of the device in the last quarter.
+        chatter: N, rms of the change of the force from sample to sample in the last quarter.
+        changed: share of the samples whose command was changed.
+        drift: m, rms from device to operational point in the last quarter.
+        ended: what ended it early; empty if nothing did.
+    """
+
+    trial: Trial
+    lowest: float
+    mechanism_gave: float
+    most_force: float
+    motion: float
+    chatter: float
+    changed: float
+    drift: float
+    ended: str
+
+    @property
+    def passive(self) -> bool:
+        """Whether it was passive to the end."""
+        return self.lowest >= -ALLOWED_J and not self.ended
+
+
+def scene_of(trial: Trial) -> Scene:
+    """Return the scene of a trial.
+
+    Raises:
+        SceneError: it cannot be loaded.
+        InvalidInputError: an unknown hand, or a preset that there is none of.
+    """
+    if trial.hand not in HANDS:
+        raise InvalidInputError("hand", trial.hand, f"must be one of {', '.join(HANDS)}")
+    scene = load_scene(trial.scene)
+    device = scene.device
+    if trial.device != "scene":
+        device = Device.model_validate({"preset": trial.device})
+    controller = scene.controller
+    damping = damping_for(STIFFNESS, device)
+    gains = {"stiffness": STIFFNESS, "damping": damping, "local": trial.local}
+    updated = {
+        "joint_constraint": controller.joint_constraint.model_copy(update=gains),
+        "force_channel": controller.force_channel.model_copy(update={"local": trial.local}),
+        "passivity": controller.passivity.model_copy(update={"control": trial.control}),
+    }
+    late = Connection(delay=trial.delay, jitter=JITTER, loss=LOSS, seed=1)
+    return scene.model_copy(
+        update={
+            "device": device,
+            "hand": _turning(HANDS[trial.hand](scene, trial.seconds), device),
+            "controller": controller.model_copy(update=updated),
+            "connection": late,
+        }
+    )
+
+
+def _turning(hand: Hand, device: Device) -> Hand:
+    """Return a hand that does not spin a handle up that nothing holds against it."""
+    if device.actuated == "all" or not isinstance(hand, ConstantWrenchHand):
+        return hand
+    return hand.model_copy(update={"torque": (0.0, 0.0, 0.0)})
+
+
+def tried(trial: Trial) -> Found:
+    """Run a trial.
+
+    Raises:
+        SceneError: it cannot be loaded.
+        InvalidInputError: as :func:`scene_of`.
+    """
+    scene = scene_of(trial)
+    session = Session(scene)
+    inertia = np.array([scene.device.mass] * 3 + [scene.device.inertia] * 3)
+    count = round(trial.seconds / session.period)
+    seen = np.zeros((count, 5))
+    work, gave, place = 0.0, 0.0, None
+    added, ended, ticks = np.zeros(6), "", 0
+    last: Array = np.zeros(3)
+    for ticks in range(count):
+        try:
+            sample = session.tick()
+        except HapticMechError as error:
+            ended = str(error)
+            break
+        device = sample.device
+        if place is not None:
+            work -= float((device.applied - added) @ _way(place, device.pose))
+        place, added = device.pose, session.compensation
+        gave = max(gave, -session.energies.to_mechanism)
+        twist, force = device.twist, device.applied[:3]
+        drift = device.pose.translation - sample.point.pose.translation
+        seen[ticks] = (
+            work + 0.5 * float(twist @ (inertia * twist)) + gave,
+            np.linalg.norm(force),
+            np.linalg.norm(twist[:3]),
+            np.linalg.norm(force - last),
+            np.linalg.norm(drift),
+        )
+        last = force.copy()
+        if np.abs(twist).max() > ESCAPED:
+            ended = f"the device escaped at {sample.time:.3g} s"
+            break
+    seen = seen[: ticks + 1]
+    rest = np.sqrt(np.mean(seen[3 * len(seen) // 4 :] ** 2, axis=0))
+    return Found(
+        trial,
+        lowest=float(seen[:, 0].min()),
+        mechanism_gave=gave,
+        most_force=float(seen[:, 1].max()),
+        motion=float(rest[2]),
+        chatter=float(rest[3]),
+        changed=session.passivity.changed / len(seen),
+        drift=float(rest[4]),
+        ended=ended,
+    )
+
+
+def _way(start: pin.SE3, end: pin.SE3) -> Array:
+    turn = np.asarray(pin.log3(end.rotation @ start.rotation.T))
+    return np.concatenate((end.translation - start.translation, turn))
+
+
+def _arm(scene: Scene, seconds: float, impedance: str, **more: object) -> Hand:
+    rng = np.random.default_rng(_SEED)
+    planar = scene.task_space == "planar"
+    waypoints = [Waypoint(time=0.0)]
+    for time in np.arange(EVERY_S, seconds, EVERY_S).tolist():
+        way, turn = REACH_M * rng.uniform(-1, 1, 3), TURN_RAD * rng.uniform(-1, 1, 3)
+        if planar:
+            way[2] = turn[0] = turn[1] = 0.0
+        waypoints.append(
+            Waypoint(time=time, xyz=tuple(way.tolist()), rotation=tuple(turn.tolist()))
+        )
+    document = {"kind": "arm", "impedance": impedance, "waypoints": tuple(waypoints), **more}
+    return ArmHand.model_validate(document)
+
+
+def _grips(scene: Scene, seconds: float) -> Hand:
+    releases = np.arange(2.0, seconds, 4.0).tolist()
+    grabs = np.arange(3.0, seconds, 4.0).tolist()[: len(releases)]
+    return _arm(scene, seconds, "firm", release_at=releases, grab_at=grabs)
+
+
+# Name -> the hand of a scene for so many seconds.
+HANDS: dict[str, Callable[[Scene, float], Hand]] = {
+    "scene": lambda scene, seconds: scene.hand,
+    "relaxed": lambda scene, seconds: _arm(scene, seconds, "relaxed"),
+    "firm": lambda scene, seconds: _arm(scene, seconds, "firm"),
+    "tremor": lambda scene, seconds: _arm(scene, seconds, "relaxed", tremor=TREMOR),
+    "grips": _grips,
+}
+
+
+@dataclass(frozen=True)
+class PassivityTrials(Results):
+    """What came of trials.
+
+    Attributes:
+        found: of each trial, in order.
+    """
+
+    NAME: ClassVar[str] = "passivity"
+    FAULT: ClassVar[str] = "a trial was not passive"
+
+    found: tuple[Found, ...]
+
+    @property
+    def sound(self) -> bool:
+        """Whether all trials were passive."""
+        return all(one.passive for one in self.found)
+
+    def document(self) -> list[object]:
+        """Return a dictionary for each trial."""
+        return [plain(one) for one in self.found]
+
+    def sheets(self) -> Iterator[Sheet]:
+        """Yield, for each scene, loop and delay, the worst of its devices and hands."""
+        lines = []
+        for (scene, local, delay), group in groupby(sorted(self.found, key=_key), key=_key):
+            rows = list(group)
+            lines.append(
+                (
+                    scene,
+                    "device" if local else "controller",
+                    f"{1e3 * delay:g}",
+                    f"{sum(one.passive for one in rows)} of {len(rows)}",
+                    f"{1e3 * min(one.lowest for one in rows):.2f}",
+                    f"{max(one.most_force for one in rows):.1f}",
+                    f"{max(one.chatter for one in rows):.2f}",
+                    f"{100.0 * max(one.changed for one in rows):.0f} %",
+                    f"{1e3 * max(one.drift for one in rows):.1f}",
+                )
+            )
+        yield Sheet(
+            "worst device and hand: least energy, most force, chatter, commands changed, drift",
+            ("scene", "loop in", "ms", "passive", "mJ", "N", "N/T", "changed", "mm"),
+            tuple(lines),
+            ("loop in",),
+        )
+
+
+def trials(
+    scenes: Sequence[str],
+    devices: Sequence[str],
+    hands: Sequence[str],
+    delays: Sequence[float],
+    seconds: float = 60.0,
+) -> list[Trial]:
+    """Return a trial for every combination, with the loops closed in the device and over the link.
+
+    Args:
+        scenes: names or paths.
+        devices: presets, or "scene".
+        hands: of :data:`HANDS`.
+        delays: s, each way.
+        seconds: s of each trial.
+    """
+    return [
+        Trial(scene, device, hand, delay, local, seconds=seconds)
+        for scene, device, hand, delay, local in product(
+            scenes, devices, hands, delays, LOOPS.values()
+        )
+    ]
+
+
+def passivity(
+    asked: Sequence[Trial], show: Show = silent, processes: int | None = None
+) -> PassivityTrials:
+    """Run trials.
+
+    Args:
+        asked: what to try.
+        show: told of each trial that is over.
+        processes: that share the trials; one for each core if None.
+
+    Raises:
+        SceneError: a scene that cannot be loaded.
+        InvalidInputError: an unknown hand or device, or no process.
+    """
+    for trial in {(trial.scene, trial.device, trial.hand): trial for trial in asked}.values():
+        scene_of(trial)
+    found = []
+    for one in in_order(tried, asked, processes):
+        found.append(one)
+        show(_line(one))
+    return PassivityTrials(tuple(found))
+
+
+def _key(found: Found) -> tuple[str, bool, float]:
+    return found.trial.scene, found.trial.local, found.trial.delay
+
+
+def _line(found: Found) -> str:
+    trial = found.trial
+    where = "device" if trial.local else "controller"
+    verdict = "passive" if found.passive else f"NOT passive {found.ended}".rstrip()
+    return (
+        f"{trial.scene}, {trial.device}, {trial.hand}, {1e3 * trial.delay:g} ms, loop in {where}: "
+        f"{verdict}, {1e3 * found.lowest:.2f} mJ, {found.most_force:.1f} N"
+    )

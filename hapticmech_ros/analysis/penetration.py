@@ -1,0 +1,86 @@
+"""How far the device gives way along what the joints hold: a steady push, beside F / k.
+
+    u_jc = -(k / m_ℓ) Σ w_i n_i n_iᵀ e,   F_h = f n_i / √m_ℓ   give   n_iᵀ e / √m_ℓ = f / k
+
+at rest, whatever the direction's mix of force and torque. The same session without the push is
+subtracted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hapticmech_ros.analysis.directions import directions
+from hapticmech_ros.analysis.scene_variants import at_once, held_by_nobody
+from hapticmech_ros.analysis.touch import Setup
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.engagement import pose_error
+
+# N; small, so that a direction that does not resist takes the device 15 mm, not out of the scene.
+PUSH_N = 0.1
+# s that the push lasts, and over how much of its end displacements are averaged.
+LASTING_S, AVERAGED_S = 0.3, 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Yield:
+    """What a steady push along one direction does.
+
+    Attributes:
+        direction: (6,) n_i / √m_ℓ, wrench per N of the push.
+        held: whether the joints hold it.
+        error: n_iᵀ e / √m_ℓ, m: device against operational point; nan if the session was lost.
+        moved: n_iᵀ x / √m_ℓ, m: of the device itself, which is what the hand feels.
+        expected: f / k, m, of the joint-constraint law; infinite without one.
+    """
+
+    direction: Array
+    held: bool
+    error: float
+    moved: float
+    expected: float
+
+    @property
+    def stiffness(self) -> float:
+        """What the hand feels, N/m; 0 of a session that was lost."""
+        return float(PUSH_N / abs(self.moved)) if np.isfinite(self.moved) else 0.0
+
+
+def penetration(setup: Setup) -> list[Yield]:
+    """Return what a push does along every direction of a scene at its start, held by nobody.
+
+    Args:
+        setup: of the sessions.
+
+    Raises:
+        ClosureError, InvalidInputError: a session that ended by itself.
+    """
+    alone = replace(setup, scene=at_once(held_by_nobody(setup.scene)))
+    found = directions(alone.scene, alone.point)
+    gains = alone.scene.controller.joint_constraint
+    expected = PUSH_N / gains.stiffness if gains.stiffness > 0.0 else np.inf
+    calm = _shifts(alone, np.zeros(6))
+    yields = []
+    for column, weight in zip(found.normals.T, found.weights, strict=True):
+        error, moved = (_shifts(alone, PUSH_N * column) - calm) @ column
+        held = bool(weight == 1.0)
+        yields.append(Yield(column, held, float(error), float(moved), float(expected)))
+    return yields
+
+
+def _shifts(setup: Setup, push: Array) -> Array:
+    """Return error and displacement (2, 6) at the end of a push, m and rad."""
+    session = setup.session()
+    ticks = round(LASTING_S / session.period)
+    last = max(1, round(AVERAGED_S / session.period))
+    sums, start = np.zeros((2, 6)), None
+    for tick in range(ticks):
+        sample = session.tick(hand_wrench=push)
+        pose = sample.device.pose
+        start = pose if start is None else start
+        if tick >= ticks - last:
+            error = pose_error(sample.point.pose, pose)
+            sums += np.array((error, pose_error(start, pose))) / last
+    return sums

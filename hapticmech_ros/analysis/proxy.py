@@ -1,0 +1,137 @@
+"""The usual way to feel a simulation: a stiff spring and damper to it, in all directions alike.
+
+    u = -(κ Λ_d e + β Λ_d ė)   on the device,      κ Λ_d e + β Λ_d ė   on the mechanism
+
+No Λ_h⁻¹, no force is fed forward, and directions that the joints hold are not told from others. The
+hand feels the mechanism with the device added, and through the spring.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.analysis.frontier import FINE, frontier
+from hapticmech_ros.analysis.linear_loop import Law
+from hapticmech_ros.analysis.scene_variants import with_loop
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.architecture import ControlArchitecture, device_inertia
+from hapticmech_ros.control.engagement import Engagement, pose_error
+from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
+from hapticmech_ros.control.measurements import (
+    ControlOutput,
+    DeviceMeasurement,
+    PointMeasurement,
+    RenderingModel,
+)
+from hapticmech_ros.control.prediction import InFlight
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.operational import OperationalAnalysis
+from hapticmech_ros.saturation import limited
+from hapticmech_ros.scene.document import Scene
+
+# The gains with which the loop is unstable, over those chosen; as large as is usual.
+GAIN_MARGIN = 2.0
+# β / κ, in units of the loop's latency (delay + 1/2) T: among these is the one that bears most.
+RATIOS = np.geomspace(0.5, 8.0, 17)
+
+
+class ProxyControl(ControlArchitecture):
+    """A spring and damper between device and operational point.
+
+    Args:
+        scene: whose device, limits and ramps.
+        stiffness: κ, 1/s².
+        damping: β, 1/s.
+
+    Raises:
+        InvalidInputError: a gain that is negative or not finite.
+    """
+
+    def __init__(self, scene: Scene, stiffness: float, damping: float) -> None:
+        super().__init__(with_loop(scene, False))
+        for name, value in (("stiffness", stiffness), ("damping", damping)):
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InvalidInputError(f"proxy's {name}", value, "must be 0 or more")
+        self.spring = stiffness * self.device_inertia
+        self.damper = damping * self.device_inertia
+
+    def compute(
+        self,
+        time: float,
+        engagement: Engagement,
+        device: DeviceMeasurement,
+        point: PointMeasurement,
+        model: RenderingModel,
+        in_flight: InFlight | None = None,
+    ) -> ControlOutput:
+        """Return the wrenches for measurements; see :meth:`ControlArchitecture.compute`."""
+        del model, in_flight
+        error = self._task * pose_error(point.pose, engagement.mapped(device.pose))
+        rate = self._task * (device.twist - point.twist)
+        ramp = engagement.ramp(time, self.ramp_of(engagement))
+        pull = ramp * (self.spring @ error + self.damper @ rate)
+        none = np.zeros(6)
+        return ControlOutput(
+            device=self.joined(time, engagement, limited(-pull, *self.limits)),
+            mechanism=limited(pull, *self.limits),
+            impedance=none,
+            joint_constraint=none,
+            four_channel=-pull,
+            error=error,
+        )
+
+    def law(self) -> Law:
+        """Return the law of this controller."""
+        zero = np.zeros((6, 6))
+        return Law(zero, self.spring, self.damper, zero, self.spring, self.damper, local=False)
+
+
+def stiffest_proxy(scene: Scene, found: OperationalAnalysis, delay: int) -> tuple[float, float]:
+    """Return κ (1/s²) and β (1/s) of the stiffest proxy that a loop bears with a margin of 2.
+
+    With the position frozen ë = -(1 + X Λ_d) (κ e + β ė), late; see :func:`stiffest_gains`.
+
+    Args:
+        scene: whose device and period.
+        found: analysis where the loop has to be stable.
+        delay: whole periods from measuring to acting.
+
+    Raises:
+        InvalidInputError: a delay below 0.
+    """
+    rows = found.rows
+    inertia = device_inertia(scene.device)[np.ix_(rows, rows)]
+    loop = np.eye(len(rows)) + found.inverse_inertia[np.ix_(rows, rows)] @ inertia
+    return stiffest_gains(scene, loop, delay)
+
+
+def stiffest_gains(scene: Scene, loop: Array, delay: int) -> tuple[float, float]:
+    """Return the largest k and b of ë = -A (k e + b ė), late, that leave a gain margin of 2.
+
+    Of the ratios of b to k it is the one with the largest k; then half of both.
+
+    Args:
+        scene: whose device's substeps and period.
+        loop: (n, n) A.
+        delay: whole periods from measuring to acting.
+
+    Raises:
+        InvalidInputError: a delay below 0.
+    """
+    if delay < 0:
+        raise InvalidInputError("delay", delay, "must be 0 or more periods")
+    period = scene.simulation.period
+    latency = (delay + 0.5) * period
+    best = (0.0, 0.0)
+    for ratio in latency * RATIOS:
+
+        def stable(gain: float, ratio: float = ratio) -> bool:
+            late = gain * loop, gain * ratio * loop
+            terms = LoopTerms(late, (np.zeros_like(loop), np.zeros_like(loop)))
+            return spectral_radius(terms, period, delay, scene.device.substeps) < 1.0
+
+        guess = 0.25 / latency**2 / float(np.trace(loop))
+        most = frontier(stable, guess, 1e-6 * guess, 1e3 * guess, FINE)
+        if most is not None and most > best[0]:
+            best = (most, most * float(ratio))
+    return best[0] / GAIN_MARGIN, best[1] / GAIN_MARGIN

@@ -1,0 +1,163 @@
+"""What is compared: the architecture, the same without joint constraints, and proxies.
+
+Both the architecture and the proxy come with two pairs of gains, the scene's own joint-constraint
+gains and the stiffest that the loop bears with a gain margin of 2, chosen in the same way: how
+stiff a wall is, is a choice of gains, and no merit of what is compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from hapticmech_ros.analysis.directions import directions
+from hapticmech_ros.analysis.linear_loop import Law, diverges, law_of, tick_matrix
+from hapticmech_ros.analysis.proxy import (
+    ProxyControl,
+    stiffest_gains,
+    stiffest_proxy,
+)
+from hapticmech_ros.analysis.scene_variants import (
+    at_once,
+    held_by_nobody,
+    with_constraint,
+)
+from hapticmech_ros.analysis.touch import Setup, touched
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control import control_for
+from hapticmech_ros.control.architecture import device_inertia
+from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.session import Sample
+
+FULL, STIFF = "architecture", "architecture, stiffest"
+FREE = "no joint constraint"
+PROXY, SOFT = "proxy, stiffest", "proxy, as soft"
+# Speed of the device after the touch, m/s of the metric; what dies out stays near it.
+TOUCH_SPEED, LOST_SPEED = 2e-3, 0.04
+WATCHED_S = 1.5
+# Of the touch: what a mechanism that swings by itself leaves between device and point. A loop that
+# is unstable starts from more, and grows.
+FLOOR_SHARE = 0.05
+# Periods; nothing later is looked for.
+MOST_DELAY = 50
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One way to render a scene.
+
+    Attributes:
+        name: of the way.
+        setup: of its sessions.
+        law: at the scene's start.
+        holds: whether it resists along all that the joints hold.
+        gains: stiffness and damping of the joint constraint, or of a proxy, N/m and N s/m.
+    """
+
+    name: str
+    setup: Setup
+    law: Law
+    holds: bool
+    gains: tuple[float, float]
+
+
+def variants(scene: Scene, point: str = "", delay: int = 1) -> list[Variant]:
+    """Return the ways to render a scene; the stiffest are the stiffest at this delay.
+
+    Args:
+        scene: whose mechanism, device and hand.
+        point: operational point; the first one if empty.
+        delay: periods from measuring to acting.
+
+    Raises:
+        InvalidInputError: a delay below 0.
+    """
+    found = directions(scene, point)
+    joint, mass = scene.controller.joint_constraint, scene.device.mass
+    stiff = joint.stiffness, joint.damping
+    if found.held.size:
+        # Along the direction with most gain: 1 kg of P_c is so much of the device.
+        gain = found.held.T @ np.linalg.inv(device_inertia(scene.device)) @ found.held
+        loop = np.linalg.eigvalsh(gain)[-1:, None]
+        stiff = stiffest_gains(scene, loop, 0 if joint.local else delay)
+    kappa, beta = stiffest_proxy(scene, found.analysis, delay)
+    return [
+        _architecture(FULL, scene, point, delay),
+        _architecture(STIFF, with_constraint(scene, *stiff), point, delay),
+        _architecture(FREE, with_constraint(scene, 0.0, 0.0), point, delay),
+        _proxy(PROXY, scene, point, delay, kappa, beta),
+        _proxy(SOFT, scene, point, delay, joint.stiffness / mass, joint.damping / mass),
+    ]
+
+
+def _architecture(name: str, scene: Scene, point: str, delay: int) -> Variant:
+    found = directions(scene, point)
+    model = rendering_model(found.analysis)
+    law, joint = law_of(control_for(scene), model), scene.controller.joint_constraint
+    holds = joint.stiffness > 0.0 or not found.held.size
+    return Variant(name, Setup(scene, point, delay), law, holds, (joint.stiffness, joint.damping))
+
+
+def _proxy(name: str, scene: Scene, point: str, delay: int, kappa: float, beta: float) -> Variant:
+    setup = Setup(scene, point, delay, partial(ProxyControl, stiffness=kappa, damping=beta))
+    law, mass = ProxyControl(scene, kappa, beta).law(), scene.device.mass
+    return Variant(name, setup, law, True, (kappa * mass, beta * mass))
+
+
+def largest_delay(variant: Variant) -> int | None:
+    """Return the most periods of delay, up to 50, with which sessions come to rest; -1 if none.
+
+    Held by nobody, touched along all directions at once; what is watched is the velocity of device
+    against operational point. None of a variant that ties nothing together along some direction:
+    the device then coasts, and comes to rest nowhere.
+    """
+    if not variant.holds:
+        return None
+    setup = variant.setup
+    scene = at_once(held_by_nobody(setup.scene))
+    found = directions(scene, setup.point)
+    mobility, normals = np.linalg.inv(device_inertia(scene.device)), found.normals
+    speeds = np.full(normals.shape[1], TOUCH_SPEED / np.sqrt(normals.shape[1]))
+    impulse = normals @ np.linalg.solve(normals.T @ mobility @ normals, speeds)
+    ticks = round(WATCHED_S / scene.simulation.period)
+    floor = FLOOR_SHARE * TOUCH_SPEED
+
+    def watch(sample: Sample) -> Array:
+        return np.asarray(normals.T @ (sample.device.twist - sample.point.twist))
+
+    def stable(delay: int) -> bool:
+        case, push = replace(setup, scene=scene, delay=delay), impulse / scene.simulation.period
+        return touched(case, push, watch, ticks, LOST_SPEED, floor).stable
+
+    return _largest(stable)
+
+
+def predicted_delay(variant: Variant) -> int:
+    """Return the same of the linear copy of the loop."""
+    setup = variant.setup
+    found = directions(setup.scene, setup.point).analysis
+
+    def stable(delay: int) -> bool:
+        x, rows = found.inverse_inertia, found.rows
+        return not diverges(tick_matrix(setup.scene, variant.law, x, rows, delay))
+
+    return _largest(stable)
+
+
+def _largest(stable: Callable[[int], bool]) -> int:
+    low, high = -1, 1
+    while stable(high):
+        low = high
+        if high == MOST_DELAY:
+            return high
+        high = min(2 * high, MOST_DELAY)
+    if low < 0:
+        return 0 if stable(0) else -1
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return low

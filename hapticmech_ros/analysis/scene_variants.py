@@ -1,0 +1,141 @@
+"""Scenes with one thing changed: gains, rate, hand, inertias."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene.controller import PositionChannelGains
+from hapticmech_ros.scene.device import Device
+from hapticmech_ros.scene.device_presets import device_presets
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.hand import ConstantWrenchHand
+from hapticmech_ros.scene.mechanism import Inertial
+
+# What closes force channel and joint constraint: the device, or the controller alone.
+LOOPS = {"device": True, "controller": False}
+NO_CHANNEL = PositionChannelGains(
+    stiffness=0.0, damping=0.0, angular_stiffness=0.0, angular_damping=0.0
+)
+
+
+def at_once(scene: Scene) -> Scene:
+    """Return a scene whose rendering comes in without a ramp, and is not held to be passive."""
+    free = scene.controller.passivity.model_copy(update={"control": False})
+    changed = {"engagement_ramp": 0.0, "passivity": free}
+    return scene.model_copy(update={"controller": scene.controller.model_copy(update=changed)})
+
+
+def held_by_nobody(scene: Scene) -> Scene:
+    """Return a scene whose hand does nothing."""
+    return scene.model_copy(update={"hand": ConstantWrenchHand(kind="constant_wrench")})
+
+
+def held_still(scene: Scene) -> Scene:
+    """Return a scene whose hand holds on at once and stays where it took hold.
+
+    A hand that follows waypoints stays at none; any other is left as it is.
+    """
+    hand = scene.hand
+    if "waypoints" not in type(hand).model_fields:
+        return scene
+    still = {
+        "waypoints": _still(hand),
+        "start_delay": 0.0,
+        "release_at": (),
+        "grab_at": (),
+        "tremor": None,
+    }
+    return scene.model_copy(update={"hand": hand.model_copy(update=still)})
+
+
+def _still(hand: object) -> tuple[object, ...]:
+    first = getattr(hand, "waypoints")[0]  # noqa: B009 - a kind of hand that has them
+    return (type(first)(time=0.0),)
+
+
+def with_constraint(scene: Scene, stiffness: float, damping: float) -> Scene:
+    """Return a scene with other joint-constraint gains, N/m and N s/m.
+
+    Raises:
+        InvalidInputError: a gain that is negative or not finite.
+    """
+    for name, value in (("stiffness", stiffness), ("damping", damping)):
+        if not (np.isfinite(value) and value >= 0.0):
+            raise InvalidInputError(f"joint-constraint {name}", value, "must be 0 or more")
+    joint = scene.controller.joint_constraint.model_copy(
+        update={"stiffness": stiffness, "damping": damping}
+    )
+    controller = scene.controller.model_copy(update={"joint_constraint": joint})
+    return scene.model_copy(update={"controller": controller})
+
+
+def without_channel(scene: Scene) -> Scene:
+    """Return a scene without position channels."""
+    controller = scene.controller.model_copy(update={"position_channel": NO_CHANNEL})
+    return scene.model_copy(update={"controller": controller})
+
+
+def with_loop(scene: Scene, local: bool) -> Scene:
+    """Return a scene whose device closes force channel and joint constraint, or does not."""
+    force = scene.controller.force_channel.model_copy(update={"local": local})
+    joint = scene.controller.joint_constraint.model_copy(update={"local": local})
+    changed = {"force_channel": force, "joint_constraint": joint}
+    controller = scene.controller.model_copy(update=changed)
+    return scene.model_copy(update={"controller": controller})
+
+
+def with_device(scene: Scene, preset: str) -> Scene:
+    """Return a scene on another device, named after both; gains are those of its own.
+
+    Raises:
+        InvalidInputError: a preset that there is none of.
+    """
+    if preset not in device_presets():
+        raise InvalidInputError("device", preset, f"must be one of {sorted(device_presets())}")
+    device = Device.model_validate({"preset": preset})
+    return scene.model_copy(update={"name": f"{scene.name}_{preset}", "device": device})
+
+
+def at_rate(scene: Scene, rate_hz: float) -> Scene:
+    """Return a scene that is sampled and controlled at another rate, Hz.
+
+    Raises:
+        InvalidInputError: a rate below 10 Hz, or not finite.
+    """
+    if not (np.isfinite(rate_hz) and rate_hz >= 10.0):
+        raise InvalidInputError("rate", rate_hz, "must be 10 Hz or more")
+    simulation = scene.simulation.model_copy(update={"period": 1.0 / rate_hz})
+    return scene.model_copy(update={"simulation": simulation})
+
+
+def scaled(scene: Scene, factor: float) -> Scene:
+    """Return a scene whose links are ``factor`` times as heavy, so that X is divided by it.
+
+    The metric goes with it: the same directions are rigid, at the same stiffness.
+
+    Raises:
+        InvalidInputError: a factor that is not positive and finite.
+    """
+    if not (np.isfinite(factor) and factor > 0.0):
+        raise InvalidInputError("factor on inertias", factor, "must be positive")
+    links = tuple(
+        link.model_copy(update={"inertial": _heavier(link.inertial, factor)})
+        for link in scene.links
+    )
+    points = tuple(
+        point
+        if point.metric is None
+        else point.model_copy(
+            update={"metric": point.metric.model_copy(update={"mass": factor * point.metric.mass})}
+        )
+        for point in scene.operational_points
+    )
+    return scene.model_copy(update={"links": links, "operational_points": points})
+
+
+def _heavier(inertial: Inertial, factor: float) -> Inertial:
+    inertia = inertial.inertia
+    parts = {name: factor * getattr(inertia, name) for name in type(inertia).model_fields}
+    changed = {"mass": factor * inertial.mass, "inertia": inertia.model_copy(update=parts)}
+    return inertial.model_copy(update=changed)

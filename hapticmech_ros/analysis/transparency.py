@@ -1,0 +1,171 @@
+"""Transparency: felt beside desired impedance of scenes, over both loops and several delays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import ClassVar
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from hapticmech_ros.analysis.impedance import Felt, felt
+from hapticmech_ros.analysis.over_graph import felt_over_graph
+from hapticmech_ros.analysis.scene_variants import LOOPS, with_loop
+from hapticmech_ros.analysis.study import Results, Sheet, Show, silent
+from hapticmech_ros.experiment.figure_style import BLUE, GREY, ORANGE, dress, new_figure
+from hapticmech_ros.scene import load_scene
+
+# A session, or a graph of nodes in one process or in four.
+OVER = ("session", "composed", "processes")
+FIGURE_CAPTION = (
+    "Felt over desired impedance along each free direction of each scene, at the smallest delay. "
+    "Blue: the device corrects commands by what the hand has done since. Orange: it does not. "
+    "Lines: measured. Circles: predicted by the model. Dotted: 3 dB."
+)
+TABLE_CAPTION = (
+    "steady: error to 10 Hz that the model leaves once the start has died away; "
+    "model: how far it is from what was measured, to 30 Hz"
+)
+CIRCLES = {"marker": "o", "markersize": 4.0, "fillstyle": "none", "linestyle": "none"}
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What is felt along one direction of a scene.
+
+    Attributes:
+        scene: its name.
+        loop: what closes the force channel: device or controller; of a graph, its layout.
+        delay: periods from measuring to acting.
+        felt: along the direction.
+    """
+
+    scene: str
+    loop: str
+    delay: int
+    felt: Felt
+
+    def document(self) -> dict[str, object]:
+        """Return the row as plain lists and numbers."""
+        found = self.felt
+        complex_columns = {
+            f"{name}_{part}": getattr(getattr(found, name), part[:4]).tolist()
+            for name in ("ratio", "predicted", "steady")
+            for part in ("real", "imaginary")
+        }
+        return {
+            "scene": self.scene,
+            "loop": self.loop,
+            "delay_periods": self.delay,
+            "direction": found.direction.tolist(),
+            "mass": found.mass,
+            "frequencies_hz": found.frequencies.tolist(),
+            **complex_columns,
+            "error_to_10_hz": found.error(10.0),
+            "error_to_30_hz": found.error(30.0),
+            "steady_error_to_10_hz": found.steady_error(10.0),
+            "model_error_to_30_hz": found.model_error(30.0),
+            "bandwidth_hz": found.bandwidth,
+        }
+
+
+@dataclass(frozen=True)
+class Transparency(Results):
+    """What is felt of scenes.
+
+    Attributes:
+        rows: a direction each.
+    """
+
+    NAME: ClassVar[str] = "impedance"
+
+    rows: tuple[Row, ...]
+
+    def document(self) -> list[dict[str, object]]:
+        """Return the rows as plain dictionaries."""
+        return [row.document() for row in self.rows]
+
+    def sheets(self) -> Iterator[Sheet]:
+        """Yield, for each scene, loop and delay, the worst of its directions."""
+        lines = []
+        for key, group in groupby(self.rows, lambda row: (row.scene, row.loop, row.delay)):
+            found = [row.felt for row in group]
+            lines.append(
+                (
+                    *map(str, (*key, len(found))),
+                    _percent(max(one.error(10.0) for one in found)),
+                    _percent(max(one.error(30.0) for one in found)),
+                    f"{min(one.bandwidth for one in found):g}",
+                    _percent(max(one.steady_error(10.0) for one in found)),
+                    _percent(max(one.model_error(30.0) for one in found)),
+                )
+            )
+        headings = ("scene", "loop in", "delay", "ways", "to 10 Hz", "to 30 Hz", "3 dB, Hz")
+        yield Sheet(
+            "felt over desired impedance, worst direction",
+            (*headings, "steady", "model"),
+            tuple(lines),
+            ("loop in",),
+            TABLE_CAPTION,
+        )
+
+    def figures(self) -> Mapping[str, Figure]:
+        """Return size and phase of felt over desired impedance."""
+        figure = new_figure(9.0, 4.0, FIGURE_CAPTION)
+        sizes, phases = figure.subplots(1, 2)
+        least = min((row.delay for row in self.rows), default=0)
+        for row in self.rows:
+            if row.delay != least:
+                continue
+            colour = ORANGE if row.loop == "controller" else BLUE
+            ways = (row.felt.ratio, {"linewidth": 1.0}), (row.felt.predicted, CIRCLES)
+            for ratio, style in ways:
+                for axes, values in (
+                    (sizes, 20.0 * np.log10(np.abs(ratio))),
+                    (phases, np.rad2deg(np.angle(ratio))),
+                ):
+                    axes.semilogx(row.felt.frequencies, values, color=colour, alpha=0.7, **style)
+        for level in (-3.0, 3.0):
+            sizes.axhline(level, color=GREY, linestyle=":", linewidth=1.0)
+        dress(sizes, "frequency (Hz)", "size (dB)")
+        dress(phases, "frequency (Hz)", "phase (°)")
+        return {"impedance.png": figure}
+
+
+def transparency(
+    scenes: Sequence[str], delays: Sequence[int], show: Show = silent, over: str = "session"
+) -> Transparency:
+    """Measure every scene with both loops and each delay.
+
+    Over a graph the loop is closed in the device, and the delay is what it is.
+
+    Args:
+        scenes: names or paths.
+        delays: periods from measuring to acting, each 0 or more.
+        show: told of each scene.
+        over: of :data:`OVER`.
+
+    Raises:
+        SceneError: a scene that cannot be loaded.
+        InvalidInputError: as :func:`~hapticmech_ros.analysis.impedance.felt`.
+    """
+    rows: list[Row] = []
+    for name in scenes:
+        scene = load_scene(name)
+        show(f"{scene.name}: {scene.description}")
+        if over != "session":
+            rows += [
+                Row(scene.name, over, 1, one) for one in felt_over_graph(scene, over != OVER[2])
+            ]
+            continue
+        for loop, local in LOOPS.items():
+            for delay in delays:
+                directions = felt(with_loop(scene, local), delay=delay)
+                rows += [Row(scene.name, loop, delay, one) for one in directions]
+    return Transparency(tuple(rows))
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %"

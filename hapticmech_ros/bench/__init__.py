@@ -1,1 +1,0 @@
-"""Benchmarks: they check that what is compared does the same work, and time it only then."""

@@ -1,6 +1,0 @@
-"""Accuracy: mechanisms whose motion is known, as scenes, with the values they have to reproduce."""
-
-from hapticmech_ros.bench.accuracy.cases import Case, Output, cases
-from hapticmech_ros.bench.accuracy.n_four_bar import n_four_bar
-
-__all__ = ["Case", "Output", "cases", "n_four_bar"]

@@ -1,1 +1,0 @@
-"""What reaches the hand: felt beside desired impedance, over frequency."""

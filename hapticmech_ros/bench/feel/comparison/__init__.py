@@ -1,1 +1,0 @@
-"""The architecture beside simpler ones: the same motions of the same hand."""

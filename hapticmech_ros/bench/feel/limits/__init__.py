@@ -1,1 +1,0 @@
-"""How stiff, how light, how deep: what a rendering can do, beside what theory says it can."""

@@ -1,1 +1,0 @@
-"""Whether a rendering is stable: a session that is touched, and a linear copy of its loop."""

@@ -1,0 +1,133 @@
+"""``hapticmech feel``: transparency, stability limits and passivity of scenes on their devices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hapticmech_ros.cli.console import OutOption, words
+from hapticmech_ros.cli.study import JsonOption, ProcessesOption, carry_out, numbers
+from hapticmech_ros.errors import InvalidInputError
+
+# A closed loop, a spatial one, contacts, and nothing but free directions.
+SAMPLE = ("five_bar", "door", "peg_in_hole", "spatial_arm")
+DELAYS, ALL_DELAYS = "0,1,2,5,10", "0,1,2,5,10,20,50"
+RATES, ALL_RATES = "500,2000", "250,500,1000,2000,4000"
+OUT = Path("feel")
+
+AllScenes = Annotated[
+    list[str] | None, typer.Argument(help="shipped scenes or paths; all shipped ones if none")
+]
+SampleScenes = Annotated[
+    list[str] | None, typer.Argument(help=f"shipped scenes or paths; {', '.join(SAMPLE)} if none")
+]
+PeriodsOption = Annotated[str, typer.Option(help="periods from measuring to acting, with commas")]
+AllOption = Annotated[bool, typer.Option("--all", help="all shipped scenes, and all of the rest")]
+
+app = typer.Typer(
+    help="What the hand feels: transparency, stability limits, passivity.", no_args_is_help=True
+)
+
+
+@app.callback()
+def _options() -> None:
+    """What the hand feels: transparency, stability limits, passivity."""
+
+
+@app.command()
+def impedance(
+    scenes: AllScenes = None,
+    delays: PeriodsOption = "1",
+    over: Annotated[
+        str,
+        typer.Option(help="session; composed or processes: a graph of real nodes, with a recorder"),
+    ] = "session",
+    out: OutOption = OUT,
+    json_only: JsonOption = False,
+) -> None:
+    """Measure felt over desired impedance along the free directions, over frequency."""
+    from hapticmech_ros.analysis.transparency import OVER, transparency
+    from hapticmech_ros.scene import shipped_scenes
+
+    periods = numbers("--delays", delays, int)
+    if over not in OVER:
+        raise InvalidInputError("--over", over, f"must be one of {', '.join(OVER)}")
+    chosen = scenes or list(shipped_scenes())
+    carry_out(lambda show: transparency(chosen, periods, show, over), out, json_only)
+
+
+@app.command()
+def limits(
+    scenes: SampleScenes = None,
+    delays: PeriodsOption = "",
+    rates: Annotated[str, typer.Option(help="further rates of the loop, Hz, with commas")] = "",
+    what: Annotated[str, typer.Option(help="of z, m and loads")] = "z,m,loads",
+    device: Annotated[str, typer.Option(help="preset instead of the scenes' devices")] = "",
+    everything: AllOption = False,
+    processes: ProcessesOption = 2,
+    out: OutOption = OUT,
+    json_only: JsonOption = False,
+) -> None:
+    """Find Z-width and M-width, measured in sessions and predicted by eigenvalues and rules."""
+    from hapticmech_ros.analysis.limits import cases_of
+    from hapticmech_ros.analysis.limits import limits as measured_limits
+    from hapticmech_ros.analysis.scene_variants import with_device
+    from hapticmech_ros.scene import load_scene
+
+    periods = numbers("--delays", delays or (ALL_DELAYS if everything else DELAYS), int)
+    hertz = numbers("--rates", rates or (ALL_RATES if everything else RATES), float)
+    loaded = [load_scene(name) for name in _sampled(scenes, everything)]
+    if device:
+        loaded = [with_device(scene, device) for scene in loaded]
+    cases = cases_of(loaded, periods, hertz, words(what))
+    carry_out(lambda show: measured_limits(cases, processes, show), out, json_only)
+
+
+@app.command()
+def compare(
+    scenes: SampleScenes = None,
+    delays: PeriodsOption = "1",
+    everything: AllOption = False,
+    processes: ProcessesOption = 2,
+    out: OutOption = OUT,
+    json_only: JsonOption = False,
+) -> None:
+    """Render the same motions by the architecture, without joint constraints, and by a proxy."""
+    from hapticmech_ros.analysis.comparison import compare as compare_renderings
+
+    chosen, periods = _sampled(scenes, everything), numbers("--delays", delays, int)
+    carry_out(lambda show: compare_renderings(chosen, periods, processes, show), out, json_only)
+
+
+@app.command()
+def passivity(
+    scenes: AllScenes = None,
+    devices: Annotated[
+        str, typer.Option(help="presets, or scene for the scene's own, with commas")
+    ] = "scene",
+    hands: Annotated[
+        str, typer.Option(help="scene, relaxed, firm, tremor, grips, with commas")
+    ] = "scene,firm",
+    delays: Annotated[str, typer.Option(help="ms each way, with commas")] = "0,50",
+    seconds: Annotated[float, typer.Option(help="s of each trial", min=0.1)] = 5.0,
+    out: OutOption = OUT,
+    json_only: JsonOption = False,
+) -> None:
+    """Move over delayed, uneven and lossy connections: does the hand get more out than in?"""
+    from hapticmech_ros.analysis.passivity import passivity as try_passivity
+    from hapticmech_ros.analysis.passivity import trials
+    from hapticmech_ros.scene import shipped_scenes
+
+    late = [1e-3 * delay for delay in numbers("--delays", delays, float)]
+    asked = trials(scenes or list(shipped_scenes()), words(devices), words(hands), late, seconds)
+    carry_out(lambda show: try_passivity(asked, show), out, json_only)
+
+
+def _sampled(scenes: list[str] | None, everything: bool) -> list[str]:
+    from hapticmech_ros.scene import shipped_scenes
+
+    if scenes:
+        return scenes
+    return list(shipped_scenes()) if everything else list(SAMPLE)

@@ -1,0 +1,70 @@
+"""Options that studies share, and what the command line does with their results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import typer
+
+from hapticmech_ros.cli.console import console, errors, words
+from hapticmech_ros.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from hapticmech_ros.analysis.study import Results, Show
+
+Number = TypeVar("Number", int, float)
+
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="print the results as JSON, and nothing else")
+]
+FigureOption = Annotated[
+    Path | None, typer.Option(help="where the plot goes", show_default="in the folder")
+]
+ProcessesOption = Annotated[int, typer.Option(help="how many share the work", min=1)]
+
+
+def carry_out(
+    run: Callable[[Show], Results], out: Path, json_only: bool, figure: Path | None = None
+) -> None:
+    """Run a study, write its results, and print them.
+
+    Args:
+        run: given what is told of the progress.
+        out: folder for the results.
+        json_only: print JSON and nothing else; progress goes to standard error.
+        figure: path of the first figure; in the folder if None.
+
+    Raises:
+        typer.Exit: with 1, where the results are not sound.
+    """
+    # Lines, not a bar: nothing of this process shall run while something is measured.
+    told = errors if json_only else console
+    results = run(lambda line: told.print(line, highlight=False, markup=False, soft_wrap=True))
+    results.write(out, figure)
+    if json_only:
+        import json
+
+        print(json.dumps(results.document(), ensure_ascii=False))
+    else:
+        for sheet in results.sheets():
+            console.print(sheet.table())
+        for line in (*results.notes(), f"results: {out.resolve()}"):
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
+    if not results.sound:
+        errors.print(results.FAULT, style="red")
+        raise typer.Exit(1)
+
+
+def numbers(option: str, text: str, kind: Callable[[str], Number]) -> list[Number]:
+    """Return the numbers between the commas of an option.
+
+    Raises:
+        InvalidInputError: one is none.
+    """
+    try:
+        return [kind(word) for word in words(text)]
+    except ValueError:
+        rule = "must be whole numbers" if kind is int else "must be numbers"
+        raise InvalidInputError(option, text, f"{rule} with commas between") from None

@@ -1,1 +1,0 @@
-"""Nodes that measure: the bare graph, and those who look on."""

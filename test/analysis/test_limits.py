@@ -1,0 +1,142 @@
+"""Z-width, M-width, penetration: sessions bear what eigenvalues say, and give way by F / k."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.analysis.experience import experience
+from hapticmech_ros.analysis.limits import cases_of
+from hapticmech_ros.analysis.m_width import m_width
+from hapticmech_ros.analysis.penetration import penetration
+from hapticmech_ros.analysis.scene_variants import with_loop
+from hapticmech_ros.analysis.touch import Setup
+from hapticmech_ros.analysis.z_width import Wall, z_width
+from hapticmech_ros.cli import app
+from hapticmech_ros.errors import InvalidInputError
+
+
+def late(name):
+    """Return a scene whose walls are closed by the controller."""
+    return with_loop(load_scene(name), False)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7])
+def test_a_wall_that_the_device_closes_is_as_stiff_at_any_delay(share):
+    """2 %, as below; what the position channel does with the delay is out of it here."""
+    found = [z_width(load_scene("five_bar"), delay=delay, shares=[share])[0] for delay in (0, 30)]
+    assert found[1].loop == "device"
+    for one in found:
+        assert one.measured == pytest.approx(one.predicted, rel=0.02)
+    assert found[1].measured == pytest.approx(found[0].measured, rel=0.02)
+    (over,) = z_width(late("five_bar"), delay=30, shares=[share])
+    assert found[1].measured > 100.0 * over.measured
+
+
+@pytest.mark.parametrize(("delay", "share"), [(0, 0.5), (1, 0.1), (1, 0.7), (5, 0.5)])
+def test_sessions_bear_the_stiffness_that_eigenvalues_say(delay, share):
+    """2 %: bisection to 1 %, and a rate of decay that ten cycles still tell from none."""
+    (found,) = z_width(late("five_bar"), delay=delay, shares=[share])
+    assert found.measured == pytest.approx(found.predicted, rel=0.02)
+
+
+def test_a_hand_that_holds_makes_walls_stiffer_as_eigenvalues_say():
+    scene = late("door")
+    (alone,) = z_width(scene, delay=5, shares=[0.1])
+    (held,) = z_width(scene, delay=5, hand="still", shares=[0.1])
+    # The mechanism gives way a little, which the copy with its frozen position does not know.
+    assert held.measured == pytest.approx(held.predicted, rel=0.05)
+    assert held.measured > 1.3 * alone.measured
+
+
+def test_the_rule_with_delay_holds_for_little_damping_only():
+    """To 10 % at a tenth of the damping that is unstable by itself; too much by half at 0.7."""
+    wall = Wall(late("five_bar"))
+    for delay in (1, 2, 5, 10, 20):
+        most = wall.most_damping(delay)
+        latency = (delay + 0.5) * 1e-3
+        little = wall.predicted(0.1 * most, delay, "nobody") * latency / (0.1 * most)
+        much = wall.predicted(0.7 * most, delay, "nobody") * latency / (0.7 * most)
+        assert 0.9 < little < 1.0
+        assert 0.4 < much < 0.6
+
+
+def test_without_units_all_walls_are_one():
+    """K τ² / m at 0.6 of the largest damping: 0.55, whatever the delay, from one period on."""
+    wall = Wall(late("door"))
+    for delay in (1, 2, 10, 50):
+        tau = (delay + 0.5) * 1e-3
+        stiffness = wall.predicted(0.6 * wall.most_damping(delay), delay, "nobody")
+        assert stiffness * tau**2 / wall.mass == pytest.approx(0.55, abs=0.02)
+
+
+@pytest.mark.parametrize(("local", "delay"), [(True, 1), (False, 3)])
+def test_the_lightest_mechanism_is_the_rules_whatever_the_delay(local, delay):
+    """3 %: bisection takes 1 %, the position channel the rest."""
+    found = m_width(with_loop(load_scene("spatial_arm"), local), delay=delay, share=1.0)
+    assert found.measured == pytest.approx(found.predicted, rel=0.03)
+    assert found.measured == pytest.approx(found.rule, rel=0.03)
+    assert found.heaviest == 300.0
+
+
+@pytest.mark.parametrize("name", ["five_bar", "door", "bricard"])
+def test_a_push_goes_as_deep_as_the_law_of_the_joint_constraint_says(name):
+    """0.1 %: what is left of the transient after 0.3 s."""
+    held = [one for one in penetration(Setup(load_scene(name))) if one.held]
+    assert held
+    for one in held:
+        assert one.error == pytest.approx(one.expected, rel=1e-3)
+        assert one.stiffness == pytest.approx(2000.0, rel=1e-2)
+
+
+def test_an_experiment_with_contacts_is_felt_and_makes_next_to_no_energy():
+    """0.1 % of F_c; 0.1 mJ of the 30 mJ and more that pass through the hand's port."""
+    seen = experience(Setup(load_scene("peg_in_hole")))
+    assert seen.kept
+    assert seen.steady > 100
+    assert seen.contact_error < 1e-3
+    assert seen.left_energy > -1e-4
+
+
+def test_an_experiment_that_diverges_says_so():
+    assert not experience(Setup(late("five_bar"), delay=20)).kept
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: z_width(load_scene("peg_in_hole")), r"scene.*joint constraint.*peg_in_hole"),
+        (lambda: z_width(load_scene("door"), hand="mine"), r"hand.*nobody or still.*mine"),
+        (lambda: z_width(load_scene("door"), delay=-1), r"delay.*0 or more.*-1"),
+        (lambda: z_width(load_scene("door"), shares=[1.5]), r"share.*between 0 and 1.*1\.5"),
+        (lambda: m_width(load_scene("two_link"), share=None), r"hand.*at a place.*constant"),
+        (lambda: m_width(load_scene("door"), share=-1.0), r"-1"),
+        (lambda: cases_of([], [-2], []), r"delay.*-2"),
+        (lambda: cases_of([], [1], [], ["y"]), r"what.*z, m, loads.*'y'"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused(call, message):
+    with pytest.raises(InvalidInputError, match=message):
+        call()
+
+
+def test_the_command_writes_tables_file_and_pictures(tmp_path):
+    words = ["feel", "limits", "two_link", "--delays", "1", "--rates", "1000"]
+    found = CliRunner().invoke(app, [*words, "--processes", "1", "--out", str(tmp_path)])
+    assert found.exit_code == 0, found.output
+    assert "stiffest joint constraint" in found.output
+    written = json.loads((tmp_path / "limits.json").read_text(encoding="utf-8"))
+    assert {one["delay"] for one in written["z_width"]} == {1}
+    assert len(written["m_width"]) == 4
+    (load,) = written["loads"]
+    assert np.isfinite(load["experience"]["drift_rms"])
+    for name in ("z_width.png", "m_width.png"):
+        assert (tmp_path / name).stat().st_size > 5000
+
+
+def test_numbers_that_are_none_are_refused():
+    found = CliRunner().invoke(app, ["feel", "limits", "two_link", "--delays", "1,x"])
+    assert found.exit_code != 0
+    assert "--delays" in str(found.exception) + found.output

@@ -1,0 +1,102 @@
+"""Felt beside desired impedance: right where the device closes the force channel."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.analysis.impedance import FREQUENCIES_HZ, Felt, felt
+from hapticmech_ros.analysis.scene_variants import with_loop
+from hapticmech_ros.cli import app
+from hapticmech_ros.errors import InvalidInputError
+
+
+def at_period(scene, period):
+    simulation = scene.simulation.model_copy(update={"period": period})
+    return scene.model_copy(update={"simulation": simulation})
+
+
+# Of what is left, (ω τ / 2) (τ d / I) / (1 + τ d / I): d / I is 4, 34, 51 and 190 per s, τ 2.5 ms.
+# And of how a platform's swing began, half a second after: it dies away by 1.2 per s.
+ERRORS = {
+    "five_bar": 0.005,
+    "door": 0.01,
+    "spatial_arm": 0.01,
+    "ur5e": 0.03,
+    "stewart_platform": 0.05,
+}
+DIRECTIONS = {"five_bar": 2, "door": 1, "spatial_arm": 6, "ur5e": 6, "stewart_platform": 6}
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_free_directions_feel_as_the_mechanism_does(name):
+    """Up to 10 Hz, and three times as far off up to three times the frequency."""
+    found = felt(load_scene(name))
+    assert len(found) == DIRECTIONS[name]
+    for one in found:
+        assert one.error(10.0) < ERRORS[name]
+        assert one.error(30.0) < 3.0 * ERRORS[name]
+        assert one.bandwidth == 85.0
+
+
+def test_closed_by_the_controller_a_heavy_mechanism_is_felt_wrong():
+    errors = [one.error(10.0) for one in felt(with_loop(load_scene("five_bar"), local=False))]
+    assert min(errors) > 0.5
+
+
+@pytest.mark.parametrize(("delay", "error"), [(0, 0.005), (3, 0.01)])
+def test_whatever_the_delay_the_device_corrects_it(delay, error):
+    """What is left grows with the delay: 0.003 was found at one period, 0.005 at three."""
+    for one in felt(load_scene("five_bar"), delay=delay):
+        assert one.error(10.0) < error
+
+
+def test_what_is_left_falls_with_the_period():
+    """First order, as the hold: transparent in the limit, 1 % at 30 Hz at 4 kHz."""
+    scene = load_scene("five_bar")
+    runs = [felt(at_period(scene, period)) for period in (1e-3, 5e-4, 2.5e-4)]
+    for direction in range(2):
+        errors = [run[direction].error(10.0) for run in runs]
+        assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(1.0, abs=0.15)
+        assert runs[-1][direction].error(30.0) < 0.01
+
+
+def test_bandwidth_and_errors_of_a_ratio():
+    frequencies = np.array(FREQUENCIES_HZ, dtype=float)
+    ratio = np.ones(frequencies.size, dtype=complex)
+    ratio[frequencies == 14.0] = 0.5
+    one, right = np.eye(6)[0], np.ones(frequencies.size)
+
+    def measured(values):
+        return Felt(one, 1.0, frequencies, values, predicted=right, steady=2.0 * right)
+
+    found = measured(ratio)
+    assert (found.bandwidth, found.error(10.0), found.error(14.0)) == (10.0, 0.0, 0.5)
+    assert (found.model_error(10.0), found.model_error(14.0)) == (0.0, 1.0)
+    assert found.steady_error(1.0) == 1.0
+    assert measured(2.0 * ratio).bandwidth == 0.0
+    assert measured(right).bandwidth == 85.0
+
+
+@pytest.mark.parametrize("period", [0.0003, 0.005])
+def test_periods_that_cannot_be_measured_are_refused(period):
+    with pytest.raises(InvalidInputError, match="must divide 1 s"):
+        felt(at_period(load_scene("five_bar"), period))
+
+
+def test_the_command_writes_table_file_and_picture(tmp_path):
+    found = CliRunner().invoke(app, ["feel", "impedance", "two_link", "--out", str(tmp_path)])
+    assert found.exit_code == 0, found.output
+    assert "two_link" in found.output
+    rows = json.loads((tmp_path / "impedance.json").read_text(encoding="utf-8"))
+    assert {row["loop"] for row in rows} == {"device", "controller"}
+    assert len(rows) == 4
+    assert (tmp_path / "impedance.png").stat().st_size > 5000
+
+
+def test_delays_that_are_no_numbers_are_refused():
+    found = CliRunner().invoke(app, ["feel", "impedance", "two_link", "--delays", "1,x"])
+    assert found.exit_code != 0
+    assert "--delays" in str(found.exception) + found.output

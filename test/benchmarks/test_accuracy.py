@@ -1,0 +1,124 @@
+"""One run of the accuracy benchmark: what is measured, and what is said of a run that fails."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.accuracy import cases
+from benchmarks.accuracy.benchmark import AccuracyResults
+from benchmarks.accuracy.endurance import hour_of, lines, minute_of_windows
+from benchmarks.accuracy.run import Run, Setting, Watch, measure, settings
+from hapticmech_ros.simulation import MechanismState
+from oracles.mechanism.mechanism import ReadableMechanism
+
+from .conftest import G, falling
+
+LIBRARY = {case.name: case for case in cases()}
+
+
+@pytest.fixture(scope="module")
+def stone_runs() -> tuple[Run, ...]:
+    chosen = settings(multiples=(2.0, 1.0), known=[falling()])
+    return tuple(measure(setting) for setting in chosen)
+
+
+def of(runs: tuple[Run, ...], integrator: str) -> list[Run]:
+    return [run for run in runs if run.integrator == integrator]
+
+
+def test_errors_are_those_of_the_rule(stone_runs: tuple[Run, ...]) -> None:
+    for run in of(stone_runs, "rk4") + of(stone_runs, "rk2"):
+        assert not run.failure
+        assert run.error is not None
+        assert run.error < 1e-13
+        assert run.energy_error is not None
+        assert run.energy_error < 1e-12
+    for run in of(stone_runs, "semi_implicit_euler"):
+        # v first, then x with the new v: g h t / 2 too low at the end.
+        low = 0.5 * G * run.step * 0.04
+        assert run.errors == pytest.approx({"stone_point": low, "up": low}, rel=1e-9)
+        # v is exact, so that the energy is off by the height only.
+        assert run.energy_error == pytest.approx(2.0 * G * low, rel=1e-9)
+
+
+def test_only_the_scene_s_own_setting_is_held_to_its_tolerance(
+    stone_runs: tuple[Run, ...],
+) -> None:
+    assert [(run.integrator, run.step, run.kept) for run in stone_runs if run.own] == [
+        ("rk4", 1e-3, True)
+    ]
+    assert all(run.kept is None for run in stone_runs if not run.own)
+    results = AccuracyResults({}, stone_runs)
+    assert results.sound
+    missed = tuple(replace(run, kept=False) if run.own else run for run in stone_runs)
+    assert not AccuracyResults({}, missed).sound
+    broken = tuple(replace(run, kept=None, errors={}) if run.own else run for run in stone_runs)
+    assert not AccuracyResults({}, broken).sound
+
+
+def test_cpu_time_is_given_per_simulated_second(stone_runs: tuple[Run, ...]) -> None:
+    for run in stone_runs:
+        if not run.failure:
+            assert run.cpu_s_per_s is not None
+            assert run.real_time == pytest.approx(1.0 / run.cpu_s_per_s)
+
+
+def test_a_step_that_misses_the_times_of_a_case_is_a_line_not_a_crash() -> None:
+    (setting,) = settings(integrators=["rk4"], multiples=[3.0], known=[falling()])
+    run = measure(setting)
+    assert run.error is None
+    assert run.kept is None
+    assert "InvalidInputError: step: must divide 0.02 s" in run.failure
+
+
+def test_an_integrator_that_is_not_there_is_a_line_not_a_crash() -> None:
+    setting = Setting(falling(), "not_there", 1e-3)  # type: ignore[arg-type]
+    run = measure(setting)
+    assert "not_there" in run.failure
+    assert run.error is None
+
+
+def test_a_mechanism_that_does_not_close_is_a_line_with_its_error() -> None:
+    case = LIBRARY["n_four_bar_2"]
+    far = case.scene.initial_state.model_copy(update={"v": {"j_upright0": 1e200}})
+    broken = replace(case, scene=case.scene.model_copy(update={"initial_state": far}))
+    run = measure(Setting(broken, "rk4", 1e-3))
+    assert "Error: " in run.failure
+
+
+def test_units_are_metres_or_radians() -> None:
+    units = {name: measure(Setting(LIBRARY[name], "rk4", 0.3)).unit for name in LIBRARY}
+    assert units["andrews"] == "rad"
+    assert units["bricard"] == "m"
+
+
+def test_ranks_are_counted_and_compared_with_singular_times() -> None:
+    case = replace(LIBRARY["n_four_bar_2"], singular_times=(0.0021,))
+    mechanism = ReadableMechanism(case.scene)
+    upright = np.array([np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2, np.pi / 2])
+    watch = Watch(case, 1e-3, mechanism)
+    for number, q in enumerate([upright, upright, 0.0 * upright, upright, upright, 0.0 * upright]):
+        watch.see(number, MechanismState(1e-3 * number, q, np.zeros(5), (True, True), 1e-9))
+    assert watch.ranks == [(0.0, 4), (2e-3, 2), (3e-3, 4), (5e-3, 2)]
+    # In line at 2 ms and back at 3 ms are within a step of 2.1 ms; at 5 ms it is not.
+    assert watch.unexpected_ranks() == 1
+    assert watch.closure_error == 1e-9
+
+
+def test_long_runs_watch_energy_closures_and_branch() -> None:
+    told: list[str] = []
+    bricard = hour_of(LIBRARY["bricard"], 0.3, told.append)
+    assert not bricard.failure
+    assert bricard.reached == pytest.approx(0.3)
+    assert bricard.ranks == (4,)
+    assert bricard.off_branch is None
+    assert bricard.closure_error < 1e-11
+    assert told
+    windows = minute_of_windows(2, 0.3)
+    assert windows.off_branch is not None
+    assert windows.off_branch < 1e-9
+    assert max(windows.energy_rise, windows.energy_fall) < 1e-8
+    assert any("parallel" in line for line in lines(windows))

@@ -1,0 +1,185 @@
+"""The accuracy benchmark's plan, tables, picture, files and command."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from benchmarks.__main__ import app_of
+from benchmarks.accuracy import cases
+from benchmarks.accuracy.benchmark import HEADINGS, AccuracyResults, cells, drawn, run_accuracy
+from benchmarks.accuracy.endurance import LongRun, lines
+from benchmarks.accuracy.run import (
+    INTEGRATOR_NAMES,
+    LARGE_MULTIPLES,
+    MULTIPLES,
+    Run,
+    settings,
+)
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.experiment.figure_style import save
+
+from .conftest import falling
+
+LIBRARY = {case.name: case for case in cases()}
+
+
+def test_the_usual_plan_has_all_cases_and_integrators() -> None:
+    plan = settings()
+    assert {setting.case.name for setting in plan} == set(LIBRARY)
+    assert {setting.integrator for setting in plan} == set(INTEGRATOR_NAMES)
+    for name, case in LIBRARY.items():
+        steps = sorted({s.step for s in plan if s.case.name == name})
+        multiples = LARGE_MULTIPLES if "large" in case.tags else MULTIPLES
+        own = case.scene.simulation.period
+        assert steps == pytest.approx(sorted(m * own for m in multiples))
+    assert sum(setting.own for setting in plan) == len(LIBRARY) - 1
+
+
+def test_a_quick_plan_is_short_and_a_large_case_runs_if_named() -> None:
+    quick = settings(quick=True)
+    assert "n_four_bar_40" not in {setting.case.name for setting in quick}
+    assert len(quick) < len(settings()) / 2
+    assert any(setting.own for setting in quick)
+    (named,) = settings(["n_four_bar_40"], ["rk4"], [8.0], quick=True)
+    assert named.step == pytest.approx(8e-3)
+    assert named.scene.simulation.period == named.step
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"names": ["pendulums"]}, "pendulum"),
+        ({"integrators": ["rk5"]}, "semi_implicit_euler"),
+        ({"multiples": [0.0]}, "above 0"),
+        ({"multiples": [-1.0]}, "above 0"),
+        ({"multiples": [float("nan")]}, "above 0"),
+        ({"multiples": [1e4]}, "100"),
+    ],
+)
+def test_what_does_not_exist_is_refused(arguments: dict[str, list[str]], words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        settings(**arguments)  # type: ignore[arg-type]
+
+
+FAILED = Run("stone", "linearly_implicit", 1e-3, "m", False, failure="KeyError: [not] there")
+PASSED = Run(
+    "stone",
+    "rk4",
+    5e-4,
+    "m",
+    own=True,
+    errors={"p": 2e-10},
+    kept=True,
+    energy_error=3e-9,
+    closure_error=1e-14,
+    rank=4,
+    rank_changes=3,
+    unexpected_ranks=1,
+    singular_times=2,
+    cpu_s_per_s=0.1,
+)
+
+
+def test_what_failed_is_said_once_with_its_reason() -> None:
+    shown = io.StringIO()
+    again = replace(FAILED, step=5e-4)
+    for sheet in AccuracyResults({}, (PASSED, FAILED, again), (falling(),)).sheets():
+        Console(width=100, file=shown).print(sheet.table())
+    text = shown.getvalue()
+    assert "Z01 Stone (stone)" in text
+    assert text.count("failed") == 2
+    assert text.count("KeyError: [not] there") == 1
+    assert "linearly_implicit, 1 ms; linearly_implicit, 500 µs" in text
+
+
+def test_a_line_says_all_that_was_found() -> None:
+    line = dict(zip(HEADINGS, cells(PASSED), strict=True))
+    assert line == {
+        "integrator": "rk4",
+        "step": "500 µs *",
+        "error": "2.0e-10",
+        "energy": "3.0e-09",
+        "closure": "1e-14",
+        "ranks": "3/2, 1 elsewhere",
+        "CPU": "0.1",
+        "faster": "10",
+    }
+
+
+def test_the_table_of_a_document_has_a_line_for_each_case_and_integrator() -> None:
+    steps = (4e-3, 1e-3, 2.5e-4)
+    runs = [replace(PASSED, step=step) for step in steps] + [replace(FAILED, step=2e-3)]
+    text = AccuracyResults({}, tuple(runs), (falling(),)).markdown().splitlines()[2:]
+    assert {line.count("|") for line in text} == {len(HEADINGS) + 2}
+    assert [line.split("|")[2:4] for line in text[2:]] == [
+        [" rk4 ", " 1 ms * "],
+        [" linearly_implicit ", " 2 ms "],
+    ]
+
+
+def test_files_are_written_and_hold_every_run(tmp_path: Path) -> None:
+    chosen = settings(integrators=["rk4", "rk2"], multiples=(3.0, 1.0), known=[falling()])
+    told: list[str] = []
+    results = run_accuracy(chosen, told.append)
+    results.write(tmp_path / "out")
+    document = json.loads((tmp_path / "out" / "bench_accuracy.json").read_text("utf-8"))
+    assert [run["integrator"] for run in document["runs"]] == ["rk4", "rk4", "rk2", "rk2"]
+    assert document["sound"] is results.sound is True
+    assert document["runs"][1]["error"] == results.runs[1].error
+    assert (tmp_path / "out" / "bench_accuracy.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "out" / "bench_accuracy.md").read_text("utf-8").count("| stone |") == 2
+    assert sum("failed" in line for line in told) == 2
+
+
+@pytest.mark.parametrize("count", [0, 1, 5])
+def test_the_picture_is_drawn_of_any_number_of_cases(tmp_path: Path, count: int) -> None:
+    runs = [replace(PASSED, case=f"case{k}", errors={"p": 0.0}) for k in range(count)]
+    runs += [replace(FAILED, case="alone")] if count else []
+    path = save(drawn(runs, [falling()]), tmp_path / "picture.png")
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_command_prints_json_and_nothing_else(tmp_path: Path) -> None:
+    words = ["accuracy", "--cases", "bricard", "--integrators", "rk4", "--steps", "20"]
+    figure = tmp_path / "picture.png"
+    found = CliRunner().invoke(
+        app_of(), [*words, "--json", "--out", str(tmp_path), "--figure", str(figure)]
+    )
+    assert found.exit_code == 0, found.output
+    (run,) = json.loads(found.stdout)["runs"]
+    assert (run["case"], run["step"]) == ("bricard", 0.02)
+    assert 1e-9 < run["error"] < 1e-2
+    assert figure.exists()
+
+
+def test_the_command_fails_where_a_case_misses_its_tolerance(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    strict = replace(falling(), outputs=tuple(replace(o, tolerance=0.0) for o in falling().outputs))
+    monkeypatch.setattr("benchmarks.accuracy.run.cases", lambda: (strict,))
+    words = ["accuracy", "--integrators", "rk4", "--steps", "1", "--out", str(tmp_path)]
+    assert CliRunner().invoke(app_of(), words).exit_code == 1
+
+
+@pytest.mark.parametrize("failure", ["", "ClosureError: came apart"])
+def test_the_long_command_writes_its_runs_and_fails_with_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: str
+) -> None:
+    seen = LongRun("bricard", 3600.0, 12.0, failure, 1e-9, 2e-9, 1e-14, (4,), None, 0.1)
+    place = "benchmarks.accuracy.endurance"
+    monkeypatch.setattr(f"{place}.hour_of", lambda case, show: seen)
+    monkeypatch.setattr(f"{place}.minute_of_windows", lambda show: replace(seen, off_branch=0.0))
+    words = ["accuracy", "--long", "--json", "--out", str(tmp_path)]
+    found = CliRunner().invoke(app_of(), words)
+    assert found.exit_code == (1 if failure else 0)
+    document = json.loads(found.stdout)
+    assert document == json.loads((tmp_path / "bench_accuracy_long.json").read_text("utf-8"))
+    assert [run["off_branch"] for run in document["runs"]] == [0.0, None]
+    assert any(failure in line for line in lines(seen))

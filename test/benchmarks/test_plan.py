@@ -1,0 +1,53 @@
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from benchmarks.graph.plan import Plan, scene_at_rate
+from hapticmech_ros.errors import InvalidInputError, SceneError
+from hapticmech_ros.scene import load_scene, shipped_scenes
+from hapticmech_ros.scene.loader import document_of
+
+
+def test_every_configuration_is_run_as_often_as_asked_with_both_graphs_in_turn() -> None:
+    plan = Plan("five_bar", (500.0, 1000.0), ("separate", "composed"), (False, True), 20.0, 3)
+    steps = list(plan.steps())
+    assert len(steps) == 2 * 2 * 2 * 3 * 2
+    assert len(set(steps)) == len(steps)
+    assert all(one.kind != other.kind for one, other in pairwise(steps))
+    # Whoever is compared runs right after the other.
+    for real, bare in zip(steps[::2], steps[1::2], strict=True):
+        assert (real.configuration, real.repeat) == (bare.configuration, bare.repeat)
+
+
+@pytest.mark.parametrize(
+    ("changes", "rule"),
+    [
+        ({"rates_hz": ()}, "must have a rate"),
+        ({"rates_hz": (0.0,)}, "rate"),
+        ({"rates_hz": (float("nan"),)}, "rate"),
+        ({"layouts": ("scattered",)}, "separate, composed"),
+        ({"recorded": ()}, "record or not"),
+        ({"seconds": 0.5}, "1 or more"),
+        ({"seconds": float("inf")}, "1 or more"),
+        ({"repeats": 0}, "1 or more"),
+    ],
+)
+def test_plans_that_make_no_sense_are_refused(changes: dict[str, object], rule: str) -> None:
+    given: dict[str, object] = {"scene": "five_bar", "rates_hz": (1000.0,), **changes}
+    with pytest.raises(InvalidInputError, match=rule):
+        Plan(**given)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", sorted(shipped_scenes()))
+def test_a_scene_at_another_rate_differs_in_its_period_alone(name: str, tmp_path: Path) -> None:
+    document = document_of(load_scene(name))
+    copy = document_of(load_scene(scene_at_rate(name, 2000.0, tmp_path / "scenes")))
+    assert copy["simulation"].pop("period") == 1.0 / 2000.0
+    assert document["simulation"].pop("period") != 1.0 / 2000.0
+    assert copy == document
+
+
+def test_a_scene_refuses_a_rate_out_of_its_range(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="period"):
+        scene_at_rate("five_bar", 0.01, tmp_path)

@@ -1,0 +1,76 @@
+"""A bag written by hand gives back the latencies and losses that were put into it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.graph.recorded import RECORDED_TRIP, recorded
+from hapticmech_ros.bag.writer import BagWriter
+from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.topic import Topic
+from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_STATE, POINT_COMMAND, RENDERING, STATE
+
+BEGUN_NS, PERIOD_NS, COUNT = 1_700_000_000_000_000_000, 1_000_000, 100
+WINDOW = BEGUN_NS, BEGUN_NS + COUNT * PERIOD_NS
+# µs after the stamp at which the recorder gets each topic.
+DELAYS_US = {DEVICE_STATE: 100, DEVICE_COMMAND: 350, POINT_COMMAND: 360, STATE: 120, RENDERING: 500}
+LOST = {DEVICE_COMMAND: {3, 50}, POINT_COMMAND: {3}, RENDERING: {7}, STATE: {9}}
+
+
+def wrench(stamp_ns: int) -> bytes:
+    seconds, rest = divmod(stamp_ns, 1_000_000_000)
+    header = np.array([seconds, rest, 6], dtype="<u4").tobytes() + b"world\0\0\0"
+    return b"\x00\x01\x00\x00" + header + b"\0" * (-len(header) % 8) + np.zeros(6).tobytes()
+
+
+def array(stamp_ns: int) -> bytes:
+    return FlatArray({"stamp": 2, "rest": 3}).encode(
+        np.array([*divmod(stamp_ns, 1_000_000_000), 1.0, 2.0, 3.0])
+    )
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    path = tmp_path / "bag"
+    messages: list[tuple[int, Topic, bytes]] = []
+    for number in range(-10, COUNT + 10):
+        stamp = BEGUN_NS + number * PERIOD_NS
+        for topic, delay_us in DELAYS_US.items():
+            if number not in LOST.get(topic, ()):
+                data = wrench(stamp) if "Wrench" in topic.type else array(stamp)
+                messages.append((stamp + 1000 * delay_us, topic, data))
+    with BagWriter(path) as writer:
+        for topic in DELAYS_US:
+            writer.add_topic(f"/{topic.of('handle')}", topic.type, topic.qos)
+        for time_ns, topic, data in sorted(messages, key=lambda item: item[0]):
+            writer.write(f"/{topic.of('handle')}", time_ns, data)
+    return path
+
+
+def test_latencies_are_those_put_in(bag: Path) -> None:
+    hops = recorded(bag, "handle", WINDOW).hops
+    assert hops[RECORDED_TRIP].p50_us == DELAYS_US[DEVICE_COMMAND]
+    assert hops["device/state → servo_cf"].p99_us == 350 - 100
+    assert hops["mechanism/state → rendering"].max_us == 500 - 120
+    for latency in hops.values():
+        assert latency.p50_us == latency.max_us
+
+
+def test_losses_are_those_put_in(bag: Path) -> None:
+    found = recorded(bag, "handle", WINDOW).losses
+    assert [part.lost for part in found.values()] == [2, 1, 1]
+    assert [part.asked for part in found.values()] == [COUNT, COUNT, COUNT - 1]
+    # The state that is missing was answered: the recorder lost it.
+    assert [part.strays for part in found.values()] == [0, 0, 1]
+
+
+def test_messages_are_counted_in_the_window_and_measured_in_the_whole_bag(bag: Path) -> None:
+    found = recorded(bag, "handle", WINDOW)
+    assert found.published["/device/state"] == COUNT
+    assert found.sizes["/device/state"] == len(array(0))
+    assert found.sizes["/device/servo_cf"] == len(wrench(0))
+    empty = recorded(bag, "handle", (0, 1))
+    assert empty.published == {}
+    assert empty.hops == {}
+    assert empty.sizes == found.sizes

@@ -1,0 +1,206 @@
+"""The speed benchmark's first question: do all simulators compute the same motion?"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from benchmarks.accuracy import cases
+from benchmarks.children import finding_benchmarks
+from benchmarks.speed import exudyn_peer, mujoco_peer, reference
+from benchmarks.speed.benchmark import plan
+from benchmarks.speed.contender import (
+    Method,
+    Peer,
+    UnsuitableError,
+    initial_state,
+    refuse_what_no_peer_has,
+)
+from benchmarks.speed.equality import Check, check
+from benchmarks.speed.mujoco_peer import MujocoPeer, MujocoScene
+from benchmarks.speed.own_peer import OwnPeer
+from benchmarks.speed.pinocchio_peer import PinocchioDynamics, PinocchioPeer
+from benchmarks.speed.platform import stewart_platform
+from benchmarks.speed.problems import ASKED, NAMES, Problem, problems
+from benchmarks.speed.result import numbers_of, run_once
+from benchmarks.speed.scaling import chain
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene import document_of, scene_from_document
+from oracles.mechanism.mechanism import ReadableMechanism
+from oracles.mechanism.stepping import ReadableSimulator
+
+PROBLEMS = {problem.name: problem for problem in problems()}
+# Of large ones a second takes too long for a test; the same generator makes the small ones.
+SMALL = [name for name, problem in PROBLEMS.items() if not problem.large]
+# Where Exudyn is installed it is checked as well.
+PEERS = [peer for peer in (OwnPeer(), *plan().peers[1:]) if not peer.missing()]
+
+
+def of(problem: Problem, peer: Peer, method: str) -> Check:
+    chosen = next(one for one in peer.methods if one.name == method)
+    return check(problem, peer, chosen)
+
+
+@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
+def test_all_simulators_compute_the_same_motion(peer: Peer, name: str) -> None:
+    found = [check(PROBLEMS[name], peer, method) for method in peer.methods]
+    assert any(one.passed for one in found), [one.reason for one in found]
+    # Of Exudyn's two forms of a mechanism one is enough: it does not do all in both.
+    assert peer.name == "exudyn" or all(one.passed for one in found)
+
+
+def test_by_the_same_rule_we_and_others_have_the_same_error() -> None:
+    # Without closures nothing differs but rounding.
+    ours = of(PROBLEMS["spatial_arm"], OwnPeer(), "rk4")
+    for peer in (MujocoPeer(), PinocchioPeer()):
+        theirs = of(PROBLEMS["spatial_arm"], peer, "rk4")
+        assert theirs.coarse == pytest.approx(ours.coarse, rel=1e-2)
+    assert ours.fine is not None
+    assert ours.coarse is not None
+    # Order 4: half the step leaves a sixteenth.
+    assert ours.coarse / ours.fine == pytest.approx(16.0, rel=0.1)
+
+
+def test_references_agree_with_published_values() -> None:
+    compared = 0
+    for case in cases():
+        problem = PROBLEMS.get(case.name)
+        for output in case.outputs if problem is not None else ():
+            for other in problem.outputs:
+                if other.name != output.name:
+                    continue
+                for time, values in zip(output.times, output.values, strict=True):
+                    if time in other.times:
+                        mine = other.values[other.times.index(time)]
+                        assert np.abs(np.array(mine) - values).max() < output.tolerance
+                        compared += 1
+    # Two of the pendulum, three and one of A02, two of Bricard's mechanism, seven of Andrews'.
+    assert compared >= 13
+
+
+def test_references_agree_with_themselves() -> None:
+    stored = json.loads(reference.PATH.read_text(encoding="utf-8"))
+    assert stored["command"] == reference.COMMAND
+    assert [entry["name"] for entry in stored["cases"]] == list(NAMES)
+    assert all(entry["apart"] <= reference.AGREEMENT for entry in stored["cases"])
+
+
+def test_the_stored_reference_is_what_its_command_computes() -> None:
+    asked = next(one for one in ASKED if one.name == "pendulum")
+    readings, _ = reference.reference(asked.scene(), asked.outputs())
+    assert PROBLEMS["pendulum"].error(readings) < 1e-12
+    windows = reference.parallelograms(10, PROBLEMS["n_four_bar_10"].times)
+    assert PROBLEMS["n_four_bar_10"].error(windows) < 1e-12
+
+
+@pytest.mark.parametrize("name", ["five_bar", "bricard", "andrews", "spatial_arm"])
+def test_a_converted_scene_has_our_inertia(name: str) -> None:
+    scene = PROBLEMS[name].scene
+    converted, start = MujocoScene(scene), initial_state(scene)
+    model = converted.spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = converted.state(start)
+    mujoco.mj_forward(model, data)
+    theirs = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, theirs)
+    ours = pin.crba(converted.tree.pinocchio, converted.tree.pinocchio.createData(), start.q)
+    ours = np.triu(ours) + np.triu(ours, 1).T
+    assert np.abs(theirs - ours).max() < 1e-9 * np.abs(ours).max()
+
+
+def test_closures_are_met_where_they_start() -> None:
+    # Authored positions, not projected ones: the six legs reach the platform to rounding.
+    scene = stewart_platform()
+    mechanism = ReadableMechanism(scene)
+    state = ReadableSimulator(scene).initial_state()
+    assert mechanism.nv == 24
+    assert mechanism.closing_terms(state.q, state.active).space.rank == 18
+    assert state.q[:3] == pytest.approx([0.0, 0.0, 0.35], abs=1e-12)
+
+
+def test_a_platform_in_the_middle_hangs_in_its_springs() -> None:
+    scene = stewart_platform()
+    rest = scene.model_copy(
+        update={"initial_state": scene.initial_state.model_copy(update={"v": {}})}
+    )
+    dynamics = PinocchioDynamics(rest, 0.0, 1e-9, 1e-14, 100)
+    start = initial_state(rest)
+    sinking = dynamics.acceleration(start.q, start.v)[:6].copy()
+    # The springs carry platform and upper parts but for the weight of leaning legs.
+    assert abs(sinking[2]) < 2.0
+    # Six legs alike but for which way their yokes turn first: it neither shifts nor turns.
+    assert np.abs(np.delete(sinking, 2)).max() < 1e-3
+
+
+def test_a_peer_that_is_not_there_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (mujoco_peer, exudyn_peer):
+        monkeypatch.setattr(module, "find_spec", lambda name: None)
+    found = plan(["pendulum"])
+    assert [peer.name for peer in found.peers] == ["hapticmech", "pinocchio"]
+    assert set(found.absent) == {"mujoco", "exudyn"}
+    for reason in found.absent.values():
+        assert "pip install '.[bench]'" in reason
+
+
+def test_peers_are_imported_when_they_race() -> None:
+    program = "import sys, benchmarks.__main__ as main; main.app_of(); "
+    program += "print(sorted({'mujoco', 'exudyn'} & set(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+        env=finding_benchmarks(os.environ),
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_what_simulators_do_not_agree_on_is_refused() -> None:
+    document = document_of(chain(1))
+    document["links"][0]["joint"]["friction"] = 1.0
+    rubbing = scene_from_document(document)
+    with pytest.raises(UnsuitableError, match="friction in hinge0"):
+        refuse_what_no_peer_has(rubbing, "mujoco")
+    result, contender = run_once(
+        PROBLEMS["pendulum"], initial_state(rubbing), MujocoPeer(), Method("rk4", 4), 1e-3, {}
+    )
+    assert result.error is not None
+    assert contender is not None
+    document["links"][0]["joint"] |= {
+        "friction": 0.0,
+        "limits": {"lower": -1.0, "upper": 1.0, "stiffness": 100.0},
+    }
+    with pytest.raises(UnsuitableError, match="stops of hinge0"):
+        MujocoScene(scene_from_document(document))
+
+
+def test_a_motion_that_is_lost_is_a_line_not_a_crash() -> None:
+    problem = PROBLEMS["n_four_bar_2"]
+    start = initial_state(problem.scene)
+    method = Method("rk4", 4)
+    setting = {mujoco_peer.CONSTANT: 0.01, mujoco_peer.EXACT: 1.0}
+    result, contender = run_once(problem, start, MujocoPeer(), method, 0.05, setting)
+    assert result.error is None
+    assert "lost" in result.failure
+    assert contender is None
+
+
+def test_a_step_that_misses_a_time_is_refused() -> None:
+    assert numbers_of((0.5, 1.0), 0.25) == [2, 4]
+    with pytest.raises(InvalidInputError, match=r"must divide 0\.5 s"):
+        numbers_of((0.5, 1.0), 0.3)
+
+
+@pytest.mark.parametrize("links", [0, 201])
+def test_chains_have_a_size(links: int) -> None:
+    with pytest.raises(InvalidInputError, match="must be from 1 to 200"):
+        chain(links)
