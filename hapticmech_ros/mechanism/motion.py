@@ -67,7 +67,7 @@ class Plan(NamedTuple):
     """How a period is stepped through.
 
     Attributes:
-        integrator: name of a rule of ``INTEGRATORS``.
+        integrator: name of a rule of ``SCHEMES``.
         period: s.
         substeps: steps of the integrator in a period.
         baumgarte_rate: a of T4 (docs/derivations.md), 1/s; 0 where states are projected instead.
