@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, local, local_whole
-from hapticmech_ros.mechanism.compiled.small_matrices import dot_with_row
+from hapticmech_ros.mechanism.kernels.small_matrices import dot_with_row
 from hapticmech_ros.mechanism.model import Array
 
 # Of a point: what its push does to its rate, 1/kg; C; b, m/s; μ; what friction does, at most.

@@ -29,7 +29,7 @@ from hapticmech_ros.contact.newton_kernels import (
     put_velocity,
 )
 from hapticmech_ros.contact.rate_kernels import add_later, contact_frame, contact_row
-from hapticmech_ros.mechanism.compiled.small_matrices import dot, dot_rows, remove, solve_lower
+from hapticmech_ros.mechanism.kernels.small_matrices import dot, dot_rows, remove, solve_lower
 from hapticmech_ros.mechanism.model import Array
 
 # Columns of a pair's law: k, N/m; d, N s/m; μ; χ, s/m.

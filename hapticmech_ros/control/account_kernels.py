@@ -33,7 +33,7 @@ from hapticmech_ros.control.kernels import INERTIA as DEVICE_INERTIA
 from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
 from hapticmech_ros.control.pose_kernels import displacement
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.compiled.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation_kernels import limit
 

@@ -13,7 +13,7 @@ from hapticmech_ros.compilation import inner, kernel, local, shaped
 from hapticmech_ros.control.loop_layout import SETTINGS
 from hapticmech_ros.control.pose_kernels import tied_error
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.compiled.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation_kernels import limit
 

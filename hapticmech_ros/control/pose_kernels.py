@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, local, shaped
-from hapticmech_ros.mechanism.compiled.small_matrices import cross
+from hapticmech_ros.mechanism.kernels.small_matrices import cross
 from hapticmech_ros.mechanism.model import Array
 
 # Below this θ², rad², three terms of a series are exact to rounding.

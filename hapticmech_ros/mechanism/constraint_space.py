@@ -10,17 +10,18 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
-from hapticmech_ros.mechanism.compiled.chosen import Chosen
-from hapticmech_ros.mechanism.compiled.dense_kernels import NO_SVD
-from hapticmech_ros.mechanism.compiled.kernels import (
+from hapticmech_ros.mechanism.inertia import singular_joint
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.chosen import Chosen
+from hapticmech_ros.mechanism.kernels.dense_kernels import NO_SVD
+from hapticmech_ros.mechanism.kernels.factor_kernels import (
     SINGULAR,
     correct,
     factor_closures,
     keep_closed,
     lift_rates,
 )
-from hapticmech_ros.mechanism.compiled.packed import (
+from hapticmech_ros.mechanism.kernels.packed import (
     ERROR,
     LEAST,
     RANK,
@@ -28,7 +29,6 @@ from hapticmech_ros.mechanism.compiled.packed import (
     Packed,
     views_of,
 )
-from hapticmech_ros.mechanism.inertia import singular_joint
 from hapticmech_ros.mechanism.lapack import dtrsm, dtrsv
 from hapticmech_ros.mechanism.model import Array, TreeModel
 
@@ -39,7 +39,7 @@ class Closing:
     Attributes:
         tree: the mechanism's, which gives degrees of freedom names.
         chosen: the closures that are active, and the kind of factorisation.
-        packed: see :class:`~hapticmech_ros.mechanism.compiled.packed.Packed`.
+        packed: see :class:`~hapticmech_ros.mechanism.kernels.packed.Packed`.
         q: (nq,) configuration.
     """
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.compiled.kernels import solve_motion
 from hapticmech_ros.mechanism.constraint_space import Closing, ConstraintSpace
+from hapticmech_ros.mechanism.kernels.factor_kernels import solve_motion
 from hapticmech_ros.mechanism.model import Array
 
 

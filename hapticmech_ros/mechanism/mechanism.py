@@ -10,14 +10,14 @@ import pinocchio as pin
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.compiled.chosen import Chosen
-from hapticmech_ros.mechanism.compiled.closure_kernels import KINDS
-from hapticmech_ros.mechanism.compiled.layout import sparse_or_dense
-from hapticmech_ros.mechanism.compiled.motion_kernels import move_frames
-from hapticmech_ros.mechanism.compiled.tables import DENSE, JOINT_COLUMNS, Constants
-from hapticmech_ros.mechanism.compiled.tree_kernels import JOINT_KINDS, joint_row
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
 from hapticmech_ros.mechanism.evaluation import Evaluation, PointKinematics
+from hapticmech_ros.mechanism.kernels.chosen import Chosen
+from hapticmech_ros.mechanism.kernels.closure_kernels import KINDS
+from hapticmech_ros.mechanism.kernels.layout import sparse_or_dense
+from hapticmech_ros.mechanism.kernels.motion_kernels import move_frames
+from hapticmech_ros.mechanism.kernels.tables import DENSE, JOINT_COLUMNS, Constants
+from hapticmech_ros.mechanism.kernels.tree_kernels import JOINT_KINDS, joint_row
 from hapticmech_ros.mechanism.model import Array, authored_state
 from hapticmech_ros.mechanism.multibody import MultibodyModel
 from hapticmech_ros.mechanism.schemes import SCHEMES

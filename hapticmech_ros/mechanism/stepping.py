@@ -12,12 +12,13 @@ import numpy as np
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
-from hapticmech_ros.mechanism.compiled.chosen import Chosen
-from hapticmech_ros.mechanism.compiled.implicit_kernels import springs_size
-from hapticmech_ros.mechanism.compiled.kernels import NOT_FINITE
-from hapticmech_ros.mechanism.compiled.packed import ERROR
-from hapticmech_ros.mechanism.compiled.run_kernels import (
+from hapticmech_ros.mechanism.constraint_space import Closing, ConstraintSpace, factored, failure
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.chosen import Chosen
+from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE
+from hapticmech_ros.mechanism.kernels.implicit_kernels import springs_size
+from hapticmech_ros.mechanism.kernels.packed import ERROR
+from hapticmech_ros.mechanism.kernels.run_kernels import (
     EVERYTHING,
     HEEDLESS,
     NEEDS_CARE,
@@ -25,9 +26,8 @@ from hapticmech_ros.mechanism.compiled.run_kernels import (
     STAGES,
     advance,
 )
-from hapticmech_ros.mechanism.compiled.settle_kernels import FLIPPED, JUMPED, OPEN, SETTLED
-from hapticmech_ros.mechanism.compiled.step_kernels import PARTS, Work, work_size
-from hapticmech_ros.mechanism.constraint_space import Closing, ConstraintSpace, factored, failure
+from hapticmech_ros.mechanism.kernels.settle_kernels import FLIPPED, JUMPED, OPEN, SETTLED
+from hapticmech_ros.mechanism.kernels.step_kernels import PARTS, Work, work_size
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion import (

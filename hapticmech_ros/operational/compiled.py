@@ -6,10 +6,10 @@ import numpy as np
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
-from hapticmech_ros.mechanism.compiled.chosen import Chosen
 from hapticmech_ros.mechanism.constraint_space import Closing, failure
 from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.chosen import Chosen
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.metric import TaskMetric

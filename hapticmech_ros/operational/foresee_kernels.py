@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, local, shaped
-from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
-from hapticmech_ros.mechanism.compiled.kernels import factor
-from hapticmech_ros.mechanism.compiled.manifold_kernels import move
-from hapticmech_ros.mechanism.compiled.metric_kernels import accelerate, correction_of
-from hapticmech_ros.mechanism.compiled.motion_kernels import closure_bias, move_joints, move_point
-from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
-from hapticmech_ros.mechanism.compiled.small_matrices import dot_with_row
-from hapticmech_ros.mechanism.compiled.tables import SPARSE, Tables
-from hapticmech_ros.mechanism.compiled.tree_kernels import bias_force_of
+from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
+from hapticmech_ros.mechanism.kernels.factor_kernels import factor
+from hapticmech_ros.mechanism.kernels.manifold_kernels import move
+from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate, correction_of
+from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
+from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
+from hapticmech_ros.mechanism.kernels.small_matrices import dot_with_row
+from hapticmech_ros.mechanism.kernels.tables import SPARSE, Tables
+from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.model import Array
 
 # Off the closures by φ, at a relative singular value σ, free rates turn by φ/σ²: by no more than

@@ -8,15 +8,15 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, local, put, shaped
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.compiled.metric_kernels import accelerate, free_part, to_metric
-from hapticmech_ros.mechanism.compiled.packed import Packed
-from hapticmech_ros.mechanism.compiled.small_matrices import (
+from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate, free_part, to_metric
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.small_matrices import (
     dot,
     dot_rows,
     dot_with_row,
     orthogonalise,
 )
-from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 
 # Where the analysis of an operational model has X, P_c and Π, and a_0; and its length.

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, local, put, shaped
-from hapticmech_ros.mechanism.compiled.element_kernels import element_resistance
-from hapticmech_ros.mechanism.compiled.metric_kernels import (
+from hapticmech_ros.mechanism.kernels.element_kernels import element_resistance
+from hapticmech_ros.mechanism.kernels.metric_kernels import (
     accelerate,
     free_part,
     from_metric,
     to_metric,
 )
-from hapticmech_ros.mechanism.compiled.packed import Packed
-from hapticmech_ros.mechanism.compiled.small_matrices import (
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.small_matrices import (
     cholesky,
     dot,
     dot_rows,
     solve_lower,
 )
-from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.foresee_kernels import foresee
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
-from hapticmech_ros.mechanism.compiled.kernels import factor
-from hapticmech_ros.mechanism.compiled.motion_kernels import closure_bias, move_joints, move_point
-from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
-from hapticmech_ros.mechanism.compiled.tables import Tables
-from hapticmech_ros.mechanism.compiled.tree_kernels import bias_force_of
+from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
+from hapticmech_ros.mechanism.kernels.factor_kernels import factor
+from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
+from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
+from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.kernels import (
     ANALYSIS_SIZE,

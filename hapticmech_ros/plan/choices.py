@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
 from hapticmech_ros.plan.running import Running
 
 

@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hapticmech_ros.mechanism.compiled.element_kernels import element_resistance, element_slopes
-from hapticmech_ros.mechanism.compiled.packed import views_of
-from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.kernels.element_kernels import element_resistance, element_slopes
+from hapticmech_ros.mechanism.kernels.packed import views_of
+from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document
 from oracles.differences import columns, relative

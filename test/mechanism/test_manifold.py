@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.compiled.manifold_kernels import SERIES, local_rates, move
+from hapticmech_ros.mechanism.kernels.manifold_kernels import SERIES, local_rates, move
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import random_mechanism
 from oracles.mechanism.integrators import local_rate

@@ -8,7 +8,7 @@ import pytest
 
 from hapticmech_ros.bench.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism.compiled.many_rows import (
+from hapticmech_ros.mechanism.kernels.many_rows import (
     FEW_ROWS,
     first_directions,
     pseudo_inverse_transposed,

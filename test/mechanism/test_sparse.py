@@ -8,11 +8,11 @@ import pytest
 from hapticmech_ros.bench.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.compiled import layout
-from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
-from hapticmech_ros.mechanism.compiled.kernels import factor_closures, solve_motion
-from hapticmech_ros.mechanism.compiled.layout import MANY_RATES
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
+from hapticmech_ros.mechanism.kernels import layout
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures, solve_motion
+from hapticmech_ros.mechanism.kernels.layout import MANY_RATES
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import load_scene, scene_from_document
 from hapticmech_ros.simulation import Simulator

@@ -6,9 +6,9 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import ClosureError, HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
-from hapticmech_ros.mechanism.compiled.small_matrices import orthogonalise
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
+from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.kernels.small_matrices import orthogonalise
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene import scene_from_document, shipped_scenes
 from hapticmech_ros.simulation import Simulator

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from hapticmech_ros.bench.accuracy import cases, n_four_bar
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.compiled.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
 from hapticmech_ros.plan.scene_plan import ScenePlan, plan_scene
 from hapticmech_ros.scene import (
     Scene,

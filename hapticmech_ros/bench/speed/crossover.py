@@ -14,7 +14,7 @@ import numpy as np
 from hapticmech_ros.bench.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.bench.speed.chain import chain
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism.compiled.layout import sparse
+from hapticmech_ros.mechanism.kernels.layout import sparse
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.simulation import Simulator
 

@@ -1,28 +1,28 @@
 """Kernels of Eq. 1 at a configuration: factorisation of D and W, accelerations, projections.
 
 Every kernel takes the mechanism's constants as ``numbers`` and ``values`` (see
-:mod:`~hapticmech_ros.mechanism.compiled.tables`), and what is known of a configuration as one array
-``packed`` (see :mod:`~hapticmech_ros.mechanism.compiled.packed`).
+:mod:`~hapticmech_ros.mechanism.kernels.tables`), and what is known of a configuration as one array
+``packed`` (see :mod:`~hapticmech_ros.mechanism.kernels.packed`).
 """
 
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel
-from hapticmech_ros.mechanism.compiled.articulated_kernels import articulate
-from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED, factor_band
-from hapticmech_ros.mechanism.compiled.closure_kernels import COUPLING, residual_of, wrenches_of
-from hapticmech_ros.mechanism.compiled.coupling_kernels import gear_error
-from hapticmech_ros.mechanism.compiled.dense_kernels import factor_dense
-from hapticmech_ros.mechanism.compiled.metric_kernels import (
+from hapticmech_ros.mechanism.kernels.articulated_kernels import articulate
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED, factor_band
+from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, residual_of, wrenches_of
+from hapticmech_ros.mechanism.kernels.coupling_kernels import gear_error
+from hapticmech_ros.mechanism.kernels.dense_kernels import factor_dense
+from hapticmech_ros.mechanism.kernels.metric_kernels import (
     accelerate,
     close_rates,
     correction_of,
     lift,
 )
-from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
-from hapticmech_ros.mechanism.compiled.small_matrices import cholesky
-from hapticmech_ros.mechanism.compiled.tables import SPARSE, Tables
-from hapticmech_ros.mechanism.compiled.tree_kernels import inertia_of, place_tree
+from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
+from hapticmech_ros.mechanism.kernels.small_matrices import cholesky
+from hapticmech_ros.mechanism.kernels.tables import SPARSE, Tables
+from hapticmech_ros.mechanism.kernels.tree_kernels import inertia_of, place_tree
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,

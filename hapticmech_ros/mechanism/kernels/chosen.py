@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from hapticmech_ros.mechanism.compiled.packed import packed_size
-from hapticmech_ros.mechanism.compiled.tables import Constants, Tables, fold
+from hapticmech_ros.mechanism.kernels.packed import packed_size
+from hapticmech_ros.mechanism.kernels.tables import Constants, Tables, fold
 from hapticmech_ros.mechanism.model import Array
 
 

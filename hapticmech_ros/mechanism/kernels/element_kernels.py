@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from hapticmech_ros.compilation import inner
-from hapticmech_ros.mechanism.compiled.packed import Packed
-from hapticmech_ros.mechanism.compiled.pair_kernels import add_pair, pair_power, pull_between
-from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair, pair_power, pull_between
+from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 
 # Columns of ``Tables.element_values``, and of ``Tables.spring_values``.

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, put
-from hapticmech_ros.mechanism.compiled.implicit_kernels import aim_implicitly, linearise
-from hapticmech_ros.mechanism.compiled.kernels import SINGULAR, factor
-from hapticmech_ros.mechanism.compiled.packed import Packed, unpack
-from hapticmech_ros.mechanism.compiled.settle_kernels import SETTLED, settle
-from hapticmech_ros.mechanism.compiled.small_matrices import dot
-from hapticmech_ros.mechanism.compiled.step_kernels import (
+from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR, factor
+from hapticmech_ros.mechanism.kernels.implicit_kernels import aim_implicitly, linearise
+from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
+from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED, settle
+from hapticmech_ros.mechanism.kernels.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.step_kernels import (
     Work,
     aim,
     find_rates,
     start_step,
 )
-from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.tolerances import NEAR, PASSING
 

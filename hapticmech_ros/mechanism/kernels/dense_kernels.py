@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, local_whole
-from hapticmech_ros.mechanism.compiled.band_kernels import UNDECIDED
-from hapticmech_ros.mechanism.compiled.closure_kernels import COUPLING, end_of_rows
-from hapticmech_ros.mechanism.compiled.coupling_kernels import add_gear
-from hapticmech_ros.mechanism.compiled.many_rows import (
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
+from hapticmech_ros.mechanism.kernels.coupling_kernels import add_gear
+from hapticmech_ros.mechanism.kernels.many_rows import (
     FEW_ROWS,
     first_directions,
     pseudo_inverse_transposed,
     solve_lower_columns,
     triangularise,
 )
-from hapticmech_ros.mechanism.compiled.packed import Packed
-from hapticmech_ros.mechanism.compiled.pair_kernels import add_pair
-from hapticmech_ros.mechanism.compiled.small_matrices import dot_rows, orthogonalise, solve_lower
-from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair
+from hapticmech_ros.mechanism.kernels.small_matrices import dot_rows, orthogonalise, solve_lower
+from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.tolerances import RESOLVED
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hapticmech_ros.compilation import inner, shaped
-from hapticmech_ros.mechanism.compiled.element_kernels import element_slopes
-from hapticmech_ros.mechanism.compiled.packed import Packed
-from hapticmech_ros.mechanism.compiled.small_matrices import (
+from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED
+from hapticmech_ros.mechanism.kernels.element_kernels import element_slopes
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.small_matrices import (
     cholesky,
     dot_with_row,
     remove,
     solve_lower,
     solve_lower_transposed,
 )
-from hapticmech_ros.mechanism.compiled.step_kernels import Work, follow
-from hapticmech_ros.mechanism.compiled.tables import MOST_STAGES, Tables
-from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED
+from hapticmech_ros.mechanism.kernels.step_kernels import Work, follow
+from hapticmech_ros.mechanism.kernels.tables import MOST_STAGES, Tables
 from hapticmech_ros.mechanism.model import Array
 
 

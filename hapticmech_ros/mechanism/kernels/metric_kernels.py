@@ -9,25 +9,25 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner
-from hapticmech_ros.mechanism.compiled.articulated_kernels import (
+from hapticmech_ros.mechanism.kernels.articulated_kernels import (
     force_to_metric,
     rates_from_metric,
     rates_to_metric,
 )
-from hapticmech_ros.mechanism.compiled.band_kernels import (
+from hapticmech_ros.mechanism.kernels.band_kernels import (
     clear_pivots,
     solve_rows,
     turn_back,
     turn_in,
 )
-from hapticmech_ros.mechanism.compiled.packed import Packed
-from hapticmech_ros.mechanism.compiled.small_matrices import (
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.small_matrices import (
     dot_with_row,
     remove,
     solve_lower,
     solve_lower_transposed,
 )
-from hapticmech_ros.mechanism.compiled.tables import SPARSE, Tables
+from hapticmech_ros.mechanism.kernels.tables import SPARSE, Tables
 from hapticmech_ros.mechanism.model import Array
 
 

@@ -8,21 +8,21 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import Part, Structure, inner, structure
-from hapticmech_ros.mechanism.compiled.closure_kernels import COUPLING, end_of_rows
-from hapticmech_ros.mechanism.compiled.coupling_kernels import gear_speed
-from hapticmech_ros.mechanism.compiled.element_kernels import element_forces
-from hapticmech_ros.mechanism.compiled.manifold_kernels import local_rates, move
-from hapticmech_ros.mechanism.compiled.metric_kernels import accelerate
-from hapticmech_ros.mechanism.compiled.motion_kernels import (
+from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
+from hapticmech_ros.mechanism.kernels.coupling_kernels import gear_speed
+from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
+from hapticmech_ros.mechanism.kernels.manifold_kernels import local_rates, move
+from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate
+from hapticmech_ros.mechanism.kernels.motion_kernels import (
     add_link_forces,
     add_point_forces,
     closure_bias,
     move_joints,
 )
-from hapticmech_ros.mechanism.compiled.packed import Packed
-from hapticmech_ros.mechanism.compiled.pair_kernels import pair_power
-from hapticmech_ros.mechanism.compiled.tables import ACCOUNT, MOST_STAGES, SETTINGS, Tables
-from hapticmech_ros.mechanism.compiled.tree_kernels import bias_force_of
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.pair_kernels import pair_power
+from hapticmech_ros.mechanism.kernels.tables import ACCOUNT, MOST_STAGES, SETTINGS, Tables
+from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.model import Array
 
 

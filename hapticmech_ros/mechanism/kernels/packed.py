@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import Part, Structure, inner, structure
-from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 
 # Places in a packed array's tail, from its end.

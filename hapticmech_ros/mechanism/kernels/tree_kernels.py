@@ -14,9 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.compilation import inner, leaf
-from hapticmech_ros.mechanism.compiled.packed import Packed
-from hapticmech_ros.mechanism.compiled.small_matrices import cross, dot6
-from hapticmech_ros.mechanism.compiled.tables import JOINT_COLUMNS, Tables
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.small_matrices import cross, dot6
+from hapticmech_ros.mechanism.kernels.tables import JOINT_COLUMNS, Tables
 from hapticmech_ros.mechanism.model import Array
 
 REVOLUTE, PRISMATIC, PLANAR, SPHERICAL, FREE = range(5)

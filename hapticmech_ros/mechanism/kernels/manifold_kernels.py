@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from hapticmech_ros.compilation import inner, shaped
-from hapticmech_ros.mechanism.compiled.tables import Tables
-from hapticmech_ros.mechanism.compiled.tree_kernels import (
+from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.kernels.tree_kernels import (
     FREE,
     PLANAR,
     PRISMATIC,

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner
-from hapticmech_ros.mechanism.compiled.closure_kernels import REVOLUTE, WELD
-from hapticmech_ros.mechanism.compiled.kernels import NOT_FINITE, factor
-from hapticmech_ros.mechanism.compiled.manifold_kernels import move
-from hapticmech_ros.mechanism.compiled.metric_kernels import close_rates, correction_of, lift
-from hapticmech_ros.mechanism.compiled.packed import Packed
-from hapticmech_ros.mechanism.compiled.small_matrices import dot
-from hapticmech_ros.mechanism.compiled.step_kernels import Work
-from hapticmech_ros.mechanism.compiled.tables import Tables
+from hapticmech_ros.mechanism.kernels.closure_kernels import REVOLUTE, WELD
+from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE, factor
+from hapticmech_ros.mechanism.kernels.manifold_kernels import move
+from hapticmech_ros.mechanism.kernels.metric_kernels import close_rates, correction_of, lift
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.step_kernels import Work
+from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.tolerances import (
     JUMP,
