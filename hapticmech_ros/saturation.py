@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 
 
 def scaled_within(wrench: Array, force_limit: float, torque_limit: float) -> Array:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlOutput, Engagement, RenderingModel, control_for
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.controller_side import LedgerEntry
@@ -22,7 +23,6 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import PointKinematics
 from hapticmech_ros.mechanism.grasp import grasped
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.contact_wrench import touching_wrench
 from hapticmech_ros.operational.counter import CountState, first_count, next_count

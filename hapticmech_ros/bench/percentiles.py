@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

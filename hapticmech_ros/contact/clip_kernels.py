@@ -5,6 +5,7 @@ Points are put into ``above`` (64, 3), m, world, with their ``depths`` (64,) bel
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local, shaped
 from hapticmech_ros.contact.shape_kernels import (
     DISK_CORNERS,
@@ -17,7 +18,6 @@ from hapticmech_ros.contact.shape_kernels import (
     feature,
     put_point,
 )
-from hapticmech_ros.mechanism.model import Array
 
 # Points of a shape that may lie on another.
 MOST_BELOW = 64

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import kernel, local
 from hapticmech_ros.contact.shape_kernels import put_point
 from hapticmech_ros.contact.solver_kernels import JOINT_A
 from hapticmech_ros.mechanism.kernels.small_matrices import cross
-from hapticmech_ros.mechanism.model import Array
 
 
 @kernel(

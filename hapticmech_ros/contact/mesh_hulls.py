@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import QhullError
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.cage import CageError, Limits, caged
 from hapticmech_ros.contact.hull import Polytope, hull
 from hapticmech_ros.contact.mesh_corners import corners_of
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
 from hapticmech_ros.files import check_file
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.contact_rules import MESH_SIZE_LIMIT
 from hapticmech_ros.scene.contacts import Mesh, Shape
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, shaped
 from hapticmech_ros.contact.shape_kernels import (
     HALF_SIZE,
@@ -17,7 +18,6 @@ from hapticmech_ros.contact.shape_kernels import (
     compose,
     put_point,
 )
-from hapticmech_ros.mechanism.model import Array
 
 # Half-lengths of the bounding box, its middle, and how far the shape can come: m.
 BOX_VALUES = 7

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local
 from hapticmech_ros.contact.touch_kernels import tangents
-from hapticmech_ros.mechanism.model import Array
 
 
 @inner

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.contact.near_kernels import near_pairs
 from hapticmech_ros.contact.shape_kernels import HALF_SPACE, JOINT, KIND
 from hapticmech_ros.contact.tables import shape_tables
@@ -17,7 +18,6 @@ from hapticmech_ros.contact.touch_kernels import (
     touching_points,
 )
 from hapticmech_ros.mechanism.mechanism import Mechanism, placement_view
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.contacts import Shape
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner
-from hapticmech_ros.mechanism.model import Array
 
 SPHERE, CAPSULE, CYLINDER, POLYTOPE, HALF_SPACE = 0, 1, 2, 3, 4
 # Columns of a shape's whole numbers.

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.contact.newton_kernels import (
     ACROSS,
@@ -30,7 +31,6 @@ from hapticmech_ros.contact.newton_kernels import (
 )
 from hapticmech_ros.contact.rate_kernels import add_later, contact_frame, contact_row
 from hapticmech_ros.mechanism.kernels.small_matrices import dot, dot_rows, remove, solve_lower
-from hapticmech_ros.mechanism.model import Array
 
 # Columns of a pair's law: k, N/m; d, N s/m; μ; χ, s/m.
 STIFFNESS, DAMPING, COULOMB, DISSIPATION = 0, 1, 2, 3

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.contact.effect_kernels import contact_effects
 from hapticmech_ros.contact.search import Search
 from hapticmech_ros.contact.solver_kernels import (
@@ -25,7 +26,6 @@ from hapticmech_ros.contact.solver_kernels import (
 from hapticmech_ros.contact.touch_kernels import POINT_VALUES
 from hapticmech_ros.contact.touching import Touching, nothing_touching
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion import HeldMotion, Pushes, Start, Stepped, plan_of
 from hapticmech_ros.mechanism.stepping import Stepper, end_of
 from hapticmech_ros.scene.contacts import ContactPair

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.contact.hull import Polytope, box
 from hapticmech_ros.contact.shape_kernels import (
     CAPSULE,
@@ -17,7 +18,7 @@ from hapticmech_ros.contact.shape_kernels import (
     SHAPE_VALUES,
     SPHERE,
 )
-from hapticmech_ros.mechanism.model import Array, TreeModel, se3
+from hapticmech_ros.mechanism.model import TreeModel, se3
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
 

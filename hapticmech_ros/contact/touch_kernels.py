@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, local_whole, shaped
 from hapticmech_ros.contact.clip_kernels import MOST_BELOW, along_edges, below_plane, on_face
 from hapticmech_ros.contact.shape_kernels import HALF_SIZE, HALF_SPACE, KIND, face_normal, support
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
-from hapticmech_ros.mechanism.model import Array
 
 # Points of a pair, and what is known of each: position, normal, depth.
 MOST_POINTS, POINT_VALUES = 4, 7

@@ -15,6 +15,7 @@ Arrays are laid out as :mod:`~hapticmech_ros.control.loop_layout` says.
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.control.kernels import (
     CHANNELS,
@@ -34,7 +35,6 @@ from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
 from hapticmech_ros.control.pose_kernels import displacement
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation_kernels import limit
 
 PERIOD, PASSIVE, SLACK, INERTIA = CONTROLLER_ACCOUNT.starts("period", "passive", "slack", "inertia")

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.engagement import Engagement, engage, pose_error
 from hapticmech_ros.control.flat import device_of, model_of, point_of
 from hapticmech_ros.control.force_gain import force_gain
@@ -23,7 +24,6 @@ from hapticmech_ros.control.measurements import (
     RenderingModel,
 )
 from hapticmech_ros.control.prediction import InFlight, carried_on, foreseen
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.controller import Controller

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.engagement import Engagement
 from hapticmech_ros.control.flat import flat_device, flat_rendered, model_of
@@ -19,7 +20,6 @@ from hapticmech_ros.control.measurements import (
 from hapticmech_ros.control.prediction import InFlight, foreseen
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.model import Array
 
 _TWIST, _CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
 

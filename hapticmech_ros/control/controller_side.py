@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.account_kernels import (
     account_for_answer,
     answer_sample,
@@ -17,7 +18,6 @@ from hapticmech_ros.control.engagement import Engagement
 from hapticmech_ros.control.link import DelayLine
 from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
 from hapticmech_ros.control.prediction import InFlight
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.controller import Connection
 
 _WRENCHES, _SAMPLE = ANSWER.slice("wrenches"), ANSWER.slice("sample")

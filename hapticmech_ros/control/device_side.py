@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.device_side_kernels import allow_command
 from hapticmech_ros.control.passivity import NO_WRENCH, PassivityController, passivity_for
 from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 
 

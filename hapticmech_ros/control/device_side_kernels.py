@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.control.account_kernels import (
     PUSH,
@@ -21,7 +22,6 @@ from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
 from hapticmech_ros.control.pose_kernels import displacement
 from hapticmech_ros.device.safety_kernels import stay_within
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation_kernels import limit
 
 ACTS, MOST_FORCE, MOST_TORQUE, PERIOD, KEPT, AHEAD, MOVED, MOST_DAMPING, FILTERED = (

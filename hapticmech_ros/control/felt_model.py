@@ -22,10 +22,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.force_gain import force_gain
 from hapticmech_ros.control.lateness import loop_lateness
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.linear import LinearPoint, LinearSystem, linear_point
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.document import Scene

@@ -10,13 +10,13 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.measurements import (
     DeviceMeasurement,
     PointMeasurement,
     RenderingModel,
 )
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.model import Array
 
 _PLACE = DEVICE_SAMPLE.slice("position", "quaternion")
 _TWIST, _FORCE = DEVICE_SAMPLE.slice("twist"), DEVICE_SAMPLE.slice("hand_wrench")

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 
 
 def force_gain(

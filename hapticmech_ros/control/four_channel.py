@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.scene.controller import ForceChannelGains, PositionChannelGains
 from hapticmech_ros.scene.gain_rule import BORNE
 

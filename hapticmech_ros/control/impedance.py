@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.force_gain import force_gain
-from hapticmech_ros.mechanism.model import Array
 
 
 def impedance_wrench(

@@ -9,7 +9,7 @@ which :mod:`~hapticmech_ros.control.account_kernels` accounts for.
 
 from __future__ import annotations
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.saturation import scaled_within
 from hapticmech_ros.scene.controller import JointConstraintGains
 

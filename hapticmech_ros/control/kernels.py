@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, shaped
 from hapticmech_ros.control.loop_layout import SETTINGS
 from hapticmech_ros.control.pose_kernels import tied_error
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation_kernels import limit
 
 INERTIA, STIFFNESS, DAMPING, HELD_STIFFNESS, HELD_DAMPING, JOINT, CHANNELS = SETTINGS.starts(

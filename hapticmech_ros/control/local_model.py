@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 
 _NOTHING = np.zeros((6, 6))
 _NOTHING.flags.writeable = False

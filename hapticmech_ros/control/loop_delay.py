@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.scene.controller import Connection, Controller
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.gain_rule import BORNE, damping_for, lag_of

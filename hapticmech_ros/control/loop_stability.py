@@ -19,9 +19,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.measurements import RenderingModel
-from hapticmech_ros.mechanism.model import Array
 
 # More periods, or more gain, than anybody asks for.
 MOST_PERIODS = 64

@@ -26,6 +26,7 @@ import math
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.device_side_kernels import (
     available_energy,
     correct_command,
@@ -35,7 +36,6 @@ from hapticmech_ros.control.device_side_kernels import (
 )
 from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
 from hapticmech_ros.layout import DEVICE_SAMPLE
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.controller import Passivity
 from hapticmech_ros.scene.document import Scene
 

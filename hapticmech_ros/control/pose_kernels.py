@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local, shaped
 from hapticmech_ros.mechanism.kernels.small_matrices import cross
-from hapticmech_ros.mechanism.model import Array
 
 # Below this θ², rad², three terms of a series are exact to rounding.
 SMALL_SQUARE = 1e-3

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 
 
 class InFlight(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.control.account_kernels import (
     ANSWERED,
@@ -27,7 +28,6 @@ from hapticmech_ros.control.device_side_kernels import (
 )
 from hapticmech_ros.device.safety_kernels import stay_within
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.model import Array
 
 TWIST = OPERATIONAL_MODEL.start("twist")
 

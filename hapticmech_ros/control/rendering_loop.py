@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
 from hapticmech_ros.control.device_side import DeviceSide
@@ -15,7 +16,6 @@ from hapticmech_ros.control.measurements import ControlOutput
 from hapticmech_ros.control.passivity import NO_WRENCH
 from hapticmech_ros.control.render_kernels import act_on_answers, render_period
 from hapticmech_ros.device.safety import NO_LIMITS
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.times import nanoseconds
 

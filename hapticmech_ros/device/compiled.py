@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import hand_kernels as laws
 from hapticmech_ros.device import kernels
 from hapticmech_ros.device.compiled_state import CompiledState
@@ -15,7 +16,6 @@ from hapticmech_ros.device.grip import ALWAYS, Grip, grip_of
 from hapticmech_ros.device.hand import hand_law, no_hand, spring_gains, target_table
 from hapticmech_ros.device.impedance_device import ImpedanceDevice
 from hapticmech_ros.device.state import DeviceState
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, ScriptedHand
 from hapticmech_ros.scene.script import read_script

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.kernels import (
     ANCHOR,
     APPLIED,
@@ -17,7 +18,6 @@ from hapticmech_ros.device.kernels import (
     WINDOW,
 )
 from hapticmech_ros.device.state import DeviceState
-from hapticmech_ros.mechanism.model import Array
 
 
 class CompiledState(DeviceState):

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.force_observer import ForceObserver
 from hapticmech_ros.device.state import DeviceState
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.device import Device
 

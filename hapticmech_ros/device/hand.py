@@ -10,8 +10,8 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.grip import START_TOLERANCE
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.hand import (
     ConstantWrenchHand,
     Hand,

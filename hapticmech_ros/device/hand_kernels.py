@@ -20,9 +20,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, put, shaped
 from hapticmech_ros.device.grip import OPEN, START_TOLERANCE
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.rotation_kernels import (
     angular_rate,
     exp3,

@@ -16,12 +16,12 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.driver import NO_WRENCH, DeviceDriver
 from hapticmech_ros.device.grip import ALWAYS, OPEN, Grip
 from hapticmech_ros.device.hand import HandLaw, no_hand
 from hapticmech_ros.device.resistance import Resistance
 from hapticmech_ros.device.state import DeviceState
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.device import Device
 

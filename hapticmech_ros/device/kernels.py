@@ -28,11 +28,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.device.grip import OPEN
 from hapticmech_ros.device.hand_kernels import BODY_SIZE, WORK_SIZE, grip_window, hand_wrench
 from hapticmech_ros.device.resistance_kernels import rub, stop
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.rotation_kernels import (
     exp3,
     log3,

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
-from hapticmech_ros.mechanism.model import Array
 
 
 @inner

@@ -13,9 +13,9 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.safety_kernels import apply_envelope
 from hapticmech_ros.device.safety_layout import SAFETY, Reason
-from hapticmech_ros.mechanism.model import Array
 
 __all__ = ["NO_LIMITS", "Reason", "SafetyEnvelope", "SafetyLimits"]
 _LIMITS, _CENTRE, _LAST = (

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local
 from hapticmech_ros.device.safety_layout import SAFETY
-from hapticmech_ros.mechanism.model import Array
 
 # From this share of the workspace's radius on, an outward force is taken away, all of it at 1.
 EDGE = 0.9

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.experiment.record import ExperimentRecord
-from hapticmech_ros.mechanism.model import Array
 
 # Longer than this (s) without a sample counts as a hole: ten samples of the topics for people.
 LONGEST_PAUSE_S = 0.1

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.experiment.figure_style import (
     BLACK,
     BLUE,
@@ -25,7 +26,6 @@ from hapticmech_ros.experiment.figure_style import (
 from hapticmech_ros.experiment.reach import taut_circle
 from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.experiment.summary import count_changes, pose_errors
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.view.skeleton import Skeleton, skeleton
 

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.experiment.figure_style import (
     AXIS_COLOURS,
     BLACK,
@@ -18,7 +19,6 @@ from hapticmech_ros.experiment.figure_style import (
     new_figure,
 )
 from hapticmech_ros.experiment.record import ExperimentRecord
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 
 CAPTION = (

@@ -10,13 +10,14 @@ import os
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.experiment.bag_topics import chosen_topics
 from hapticmech_ros.experiment.orientation import slerp
 from hapticmech_ros.experiment.record import ExperimentRecord, first_push
 from hapticmech_ros.experiment.stamped import samples_of
-from hapticmech_ros.mechanism.model import Array, build_tree
+from hapticmech_ros.mechanism.model import build_tree
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.energy_topics import ENERGY

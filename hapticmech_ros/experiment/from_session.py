@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.record import ExperimentRecord, first_push
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample, Session

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 
 # Below this angle (rad) the chord stands for the arc: relative difference below 1e-17.
 _SMALL = 1e-8

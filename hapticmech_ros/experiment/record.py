@@ -12,8 +12,8 @@ from typing import Literal
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 
 Source = Literal["session", "graph"]
 

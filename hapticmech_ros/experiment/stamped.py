@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import BagError, InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.layouts import unpack_device, unpack_energy, unpack_rendering

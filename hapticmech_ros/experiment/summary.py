@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.experiment.coverage import coverage
 from hapticmech_ros.experiment.health import GraphHealth
 from hapticmech_ros.experiment.orientation import angle_between
 from hapticmech_ros.experiment.record import ExperimentRecord
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 
 Json = dict[str, Any]

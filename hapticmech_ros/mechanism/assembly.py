@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array, authored_state
+from hapticmech_ros.mechanism.model import authored_state
 
 ASSEMBLY_TOLERANCE = 1e-12
 ASSEMBLY_ITERATIONS = 300

@@ -22,7 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.model import Array, TreeModel
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.scene.mechanism import Closure, Coupling, LoopKind, Origin
 
 # Which closures are closed, in the order of the scene.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.inertia import singular_joint
 from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
@@ -30,7 +31,7 @@ from hapticmech_ros.mechanism.kernels.packed import (
     views_of,
 )
 from hapticmech_ros.mechanism.lapack import dtrsm, dtrsv
-from hapticmech_ros.mechanism.model import Array, TreeModel
+from hapticmech_ros.mechanism.model import TreeModel
 
 
 class Closing:

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.model import Array, TreeModel
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.scene.mechanism import Joint, Spring
 
 # Below this fraction of the mechanism's length the line between two points has no direction.

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.constraint_space import Closing, ConstraintSpace
 from hapticmech_ros.mechanism.kernels.factor_kernels import solve_motion
-from hapticmech_ros.mechanism.model import Array
 
 
 class PointKinematics(NamedTuple):

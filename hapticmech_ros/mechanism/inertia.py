@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.lapack import dpotrf
-from hapticmech_ros.mechanism.model import Array, TreeModel
+from hapticmech_ros.mechanism.model import TreeModel
 
 # A joint's inertia below this fraction of what its mass has at the mechanism's length is rounding.
 NO_INERTIA = 1e-15

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
@@ -18,7 +19,7 @@ from hapticmech_ros.mechanism.kernels.layout import sparse_or_dense
 from hapticmech_ros.mechanism.kernels.motion_kernels import move_frames
 from hapticmech_ros.mechanism.kernels.tables import DENSE, JOINT_COLUMNS, Constants
 from hapticmech_ros.mechanism.kernels.tree_kernels import JOINT_KINDS, joint_row
-from hapticmech_ros.mechanism.model import Array, authored_state
+from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.multibody import MultibodyModel
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene.document import Scene

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.closures import (
     WORLD_AXES,
@@ -20,7 +21,7 @@ from hapticmech_ros.mechanism.closures import (
 )
 from hapticmech_ros.mechanism.elements import Elements, bind_spring
 from hapticmech_ros.mechanism.inertia import refuse_massless
-from hapticmech_ros.mechanism.model import Array, TreeModel, build_tree
+from hapticmech_ros.mechanism.model import TreeModel, build_tree
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 

@@ -14,9 +14,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.lateness import jitter_allowance
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.failures import Failures
 from hapticmech_ros.nodes.host import Host

@@ -8,8 +8,8 @@ import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import Float64MultiArray
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.controller_side import Answer, LedgerEntry
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.messages import write_wrench

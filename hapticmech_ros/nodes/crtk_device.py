@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import DeviceMeasurement
 from hapticmech_ros.control.flat import flat_device
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.inputs import Latest
 from hapticmech_ros.nodes.messages import checked_stamp, read_pose, read_twist, read_wrench
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER

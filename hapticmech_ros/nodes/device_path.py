@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.loop_delay import DelayFollower, borne_round_trip, made_for
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.ordering import InOrder

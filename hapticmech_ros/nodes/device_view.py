@@ -9,9 +9,9 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.passivity import PassivityController
 from hapticmech_ros.device import DeviceState
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.messages import WORLD, set_stamp, write_pose, write_twist, write_wrench
 from hapticmech_ros.wire.cdr import FlatArray

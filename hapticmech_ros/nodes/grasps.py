@@ -8,10 +8,11 @@ from functools import partial
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasp, flat_grasps, grasp_posed
-from hapticmech_ros.mechanism.model import Array, se3
+from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import WORLD, read_framed_pose, write_pose

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import NO_WRENCH
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import Stamped
 from hapticmech_ros.nodes.parameters import DeviceParameters

@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 
 T = TypeVar("T")
 NEVER = -(1 << 62)

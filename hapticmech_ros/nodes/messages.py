@@ -15,8 +15,8 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, WrenchStamped
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.times import NANOSECONDS

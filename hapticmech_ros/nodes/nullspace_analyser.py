@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from std_msgs.msg import Float64MultiArray, UInt8
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host

@@ -8,8 +8,8 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.evaluation import PointKinematics
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import NEVER, ExpiringWrench, Stamped
 from hapticmech_ros.nodes.messages import write_pose, write_twist, write_wrench

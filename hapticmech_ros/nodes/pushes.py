@@ -16,8 +16,8 @@ import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from rclpy.subscription import Subscription
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import ExpiringWrench
 from hapticmech_ros.nodes.messages import WORLD, checked_stamp, read_wrench

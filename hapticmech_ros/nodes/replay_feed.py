@@ -19,12 +19,12 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.feeds import check_feeds
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasps
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.nodes.qos import LOCKSTEP
 from hapticmech_ros.scene import Scene

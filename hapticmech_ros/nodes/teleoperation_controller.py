@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlArchitecture, Engagement, control_for
 from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
 from hapticmech_ros.control.tuning import tuned
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
 from hapticmech_ros.nodes.crtk_device import CrtkDevice

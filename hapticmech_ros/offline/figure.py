@@ -9,6 +9,7 @@ import numpy.typing as npt
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.experiment.figure_style import (
     AXIS_COLOURS,
     BLUE,
@@ -18,7 +19,6 @@ from hapticmech_ros.experiment.figure_style import (
     legend,
     new_figure,
 )
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.offline.analysis import AnalysedStates, FeltStates
 from hapticmech_ros.offline.sweep import Led, SweptStates
 

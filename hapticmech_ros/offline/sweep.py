@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.offline.analysis import FeltStates, felt_states
 from hapticmech_ros.operational.counter import first_count
 from hapticmech_ros.scene import Scene

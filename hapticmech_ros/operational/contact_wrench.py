@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.analysis import Analyser
 from hapticmech_ros.operational.results import OperationalAnalysis
 

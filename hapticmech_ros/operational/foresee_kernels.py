@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local, shaped
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
@@ -14,7 +15,6 @@ from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
 from hapticmech_ros.mechanism.kernels.small_matrices import dot_with_row
 from hapticmech_ros.mechanism.kernels.tables import SPARSE, Tables
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
-from hapticmech_ros.mechanism.model import Array
 
 # Off the closures by φ, at a relative singular value σ, free rates turn by φ/σ²: by no more than
 # this share of the length, or what is foreseen is not used.

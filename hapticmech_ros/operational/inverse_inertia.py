@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
-from hapticmech_ros.mechanism.model import Array
 
 # Rows of a task wrench or twist (force first) that a planar scene has: x, y and rotation about z.
 PLANAR_ROWS = np.array([0, 1, 5])

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local, put, shaped
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate, free_part, to_metric
@@ -17,7 +18,6 @@ from hapticmech_ros.mechanism.kernels.small_matrices import (
     orthogonalise,
 )
 from hapticmech_ros.mechanism.kernels.tables import Tables
-from hapticmech_ros.mechanism.model import Array
 
 # Where the analysis of an operational model has X, P_c and Π, and a_0; and its length.
 SQUARES, FREE, ANALYSIS_SIZE = OPERATIONAL_MODEL.starts(

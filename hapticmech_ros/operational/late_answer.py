@@ -29,8 +29,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.spectrum import RANK_TOLERANCE, Spectrum
 
 # The readable ones, of test/oracles/mechanism.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local, put, shaped
 from hapticmech_ros.mechanism.kernels.element_kernels import element_resistance
 from hapticmech_ros.mechanism.kernels.metric_kernels import (
@@ -18,7 +19,6 @@ from hapticmech_ros.mechanism.kernels.small_matrices import (
     solve_lower,
 )
 from hapticmech_ros.mechanism.kernels.tables import Tables
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.foresee_kernels import foresee
 
 # As in :mod:`~hapticmech_ros.operational.spectrum`, which kernels do not see.

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.operational.analysis import Analyser
 from hapticmech_ros.operational.late_answer import LateAnswer

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.model import Array, se3
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.operational.inverse_inertia import planar_block
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint

@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.layout import OPERATIONAL_MODEL, Field, Layout
 from hapticmech_ros.mechanism.evaluation import PointKinematics
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.late_answer import LateAnswer
 from hapticmech_ros.operational.results import OperationalAnalysis
 from hapticmech_ros.operational.spectrum import Spectrum

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
@@ -10,7 +11,6 @@ from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_j
 from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
 from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational.kernels import (
     ANALYSIS_SIZE,
     FREE,

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.lapack import dgesdd
-from hapticmech_ros.mechanism.model import Array
 
 # Singular values of S G are exact to a few machine epsilons; below this nothing is carried.
 RANK_TOLERANCE = 1e-10

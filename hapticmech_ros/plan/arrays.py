@@ -8,11 +8,11 @@ from typing import cast
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.compiled_state import CompiledState
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.packed import PARTS, views_of
 from hapticmech_ros.mechanism.kernels.step_kernels import work_size
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.plan.running import Running
 
 

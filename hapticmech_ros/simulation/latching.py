@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
 
 # Of the distance within which a closure latches: nearer than this it does not wait any longer.
 AT_ONCE = 0.1

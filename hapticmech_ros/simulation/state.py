@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.model import Array
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.touching import Touching

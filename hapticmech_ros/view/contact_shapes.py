@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.scene.contacts import Mesh
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.view import palette

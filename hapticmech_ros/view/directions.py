@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import OperationalAnalysis
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
 
 HINGES = ("x", "y", "z")
 # Closer to a right angle than this (cosine) the first and third hinge are one: the third is put 0.

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Joint
 from hapticmech_ros.view import palette

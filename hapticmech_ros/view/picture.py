@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.view import palette
 from hapticmech_ros.view.directions import directions

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array, se3
+from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.view.skeleton import attachments
 
 # Frames nearer than this (m) to a link's own are at its joint: no limb.

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.view.palette import Colour
 
 Kind = Literal["cylinder", "sphere", "box", "arrow", "strip", "text", "triangles"]

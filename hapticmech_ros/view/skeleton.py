@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.model import Array, TreeModel, build_tree, se3
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Origin
 

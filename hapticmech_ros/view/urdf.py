@@ -14,8 +14,9 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array, placement_of
+from hapticmech_ros.mechanism.model import placement_of
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Joint, Link
 from hapticmech_ros.view import palette

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.view import palette
 from hapticmech_ros.view.directions import Direction
 from hapticmech_ros.view.shapes import Shape, arrow, double_arrow, numbered, ring

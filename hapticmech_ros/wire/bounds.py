@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.layout import ANY, Layout
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.kernels import UNSOUND, stamp_if_sound
 from hapticmech_ros.wire.stamps import LAST_SECOND, stamp_of

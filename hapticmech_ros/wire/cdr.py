@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError, OutputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.wire.bounds import Bounds
 from hapticmech_ros.wire.stamps import stamp_of
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import NO_WRENCH, DeviceState
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OBEYS, ROUND_TRIP
 from hapticmech_ros.wire.stamps import seconds_of
 

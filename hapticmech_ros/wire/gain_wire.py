@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.layout import Field, Layout
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.bounds import Bounds, bounds_of
 from hapticmech_ros.wire.layouts import STAMP, checked_values

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import kernel
-from hapticmech_ros.mechanism.model import Array
 
 # No message stands for a time before this.
 UNSOUND = -1

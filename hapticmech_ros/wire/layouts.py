@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement, RenderingModel
 from hapticmech_ros.control.flat import (
     device_of,
@@ -30,7 +31,6 @@ from hapticmech_ros.layout import (
     Layout,
 )
 from hapticmech_ros.mechanism.grasp import GRASP_SIZE
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.bounds import Bounds, bounds_of, check_unit
 from hapticmech_ros.wire.stamps import seconds_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.wire.layouts import COMMANDED, GRASP, RENDERED, RENDERING_FIELDS

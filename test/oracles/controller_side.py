@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.controller_side import Reading
 from hapticmech_ros.control.engagement import Engagement
@@ -14,7 +15,6 @@ from hapticmech_ros.control.flat import model_of
 from hapticmech_ros.control.link import DelayLine
 from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.controller import Connection
 from oracles.energy_ledger import EnergyLedger
 from oracles.local_model import NO_MODEL, LocalModel

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.four_channel import FourChannel
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.controller import JointConstraintGains
 
 

@@ -15,9 +15,9 @@ import math
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.local_model import NO_MODEL, LocalModel
 from hapticmech_ros.layout import DEVICE_SAMPLE
-from hapticmech_ros.mechanism.model import Array
 
 TWIST, FORCE = DEVICE_SAMPLE.slice("twist"), DEVICE_SAMPLE.slice("hand_wrench")
 

@@ -26,7 +26,7 @@ import math
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.controller import Passivity
 from hapticmech_ros.scene.document import Scene

@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import solve_ivp
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene.document import Scene
 from oracles.mechanism.integrators import local_rate

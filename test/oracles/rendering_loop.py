@@ -6,12 +6,12 @@ from collections import deque
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.controller_side import Reading
 from hapticmech_ros.control.engagement import Engagement
 from hapticmech_ros.control.measurements import ControlOutput
 from hapticmech_ros.control.rendering_loop import Acting
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.times import nanoseconds
 from oracles.controller_side import Answer, ControllerSide

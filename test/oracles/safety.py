@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.safety import Reason, SafetyLimits
-from hapticmech_ros.mechanism.model import Array
 
 # From this share of the workspace's radius on, an outward force is taken away, all of it at 1.
 EDGE = 0.9

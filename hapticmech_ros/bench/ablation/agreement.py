@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.ablation.loop import PARTS
 from hapticmech_ros.bench.oracle import readable_simulator
 from hapticmech_ros.control import PointMeasurement, control_for
@@ -15,7 +16,6 @@ from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.device import DeviceState, device_for
 from hapticmech_ros.mechanism.evaluation import Evaluation
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session

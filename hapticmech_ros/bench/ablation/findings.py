@@ -8,11 +8,11 @@ from math import sqrt
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.ablation.agreement import Agreement
 from hapticmech_ros.bench.ablation.loop import PARTS
 from hapticmech_ros.bench.ablation.pairs import Pair
 from hapticmech_ros.bench.ablation.timing import Times
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.plan.scene_plan import ScenePlan
 
 # A difference is seen from so many of its standard errors on, and counts from this share of a tick.

@@ -6,6 +6,7 @@ from time import perf_counter_ns
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import PointMeasurement, control_for
 from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.flat import flat_rendered
@@ -13,7 +14,6 @@ from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.rendering_loop import RenderingLoop
 from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.device import device_for
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.contact_wrench import touching_wrench
 from hapticmech_ros.scene import Scene

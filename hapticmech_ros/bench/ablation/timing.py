@@ -8,9 +8,9 @@ from time import perf_counter_ns
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.ablation.loop import PARTS, Loop
 from hapticmech_ros.bench.ablation.variant import Variant
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.session import Session
 
 # Ticks at the start of each block that are not counted: caches fill.

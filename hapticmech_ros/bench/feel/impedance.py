@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.felt_model import felt_model
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.hand import ConstantWrenchHand

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bench.feel.impedance import Felt, free_directions
 from hapticmech_ros.control.felt_model import felt_model
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.experiment.demo import record_graph
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene import Scene, document_of
 from hapticmech_ros.session import Session
 from hapticmech_ros.wire.cdr import decode

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.accuracy.cases import Output
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.mechanism.model import Array, TreeModel
+from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import Simulator
 

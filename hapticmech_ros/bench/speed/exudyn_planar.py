@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.accuracy.cases import Output
 from hapticmech_ros.bench.speed.contender import State, UnsuitableError, refuse_what_no_peer_has
 from hapticmech_ros.bench.speed.exudyn_model import NAME
-from hapticmech_ros.mechanism.model import Array, TreeModel, build_tree, se3
+from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint, LinkFrame
 

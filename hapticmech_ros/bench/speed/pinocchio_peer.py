@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.accuracy.cases import Output
 from hapticmech_ros.bench.speed.contender import (
     Contender,
@@ -17,7 +18,7 @@ from hapticmech_ros.bench.speed.contender import (
     UnsuitableError,
 )
 from hapticmech_ros.bench.speed.pinocchio_dynamics import NAME, PinocchioDynamics
-from hapticmech_ros.mechanism.model import Array, TreeModel
+from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.scene import Scene
 
 # The closures' pull a: so much per second, or per step. A fixed one keeps the order of the rule;

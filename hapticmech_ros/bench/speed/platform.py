@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.scene import Scene, scene_from_document
 
 # Of a tabletop hexapod: joints on circles (m), in pairs this far to both sides of 0°, 120°, 240°.

@@ -16,12 +16,12 @@ import numpy as np
 import pinocchio as pin
 from scipy.integrate import solve_ivp
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.accuracy.cases import Output
 from hapticmech_ros.bench.speed.contender import Reading, State, initial_state
 from hapticmech_ros.bench.speed.pinocchio_dynamics import PinocchioDynamics
 from hapticmech_ros.bench.speed.pinocchio_peer import local_rates
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene import Scene
 
 PATH = Path(__file__).parent / "reference.json"

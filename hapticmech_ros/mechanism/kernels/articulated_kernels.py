@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, leaf, shaped
 from hapticmech_ros.mechanism.kernels.packed import Packed
 from hapticmech_ros.mechanism.kernels.small_matrices import clear, dot6
 from hapticmech_ros.mechanism.kernels.tables import Tables
-from hapticmech_ros.mechanism.model import Array
 
 
 @inner

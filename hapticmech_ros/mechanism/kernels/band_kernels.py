@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.kernels.articulated_kernels import pair_to_metric
 from hapticmech_ros.mechanism.kernels.packed import Packed
 from hapticmech_ros.mechanism.kernels.tables import Tables
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.tolerances import PASSING, RESOLVED, SOLVER_RANK_TOLERANCE
 
 # Columns of ``Packed.row_places``.

@@ -6,9 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.kernels.packed import packed_size
 from hapticmech_ros.mechanism.kernels.tables import Constants, Tables, fold
-from hapticmech_ros.mechanism.model import Array
 
 
 class Chosen:

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, leaf, shaped
 from hapticmech_ros.mechanism.kernels.pair_kernels import pull_between
 from hapticmech_ros.mechanism.kernels.small_matrices import cross, dot
-from hapticmech_ros.mechanism.model import Array
 
 SPHERICAL, REVOLUTE, WELD, PLANAR_PIN, ROD, COUPLING = range(6)
 KINDS = {

@@ -5,9 +5,9 @@ The place of a coupling's frame a is no frame's: it begins with ratio and offset
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.tables import Tables
-from hapticmech_ros.mechanism.model import Array
 
 
 @inner

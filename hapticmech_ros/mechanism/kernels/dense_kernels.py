@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local_whole
 from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
@@ -19,7 +20,6 @@ from hapticmech_ros.mechanism.kernels.packed import Packed
 from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair
 from hapticmech_ros.mechanism.kernels.small_matrices import dot_rows, orthogonalise, solve_lower
 from hapticmech_ros.mechanism.kernels.tables import Tables
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.tolerances import RESOLVED
 
 # What a kernel returns where an SVD does not converge.

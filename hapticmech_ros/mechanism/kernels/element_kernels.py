@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.packed import Packed
 from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair, pair_power, pull_between
 from hapticmech_ros.mechanism.kernels.tables import Tables
-from hapticmech_ros.mechanism.model import Array
 
 # Columns of ``Tables.element_values``, and of ``Tables.spring_values``.
 STIFFNESS, REST, FRICTION, FRICTION_SPEED, LOWER, UPPER, STOP, STOP_DAMPING, DEPTH = range(9)

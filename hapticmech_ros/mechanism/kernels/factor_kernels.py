@@ -7,6 +7,7 @@ Every kernel takes the mechanism's constants as ``numbers`` and ``values`` (see
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.mechanism.kernels.articulated_kernels import articulate
 from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED, factor_band
@@ -23,7 +24,6 @@ from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
 from hapticmech_ros.mechanism.kernels.small_matrices import cholesky
 from hapticmech_ros.mechanism.kernels.tables import SPARSE, Tables
 from hapticmech_ros.mechanism.kernels.tree_kernels import inertia_of, place_tree
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,
     DRIFT_FACTOR,

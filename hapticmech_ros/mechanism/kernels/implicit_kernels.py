@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, shaped
 from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED
 from hapticmech_ros.mechanism.kernels.element_kernels import element_slopes
@@ -17,7 +18,6 @@ from hapticmech_ros.mechanism.kernels.small_matrices import (
 )
 from hapticmech_ros.mechanism.kernels.step_kernels import Work, follow
 from hapticmech_ros.mechanism.kernels.tables import MOST_STAGES, Tables
-from hapticmech_ros.mechanism.model import Array
 
 
 class Springs(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.kernels.band_kernels import BEGIN, FIRST, LAST
 from hapticmech_ros.mechanism.kernels.chosen import Chosen
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING
@@ -11,7 +12,6 @@ from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
 from hapticmech_ros.mechanism.kernels.packed import views_of
 from hapticmech_ros.mechanism.kernels.tables import SPARSE, Constants
-from hapticmech_ros.mechanism.model import Array
 
 # Products that take as long as: a sweep over one rate; one inside a band; one of an SVD, which goes
 # over all pairs of rows several times; one of a dense QR.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, shaped
 from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.kernels.tree_kernels import (
@@ -18,7 +19,6 @@ from hapticmech_ros.mechanism.kernels.tree_kernels import (
     REVOLUTE,
     SPHERICAL,
 )
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.rotation_kernels import angular_rate, rotation_of
 
 # Below this angle, rad, six terms of Bernoulli's series are exact to rounding, above it the closed

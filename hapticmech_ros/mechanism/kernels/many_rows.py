@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local_whole, shaped
-from hapticmech_ros.mechanism.model import Array
 
 # QR takes less time from some eight rows on. Up to this many the SVD is worth its time: what it
 # drops at a tolerance is the least that can be dropped.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.articulated_kernels import (
     force_to_metric,
@@ -28,7 +29,6 @@ from hapticmech_ros.mechanism.kernels.small_matrices import (
     solve_lower_transposed,
 )
 from hapticmech_ros.mechanism.kernels.tables import SPARSE, Tables
-from hapticmech_ros.mechanism.model import Array
 
 
 @inner

@@ -6,6 +6,7 @@ body is its parent's and its joint's, and so is the derivative of it.
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, leaf, put, shaped
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, bias_of
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
@@ -13,7 +14,6 @@ from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
 from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair
 from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
-from hapticmech_ros.mechanism.model import Array
 
 
 @inner

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import Part, Structure, inner, structure
 from hapticmech_ros.mechanism.kernels.tables import Tables
-from hapticmech_ros.mechanism.model import Array
 
 # Places in a packed array's tail, from its end.
 ERROR, RANK, LEAST, RESOLVED_RANK = -4, -3, -2, -1

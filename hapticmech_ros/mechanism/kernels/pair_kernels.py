@@ -7,9 +7,9 @@ the same for both, so is what their wrenches share.
 
 from __future__ import annotations
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.kernels.small_matrices import dot6
-from hapticmech_ros.mechanism.model import Array
 
 
 @leaf

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR, factor
 from hapticmech_ros.mechanism.kernels.implicit_kernels import aim_implicitly, linearise
@@ -17,7 +18,6 @@ from hapticmech_ros.mechanism.kernels.step_kernels import (
     start_step,
 )
 from hapticmech_ros.mechanism.kernels.tables import Tables
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.tolerances import NEAR, PASSING
 
 # A run ended before a step that starts at, or would leave, a singular position, or has a stage

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, leaf
-from hapticmech_ros.mechanism.model import Array
 
 EPSILON = 2.220446049250313e-16
 SWEEPS = 60

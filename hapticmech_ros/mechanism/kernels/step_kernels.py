@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import Part, Structure, inner, structure
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
 from hapticmech_ros.mechanism.kernels.coupling_kernels import gear_speed
@@ -23,7 +24,6 @@ from hapticmech_ros.mechanism.kernels.packed import Packed
 from hapticmech_ros.mechanism.kernels.pair_kernels import pair_power
 from hapticmech_ros.mechanism.kernels.tables import ACCOUNT, MOST_STAGES, SETTINGS, Tables
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
-from hapticmech_ros.mechanism.model import Array
 
 
 @structure

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import SIZES, Part, Size, Structure, structure
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
-from hapticmech_ros.mechanism.model import Array
 
 # Path of a factorisation: see ``packed.Packed``.
 DENSE, SPARSE = 0, 1

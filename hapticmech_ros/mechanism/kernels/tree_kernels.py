@@ -13,11 +13,11 @@ import math
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.kernels.packed import Packed
 from hapticmech_ros.mechanism.kernels.small_matrices import cross, dot6
 from hapticmech_ros.mechanism.kernels.tables import JOINT_COLUMNS, Tables
-from hapticmech_ros.mechanism.model import Array
 
 REVOLUTE, PRISMATIC, PLANAR, SPHERICAL, FREE = range(5)
 JOINT_KINDS = {

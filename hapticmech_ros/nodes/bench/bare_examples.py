@@ -15,11 +15,11 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8, UInt8MultiArray
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.grasp import flat_grasps
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.messages import (
     WORLD,
     matrix_message,

@@ -11,9 +11,9 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray, UInt8
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import Latest
 from hapticmech_ros.nodes.messages import deserialized, read_pose, read_wrench

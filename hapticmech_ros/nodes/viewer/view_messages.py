@@ -10,7 +10,7 @@ from geometry_msgs.msg import Point, Pose, TransformStamped, WrenchStamped
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from hapticmech_ros.mechanism.model import Array
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.nodes.messages import WORLD, set_stamp, write_wrench
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.times import nanoseconds

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import _POINT_ROWS, WORLD_AXES, LoopClosure
-from hapticmech_ros.mechanism.model import Array
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import WORLD_AXES
 from hapticmech_ros.mechanism.elements import Elements, JointElement, PointSpring
-from hapticmech_ros.mechanism.model import Array, TreeModel
+from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.scene.mechanism import JointLimits
 
 

@@ -8,10 +8,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED, WEIGHTS
 from hapticmech_ros.mechanism.inertia import singular_inertia
 from hapticmech_ros.mechanism.lapack import dpotrf, dtrsv
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion import Rates
 from oracles.mechanism.mechanism import ReadableSpace
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import WORLD_AXES, Active
 from hapticmech_ros.mechanism.constraint_space import solve_lower
@@ -18,7 +19,6 @@ from hapticmech_ros.mechanism.inertia import (
     singular_joint,
 )
 from hapticmech_ros.mechanism.lapack import dgesdd, dtrsv
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.multibody import MultibodyModel
 from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,

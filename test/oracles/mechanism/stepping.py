@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.evaluation import Evaluation
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion import (
     HeldMotion,
     Plan,

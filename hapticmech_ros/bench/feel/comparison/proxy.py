@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.feel.stability.frontier import FINE, frontier
 from hapticmech_ros.bench.feel.stability.law import Law
 from hapticmech_ros.bench.feel.stability.variations import with_loop
@@ -24,7 +25,6 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.document import Scene

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.feel.impedance import free_directions
 from hapticmech_ros.bench.feel.stability.directions import directions
 from hapticmech_ros.bench.feel.stability.touch import Setup
 from hapticmech_ros.bench.feel.stability.variations import at_once, held_by_nobody
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.simulation import Simulator
 
 FREQUENCIES_HZ = (2, 5, 10, 20)

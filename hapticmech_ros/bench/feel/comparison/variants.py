@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.feel.comparison.proxy import (
     ProxyControl,
     stiffest_gains,
@@ -30,7 +31,6 @@ from hapticmech_ros.bench.feel.stability.variations import (
 from hapticmech_ros.control import control_for
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.control.rendering_model import rendering_model
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample
 

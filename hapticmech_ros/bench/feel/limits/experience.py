@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.feel.stability.touch import Setup
 from hapticmech_ros.bench.feel.stability.variations import at_once
 from hapticmech_ros.control.engagement import pose_error
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.session import Sample, Session
 

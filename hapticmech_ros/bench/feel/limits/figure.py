@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.feel.limits.m_width import MPoint
 from hapticmech_ros.bench.feel.limits.z_width import ZPoint
 from hapticmech_ros.bench.feel.stability.rules import lightest_mass
@@ -25,7 +26,6 @@ from hapticmech_ros.experiment.figure_style import (
     new_figure,
     save,
 )
-from hapticmech_ros.mechanism.model import Array
 
 Z_CAPTION = (
     "Stiffest joint constraint that is stable, held by nobody, over damping, closed by the "

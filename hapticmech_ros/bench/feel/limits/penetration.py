@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.feel.stability.directions import directions
 from hapticmech_ros.bench.feel.stability.touch import Setup
 from hapticmech_ros.bench.feel.stability.variations import at_once, held_by_nobody
 from hapticmech_ros.control.engagement import pose_error
-from hapticmech_ros.mechanism.model import Array
 
 # N; small, so that a direction that does not resist takes the device 15 mm, not out of the scene.
 PUSH_N = 0.1

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.feel.stability.directions import directions
 from hapticmech_ros.bench.feel.stability.frontier import FINE, frontier
 from hapticmech_ros.bench.feel.stability.law import law_of
@@ -34,7 +35,6 @@ from hapticmech_ros.control import control_for
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample
 

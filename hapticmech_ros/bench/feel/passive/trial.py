@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.feel.passive.hands import HANDS
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.device import Device

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.feel.stability.variations import held_by_nobody
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Session

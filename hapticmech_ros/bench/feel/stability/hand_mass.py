@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.force_gain import force_gain
 from hapticmech_ros.control.measurements import RenderingModel
-from hapticmech_ros.mechanism.model import Array
 
 
 @dataclass(frozen=True, slots=True)

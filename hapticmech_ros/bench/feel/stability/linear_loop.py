@@ -16,12 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.bench.feel.stability.law import Law
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.control.loop_stability import ON_CIRCLE
 from hapticmech_ros.device.hand import spring_gains
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, SpringDamperHand
 

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.device import ImpedanceDevice
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample, Session
 
