@@ -82,8 +82,8 @@ QUIET = [path for path in FILES if part_of(path) in CORE + TOOLS]
 def test_the_walk_sees_the_package():
     seen = {part_of(path) for path in FILES}
     assert set(CORE) <= seen
-    assert "rclpy" not in roots(PACKAGE / "session.py")
-    assert "hapticmech_ros.control" in imports(PACKAGE / "session.py")
+    assert "rclpy" not in roots(PACKAGE / "session/session.py")
+    assert "hapticmech_ros.control" in imports(PACKAGE / "session/loop.py")
 
 
 @named(FILES)

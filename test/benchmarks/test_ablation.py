@@ -19,7 +19,7 @@ from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.plan.scene_plan import ScenePlan, plan_scene
 from hapticmech_ros.session import Session
-from hapticmech_ros.session import session as session_module
+from hapticmech_ros.session import loop as session_module
 from hapticmech_ros.session.data import SessionData
 
 LADDER, PAIRS = ladder(), pairs()
@@ -134,7 +134,7 @@ def test_times_have_a_row_for_each_round() -> None:
 def made(level_us: float, rounds: int = 9, ticks: int = 11) -> Times:
     """Times around a level, with a slow spell that all scenes meet."""
     drift = np.linspace(0.0, 50.0, rounds)[:, None] + np.linspace(-1.0, 1.0, ticks)
-    return Times(level_us + drift, np.full((rounds, ticks, len(PARTS)), level_us / 5))
+    return Times(level_us + drift, np.full((rounds, ticks, len(PARTS)), level_us / 4))
 
 
 def test_increments_are_paired_so_that_drift_cancels() -> None:
@@ -144,7 +144,7 @@ def test_increments_are_paired_so_that_drift_cancels() -> None:
     assert second.increment_us == pytest.approx(7.0)
     assert second.error_us == pytest.approx(0.0)
     assert second.ratio == pytest.approx(132.0 / 125.0)
-    assert second.parts_us == pytest.approx(dict.fromkeys(PARTS, 21.4))
+    assert second.parts_us == pytest.approx(dict.fromkeys(PARTS, 26.75))
 
 
 @pytest.mark.parametrize(

@@ -119,10 +119,10 @@ class ReadableSimulator(Simulator):
         super().__init__(scene)
         self.mechanism = mechanism = ReadableMechanism(scene)
         plan = plan_of(scene.simulation)
-        self._stepper = ReadableStepper(mechanism, plan)
+        self.stepper = ReadableStepper(mechanism, plan)
         self._latches = Latches(mechanism)
         if self._contacts is not None:
             self._contacts._mechanism = mechanism
-            self._contacts._whole = self._stepper
+            self._contacts._whole = self.stepper
             substep = plan._replace(period=plan.period / plan.substeps, substeps=1)
             self._contacts._stepper = ReadableStepper(mechanism, substep)

@@ -1,0 +1,362 @@
+"""What a session's tick consists of: a call of the kernel, or parts of it around what is Python."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control import Engagement, control_for
+from hapticmech_ros.control.architecture import ControlArchitecture
+from hapticmech_ros.control.controller_side import ControllerSide
+from hapticmech_ros.control.device_side import DeviceSide
+from hapticmech_ros.control.lateness import loop_lateness
+from hapticmech_ros.control.loop_layout import ANSWER, SETTINGS
+from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
+from hapticmech_ros.device.compiled import CompiledDevice
+from hapticmech_ros.device.compiled_state import CompiledState
+from hapticmech_ros.device.device_layout import DEVICE_MODEL, DEVICE_STATE
+from hapticmech_ros.device.impedance_device import ImpedanceDevice
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.mechanism.kernels.chosen import Chosen
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.operational.compiled import CompiledAnalysis
+from hapticmech_ros.operational.contact_wrench import touching_wrench
+from hapticmech_ros.operational.counter import ConstraintCounter
+from hapticmech_ros.operational.observation import Observation
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.session.data import PARTS, SessionData, session_data
+from hapticmech_ros.session.run import run_layout
+from hapticmech_ros.session.sample import LeftState
+from hapticmech_ros.session.tick_kernels import (
+    ALL,
+    ANSWERED,
+    AT,
+    CLOCK_SIZE,
+    DEVICE,
+    EVERY,
+    HEAR,
+    KNOWN,
+    MECHANISM,
+    OBSERVATION_FAILED,
+    OBSERVE,
+    PHASES,
+    RECORDED,
+    RENDER,
+    SENSE,
+    TICK,
+    TICKS,
+    run_ticks,
+)
+from hapticmech_ros.simulation import MechanismState, Simulator
+from hapticmech_ros.times import nanoseconds
+
+_MODEL_SIZE = OPERATIONAL_MODEL.size
+_PUBLISHED = DEVICE_STATE.slice("position", "applied")
+_MEASURED, _FORCE = DEVICE_SAMPLE.slice("position", "twist"), DEVICE_SAMPLE.slice("hand_wrench")
+_WRENCHES = ANSWER.slice("wrenches")
+_NO_RECORDS, _NOBODY = np.zeros((0, 0)), np.zeros((0, 10))
+
+
+class SessionLoop:
+    """Ticks of a session; arguments as of :class:`~hapticmech_ros.session.session.Session`."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        point: str = "",
+        command_delay: int = 1,
+        control: ControlArchitecture | None = None,
+        device: ImpedanceDevice | None = None,
+    ) -> None:
+        if command_delay < 0:
+            raise InvalidInputError("command_delay", command_delay, "must be 0 or more periods")
+        self.scene = scene
+        self.simulator = Simulator(scene)
+        self.period = self.simulator.period
+        self._lateness = loop_lateness(scene, command_delay)
+        self._analyser = Analyser(self.simulator.mechanism, point, self._lateness)
+        self._control = control_for(scene) if control is None else control
+        self._device = device_for(scene) if device is None else device
+        state = self.simulator.initial_state()
+        start = self.simulator.evaluate(state).points[self._analyser.index].pose
+        self._held: DeviceState = self._device.at_rest(start, held=True)
+        self._device_state: DeviceState | None = self._held
+        self._engagement: Engagement | None = None
+        self._side = ControllerSide(self._control, self.period, scene.connection, command_delay)
+        self._device_side = DeviceSide(scene)
+        self._device_side.envelope.place(self._held.published[:3])
+        self._counter = ConstraintCounter(scene.perception)
+        self._carried: Array | None = None
+        self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
+        self._room = self.simulator.stepper.room
+        self._data = self._allocated()
+        # Found once: each look at the data makes a view.
+        self._parts = SimpleNamespace(**{name: getattr(self._data, name) for name in PARTS})
+        mechanism = self.simulator.mechanism
+        self.layout = run_layout(mechanism.nq, mechanism.nv)
+        self._chosen: Chosen | None = None
+        self._constants: tuple[Array, Array] = np.zeros(0, dtype=np.int64), np.zeros(0)
+        self._packed = np.zeros((4, 0))
+        # The mechanism's state now, if it is known as such; and the last one that was.
+        self._mechanism_state: MechanismState | None = state
+        self._known = state
+        self._begin(state)
+
+    @property
+    def time(self) -> float:
+        """Time of the next tick, s."""
+        return int(self._clock[TICK]) * self.period
+
+    @property
+    def device(self) -> DeviceState:
+        """State of the device at the next tick."""
+        if self._device_state is None:
+            self._device_state = CompiledState(self._parts.state.copy())
+        return self._device_state
+
+    @property
+    def mechanism(self) -> MechanismState:
+        """State of the mechanism at the next tick."""
+        if self._mechanism_state is None:
+            self._mechanism_state = self._left().state()
+        return self._mechanism_state
+
+    @property
+    def _compiled(self) -> CompiledAnalysis:
+        return cast(CompiledAnalysis, self._analyser.compiled)
+
+    @property
+    def _given(self) -> Array:
+        """The last answer that was given, whether it has arrived or not."""
+        answers: Array = self._parts.answers[-1] if self._side.is_ideal else self._parts.given
+        return answers
+
+    def _allocated(self) -> SessionData:
+        """Return the data of all parts in one array, of which these parts are views from now on."""
+        side, device, envelope = self._side, self._device_side, self._device_side.envelope
+        analysis, mechanism = self._compiled, self.simulator.mechanism
+        channels, passivity = side.channels, device.passivity
+        nothing, nowhere = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
+        body = np.zeros(DEVICE_MODEL.size)
+        if isinstance(self._device, CompiledDevice):
+            self._device.take_hold(self._held)
+            body = self._device.data
+        state = np.zeros(DEVICE_STATE.size)
+        if isinstance(self._held, CompiledState):
+            state = self._held.flat
+        else:
+            state[_PUBLISHED] = self._held.published
+        law = (0.0, 0.0, 0.0) if channels is None else channels[0].law
+        sizes = {
+            "index": self._analyser.index,
+            "steps": self.scene.simulation.substeps,
+            "stages": self._room.stages,
+            "implicit": self._room.implicit,
+            "connected": int(channels is not None),
+            "period_ns": nanoseconds(self.period),
+            "heard": 1,
+        }
+        parts = {
+            "rows": self._analyser.rows,
+            "forth_state": nothing if channels is None else channels[0].state,
+            "back_state": nothing if channels is None else channels[1].state,
+            "times": np.array((self.period, mechanism.length, self._lateness, *law)),
+            "metric": analysis.constants,
+            "observation": np.zeros(analysis.layout.size),
+            "controller": side.account,
+            "settings": np.zeros(SETTINGS.size),
+            "faded": np.zeros(6),
+            "told": side.queue,
+            "account": passivity.account,
+            "safety": envelope.numbers,
+            # Those on the way, the row after them, and the one that has arrived last.
+            "answers": np.zeros((len(side.queue) + 2, ANSWER.size)),
+            "sample": np.zeros(DEVICE_SAMPLE.size),
+            "device": body,
+            "state": state,
+            "later": state,
+            "counter": self._counter.numbers,
+            "wrenches": np.zeros((3, 6)),
+            **dict.fromkeys(("external", "push", "contact", "added"), np.zeros(6)),
+            "locality": np.zeros(3),
+            "forth": nowhere if channels is None else channels[0].rows,
+            "back": nowhere if channels is None else channels[1].rows,
+            "given": np.zeros(ANSWER.size),
+            "q": np.zeros(mechanism.nq),
+            "v": np.zeros(mechanism.nv),
+            "totals": np.zeros(5),
+        }
+        data = session_data(sizes, parts)
+        side.account, side.queue = data.controller, data.told
+        passivity.account, envelope.numbers = data.account, data.safety
+        self._counter.numbers = data.counter
+        if channels is not None:
+            forth, back = channels
+            forth.state, forth.rows = data.forth_state, data.forth
+            back.state, back.rows = data.back_state, data.back
+        return data
+
+    def _left(self) -> LeftState:
+        """Return how the kernel left the mechanism."""
+        data = self._parts
+        return LeftState(self._known, data.totals.copy(), data.q.copy(), data.v.copy())
+
+    def _begin(self, state: MechanismState) -> None:
+        """Go on from a state of the mechanism."""
+        mechanism, data, clock = self.simulator.mechanism, self._parts, self._clock
+        chosen = mechanism.chosen(state.active)
+        if chosen is not self._chosen:
+            self._chosen, self._constants = chosen, chosen.constants
+            self._packed = np.zeros((4, chosen.size))
+        data.q[:] = state.q
+        data.v[:] = state.v
+        account = state.account
+        data.totals[:4] = state.time, account.work_in, account.damping_loss, state.closure_error
+        closing = self.simulator.closing(state)
+        clock[AT] = 0
+        clock[KNOWN] = closing.chosen is chosen
+        if clock[KNOWN]:
+            self._packed[0] = closing.packed
+        self._mechanism_state = self._known = state
+
+    def _go(self, ticks: int, inputs: Array, rows: Array, every: int) -> None:
+        """Do ticks, as many in a call of the kernel as nothing interrupts."""
+        clock, control = self._clock, self._control
+        clock[EVERY], clock[RECORDED] = every, 0
+        plain = control.compiled and isinstance(self._device, CompiledDevice)
+        alone = self.simulator.steps_alone
+        done = 0
+        while done < ticks:
+            given = inputs[done:] if len(inputs) > 1 else inputs
+            tie = self._engagement
+            waits = self._carried is not None or not plain or not alone(self._known)
+            if tie is None or tie.carried is not None or waits:
+                self._tick_in_parts(given[:1], rows)
+                done += 1
+                continue
+            self._set(self.time, tie)
+            first = int(clock[TICK])
+            code = self._call(ALL, given, rows, 1 if control.is_passing else ticks - done)
+            if code == OBSERVATION_FAILED:
+                self._observe_otherwise()
+                code = self._call(ALL & ~(SENSE | OBSERVE), given, rows)
+            if code:
+                self._step_otherwise()
+            done += int(clock[TICK]) - first
+
+    def _call(self, phases: int, inputs: Array, rows: Array, ticks: int = 1) -> int:
+        """Do phases of ticks by the kernel; return why it ended."""
+        clock, room = self._clock, self._room
+        clock[TICKS], clock[PHASES] = ticks, phases
+        room.parts.settings[8] = room.heeded
+        if phases & DEVICE:
+            self._device_state = None
+        if phases & MECHANISM:
+            self._mechanism_state = None
+        return run_ticks(
+            *self._constants,
+            self._packed,
+            room.work,
+            room.springs,
+            self._data.numbers,
+            self._data.data,
+            inputs,
+            rows,
+            _NOBODY,
+            clock,
+        )
+
+    def _tick_in_parts(self, inputs: Array, rows: Array) -> None:
+        """Do a tick in which something is done in Python."""
+        data, time, control = self._parts, self.time, self._control
+        simulated = isinstance(self._device, CompiledDevice)
+        if not simulated:
+            self._sense_otherwise(inputs[0])
+        state = self.mechanism
+        if self._call((SENSE if simulated else 0) | OBSERVE, inputs, rows):
+            self._observe_otherwise()
+        data.contact[:] = self._touching(state)
+        self._call(HEAR, inputs, rows)
+        tie = self._tie(time)
+        self._set(time, tie)
+        answers = not control.compiled and bool(self._data.heard)
+        if answers:
+            self._answer_otherwise(time, tie)
+        self._clock[ANSWERED] = not control.compiled
+        self._call(RENDER | (DEVICE if simulated else 0), inputs, rows)
+        self._clock[ANSWERED] = 0
+        if not simulated:
+            self._move_otherwise()
+        if not self.simulator.steps_alone(state) or self._call(MECHANISM, inputs, rows):
+            self._step_otherwise()
+
+    def _set(self, time: float, tie: Engagement) -> None:
+        """Say what fixes the controllers at a time (s)."""
+        data, control = self._parts, self._control
+        data.settings[:] = control.settings_at(time, tie)
+        data.faded[:] = control.carried_at(time, tie)
+        data.locality[:] = self._side.locality(corrects=True, with_model=True)
+
+    def _sense_otherwise(self, given: Array) -> None:
+        """Take the sample of a device that is written in Python."""
+        data, device, state = self._parts, self._device, self.device
+        data.external[:] = given[:6]
+        data.push[:] = given[6:]
+        data.sample[:] = state.published[: DEVICE_SAMPLE.size]
+        data.sample[_FORCE] = state.reported + device.sensed(data.push)
+        data.added[:] = device.compensation(state)
+        data.state[_PUBLISHED] = state.published
+
+    def _observe_otherwise(self) -> None:
+        """Analyse where the kernel could not, or raise what is wrong."""
+        state, data = self.mechanism, self._parts
+        closing = self.simulator.closing(state)
+        found = self._analyser.observe(state.q, state.v, state.active, closing)
+        data.observation[:] = found.numbers
+
+    def _answer_otherwise(self, time: float, tie: Engagement) -> None:
+        """Let a control law that is written in Python answer what was heard."""
+        data, side = self._parts, self._side
+        heard = data.sample if side.is_ideal else data.forth[-1]
+        flying = side.in_flight() if data.locality[0] != 0.0 else None
+        model = data.observation[:_MODEL_SIZE]
+        found = self._control.answer(time, tie, heard.copy(), model.copy(), 0.0, flying)
+        self._given[_WRENCHES] = found.ravel()
+
+    def _move_otherwise(self) -> None:
+        """Move a device that is written in Python on by a period."""
+        command, push = self._parts.wrenches[0].copy(), self._parts.push.copy()
+        tick = int(self._clock[TICK])
+        self._device_state = self._device.step(self.device, command, self._held, tick, push)
+
+    def _step_otherwise(self) -> None:
+        """Move the mechanism on where the kernel cannot: contacts, latches, singular positions."""
+        data, state = self._parts, self.mechanism
+        wrenches = np.zeros((len(self.simulator.mechanism.point_names), 6))
+        wrenches[self._analyser.index] = data.wrenches[1] + data.external
+        self._begin(self.simulator.step(state, wrenches))
+        self._clock[TICK] += 1
+
+    def _touching(self, state: MechanismState) -> Array:
+        """Return F_c (6,) of what touches; zero where nothing does."""
+        if state.touching is None or not state.touching.pairs.size:
+            return NO_WRENCH
+        index, terms = self._analyser.index, self.simulator.evaluate(state)
+        seen = Observation(
+            self._parts.observation, self._compiled.layout, self._analyser.rows, state.v.size
+        )
+        return touching_wrench(terms, seen.analysis, state.touching, index)
+
+    def _tie(self, time: float) -> Engagement:
+        """Return the tie, made anew at the start and if the mechanism is held elsewhere."""
+        tie, control, data = self._engagement, self._control, self._parts
+        device, model = data.sample.copy(), data.observation[:_MODEL_SIZE].copy()
+        if tie is None or self._carried is not None:
+            tie = control.engage_flat(time, device, model, 0.0, self._carried)
+            self._carried = None
+        self._engagement = control.slipped_flat(time, tie, device, model)
+        return self._engagement
