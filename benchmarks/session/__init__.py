@@ -1,0 +1,1 @@
+"""What a tick of a session costs."""

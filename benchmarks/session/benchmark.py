@@ -1,0 +1,218 @@
+"""The session benchmark: what a tick costs, call by call and in a run, beside MuJoCo's step."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import numpy as np
+import typer
+
+from benchmarks.ablation.loop import PARTS, Loop
+from benchmarks.goals import Verdict, goal_sheet, unknown, verdict
+from benchmarks.machine import MachineResults, machine
+from benchmarks.speed.contender import initial_state
+from hapticmech_ros.analysis.study import Sheet, Show, number, silent
+from hapticmech_ros.cli.console import OutOption
+from hapticmech_ros.cli.study import JsonOption, carry_out
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.scene.loader import shipped_scenes
+from hapticmech_ros.session import Session
+
+# Ticks of a session whose results are compared, before any is timed; and in a round.
+COMPARED, TICKS = 400, 200
+# Goals, µs, of the scene that the paper is about and of all others; and of the ratio of a tick to
+# what its kernel takes.
+SCENE, TICK_US, RUN_US, ANY_US, RATIO = "five_bar", 30.0, 25.0, 80.0, 1.3
+
+
+@dataclass(frozen=True, slots=True)
+class TickCost:
+    """CPU times of a scene's tick, medians of rounds, µs.
+
+    Attributes:
+        scene: its name.
+        tick: by ``Session.tick``.
+        tick_p90: the round that nine of ten are faster than.
+        run: by ``Session.run``, a tick.
+        parts: of the kernel, by part, called one by one.
+        mj_step: of MuJoCo's step of the mechanism alone; None where it has no such mechanism.
+    """
+
+    scene: str
+    tick: float
+    tick_p90: float
+    run: float
+    parts: dict[str, float]
+    mj_step: float | None
+
+    @property
+    def ratio(self) -> float:
+        """A tick to what its kernel takes."""
+        return self.tick / self.run
+
+    @property
+    def to_mujoco(self) -> float | None:
+        """A tick to MuJoCo's step."""
+        return None if self.mj_step is None else self.tick / self.mj_step
+
+
+@dataclass(frozen=True)
+class SessionResults(MachineResults):
+    """What ticks cost.
+
+    Attributes:
+        ticks: in a round.
+        rounds: of which medians are.
+        costs: of each scene.
+    """
+
+    NAME: ClassVar[str] = "bench_session"
+
+    ticks: int
+    rounds: int
+    costs: tuple[TickCost, ...]
+
+    @property
+    def goals(self) -> tuple[Verdict, ...]:
+        """Goals, and whether they are met."""
+        own = next((cost for cost in self.costs if cost.scene == SCENE), None)
+        slowest = max(self.costs, key=lambda cost: cost.tick)
+        names = (
+            f"{SCENE}: a tick at most {TICK_US:g} µs",
+            f"{SCENE}: in a run at most {RUN_US:g} µs",
+            f"{SCENE}: a tick at most {RATIO:g} of its kernel",
+            f"every scene: a tick at most {ANY_US:g} µs",
+        )
+        seen = f"{slowest.scene}: {slowest.tick:.1f} µs"
+        last = verdict(names[3], seen, slowest.tick <= ANY_US)
+        if own is None:
+            return *map(unknown, names[:3]), last
+        return (
+            verdict(names[0], f"{own.tick:.1f} µs", own.tick <= TICK_US),
+            verdict(names[1], f"{own.run:.1f} µs", own.run <= RUN_US),
+            verdict(names[2], f"{own.ratio:.2f}", own.ratio <= RATIO),
+            last,
+        )
+
+    def sheets(self) -> Iterator[Sheet]:
+        """Yield times of each scene, and the goals."""
+        numbers = ("tick", "p90", "run", "tick / run", *PARTS, "mj_step", "tick / mj_step")
+        rows = tuple(
+            (
+                cost.scene,
+                *(f"{value:.1f}" for value in (cost.tick, cost.tick_p90, cost.run)),
+                f"{cost.ratio:.2f}",
+                *(f"{cost.parts[part]:.1f}" for part in PARTS),
+                number(cost.mj_step, ".1f"),
+                number(cost.to_mujoco, ".1f"),
+            )
+            for cost in self.costs
+        )
+        caption = "mj_step moves the mechanism alone, by MuJoCo's implicitfast rule"
+        yield Sheet("a tick of the session, µs", ("scene", *numbers), rows, caption=caption)
+        yield goal_sheet(self.goals)
+
+
+def tick_cost(scene: Scene, rounds: int) -> TickCost:
+    """Return what a scene's tick costs.
+
+    Raises:
+        HapticMechError: ticks and a run of them differ.
+    """
+    check_agreement(scene)
+    ticked, running, parted = Session(scene), Session(scene), Loop(scene)
+    into = np.zeros((TICKS, running.layout.size))
+    callers: dict[str, Callable[[], object]] = {
+        "tick": lambda: _times(ticked.tick),
+        "run": lambda: running.run(TICKS, into=into),
+    }
+    step = _mj_step(scene)
+    if step is not None:
+        callers["mj_step"] = lambda: _times(step)
+    times: dict[str, list[float]] = {name: [] for name in callers}
+    parts = np.zeros((rounds, TICKS, len(PARTS)))
+    for number_of_round in range(-1, rounds):
+        for name, call in callers.items():
+            begun = time.process_time()
+            call()
+            taken = 1e6 * (time.process_time() - begun) / TICKS
+            if number_of_round >= 0:
+                times[name].append(taken)
+        for row in parts[number_of_round]:
+            parted.timed_tick(row)
+    medians = {name: float(np.median(taken)) for name, taken in times.items()}
+    return TickCost(
+        scene.name,
+        medians["tick"],
+        float(np.quantile(times["tick"], 0.9)),
+        medians["run"],
+        dict(zip(PARTS, (1e-3 * np.median(parts, axis=(0, 1))).tolist(), strict=True)),
+        medians.get("mj_step"),
+    )
+
+
+def check_agreement(scene: Scene) -> None:
+    """Compare ticks one by one with a run of them.
+
+    Raises:
+        HapticMechError: they differ in a bit.
+    """
+    one, run = Session(scene), Session(scene).run(COMPARED)
+    for row in range(COMPARED):
+        sample = one.tick()
+        same = np.array_equal(sample.acting[0], run["on_hand"][row])
+        if not (same and np.array_equal(sample.mechanism.q, run["q"][row])):
+            raise HapticMechError(f"{scene.name}: tick {row} differs in a run")
+
+
+def _times(call: Callable[[], object]) -> None:
+    for _ in range(TICKS):
+        call()
+
+
+def _mj_step(scene: Scene) -> Callable[[], None] | None:
+    """Return MuJoCo's step of the mechanism alone; None without MuJoCo, or such a mechanism."""
+    if not find_spec("mujoco"):
+        return None
+    import mujoco
+
+    from benchmarks.speed.mujoco_peer import MujocoScene
+
+    try:
+        converted = MujocoScene(scene)
+    except HapticMechError:
+        return None
+    converted.spec.option.timestep = scene.simulation.period
+    converted.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    model = converted.spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = converted.state(initial_state(scene))
+    return lambda: mujoco.mj_step(model, data)
+
+
+def run_session(names: list[str], rounds: int, show: Show = silent) -> SessionResults:
+    """Return what ticks of scenes cost."""
+    costs = []
+    for index, name in enumerate(names, 1):
+        show(f"{index} of {len(names)}: {name}")
+        costs.append(tick_cost(load_scene(name), rounds))
+    return SessionResults(machine=machine(), ticks=TICKS, rounds=rounds, costs=tuple(costs))
+
+
+def session(
+    scenes: Annotated[
+        list[str] | None, typer.Argument(help="shipped scenes or files; all shipped ones if none")
+    ] = None,
+    rounds: Annotated[int, typer.Option(help="of which medians are", min=1)] = 15,
+    out: OutOption = Path("bench"),
+    json_only: JsonOption = False,
+) -> None:
+    """What a tick of a session costs: alone, in a run, part by part, and beside MuJoCo's step."""
+    names = scenes if scenes else sorted(shipped_scenes())
+    carry_out(lambda show: run_session(names, rounds, show), out, json_only)
