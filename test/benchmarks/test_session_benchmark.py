@@ -39,7 +39,7 @@ def test_goals_are_of_the_five_bar_and_of_the_slowest():
 
 
 def test_the_command_tells_every_part(tmp_path):
-    arguments = ["two_link", "--rounds", "2", "--out", str(tmp_path), "--json"]
+    arguments = ["session", "two_link", "--rounds", "2", "--out", str(tmp_path), "--json"]
     found = CliRunner().invoke(app_of(["session"]), arguments)
     assert found.exit_code == 0, found.output
     (cost,) = json.loads((tmp_path / "bench_session.json").read_text())["costs"]
