@@ -34,7 +34,7 @@ from hapticmech_ros.errors import HapticMechError
 # Import every kernel, directly or not.
 _HOMES = ("mechanism.compiled.stepping", "operational.compiled", "control.compiled")
 _MORE_HOMES = (
-    *("device.compiled", "wire.readings", "contact.search", "contact.stepping"),
+    *("device.compiled", "wire.readings", "contact.stepping"),
     "control.rendering_loop",
 )
 # Of the C library, which every process has.
@@ -45,7 +45,7 @@ _C_LIBRARY = frozenset(
 _COUNTING = re.compile(r"^ *(?:tail )?call void @NRT_(?:in|de)cref\(.*\n", re.MULTILINE)
 _CALLBACK = re.compile(r"^define [^@]*@(cfunc\.[^( ]+)\(", re.MULTILINE)
 # Those that take longest begin first.
-_LONG = ("run_kernels", "observe_kernels", "mechanism_compiled_kernels_factor", "contact_solver")
+_LONG = ("run_kernels", "observe_kernels", "mechanism_compiled_kernels_factor", "contact_step")
 _PR_SET_PDEATHSIG = 1
 _kernels: dict[str, Kernel] = {}
 

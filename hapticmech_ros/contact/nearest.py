@@ -9,7 +9,7 @@ import coal
 import numpy as np
 
 from hapticmech_ros.contact.hull import Polytope
-from hapticmech_ros.contact.touch_kernels import FOUND_VALUES
+from hapticmech_ros.contact.layout import FOUND_VALUES
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Shape, Sphere
 

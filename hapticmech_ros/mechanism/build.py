@@ -56,8 +56,9 @@ def build_contact_stepper(mechanism: Mechanism) -> ContactStepper | None:
         return None
     # Here, so that a scene without contacts imports nothing of them.
     from hapticmech_ros.contact.stepping import ContactStepper
+    from hapticmech_ros.mechanism.compiled.mechanism import CompiledMechanism
 
-    return ContactStepper(mechanism)
+    return ContactStepper(cast(CompiledMechanism, mechanism))
 
 
 def plan_of(simulation: Simulation) -> Plan:

@@ -104,10 +104,10 @@ class Stepper:
         Returns:
             The end, with work and loss of all steps.
         """
-        self._check(pushes)
+        self.check(pushes)
         work_in, energy_lost, substeps = 0.0, 0.0, self._plan.substeps
         for step in range(1, periods * substeps + 1):
-            stepped = self._careful_substep(start, pushes)
+            stepped = self.careful_substep(start, pushes)
             work_in += stepped.work_in
             energy_lost += stepped.energy_lost
             start = end_of(stepped, start)
@@ -115,10 +115,11 @@ class Stepper:
                 samples[step // (every * substeps) - 1] = np.concatenate((stepped.q, stepped.v))
         return stepped._replace(work_in=work_in, energy_lost=energy_lost)
 
-    def _check(self, pushes: Pushes) -> None:
+    def check(self, pushes: Pushes) -> None:
+        """Check pushes; see :func:`check_pushes`."""
         check_pushes(pushes, len(self._mechanism.point_names), self._mechanism.nv)
 
-    def _careful_substep(self, start: Start, pushes: Pushes) -> Stepped:
+    def careful_substep(self, start: Start, pushes: Pushes) -> Stepped:
         """Do a step; with care where branches of the motion cross, or nearly do.
 
         There closures gain rank in a step, or keep a σ that says little of the direction.
