@@ -47,12 +47,12 @@ def build_stepper(mechanism: Mechanism, plan: Plan | None = None) -> Stepper:
 
 
 def build_contact_stepper(mechanism: Mechanism) -> ContactStepper | None:
-    """Return what steps a mechanism with contacts; None if its scene has none.
+    """Return what steps a compiled mechanism with contacts; None if it is not, or has none.
 
     Raises:
         SceneError: a mesh that cannot be read.
     """
-    if not mechanism.scene.contacts:
+    if not (mechanism.scene.contacts and mechanism.compiled):
         return None
     # Here, so that a scene without contacts imports nothing of them.
     from hapticmech_ros.contact.stepping import ContactStepper

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.build import build, build_contact_stepper, build_stepper
 from hapticmech_ros.mechanism.evaluation import Active, Closing, Evaluation
@@ -16,7 +16,7 @@ from hapticmech_ros.mechanism.latching import Latches
 from hapticmech_ros.mechanism.model import Array
 from hapticmech_ros.mechanism.motion import NOTHING, Pushes, Start
 from hapticmech_ros.mechanism.projection import project
-from hapticmech_ros.mechanism.state import MechanismState, Trajectory
+from hapticmech_ros.mechanism.state import EnergyAccount, MechanismState, Trajectory
 from hapticmech_ros.mechanism.stepping import Stepped
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
@@ -42,6 +42,8 @@ class Simulator:
         self.period = scene.simulation.period
         self._stepper = build_stepper(self.mechanism)
         self._contacts = build_contact_stepper(self.mechanism)
+        # The readable implementation takes no step with contacts.
+        self._unsteppable = bool(scene.contacts) and self._contacts is None
         self._evaluated: tuple[MechanismState, Evaluation] | None = None
         self._projected: tuple[MechanismState, Closing] | None = None
         self._latches = Latches(self.mechanism)
@@ -91,13 +93,15 @@ class Simulator:
             ClosureError: a closed loop came apart, jumped, or turned to its other branch.
             InvalidInputError: the state is no longer finite, an unknown link, or joint forces of
                 another size or not finite.
+            HapticMechError: contacts, and the readable implementation.
         """
+        self._refuse_contacts()
         pushes = Pushes(wrenches, on_links, joint_forces)
         if self._contacts is None:
             stepped = self._stepper.advance(self._start(state), pushes)
             return self._latch(self._ended(state, stepped, 1))
         touched = self._contacts.advance(self._start(state), pushes, state.touching)
-        return self._latch(self._touched(state, touched))
+        return self._latch(self._ended(state, touched.stepped, 1, touched))
 
     def run(
         self, state: MechanismState, steps: int, wrenches: Array | None = None, every: int = 1
@@ -120,6 +124,7 @@ class Simulator:
             raise InvalidInputError("steps", steps, "must be 0 or more")
         if every < 1:
             raise InvalidInputError("every", every, "must be 1 or more")
+        self._refuse_contacts()
         held = np.zeros((len(self.mechanism.point_names), 6)) if wrenches is None else wrenches
         if self._latches.waiting(state.active) or self._contacts is not None:
             return self._run_watched(state, steps, held, every)
@@ -179,28 +184,34 @@ class Simulator:
         terms = known[1] if known is not None and known[0] is state else None
         return Start(state.q, state.v, state.active, terms, self._closing(state))
 
-    def _ended(self, state: MechanismState, stepped: Stepped, steps: int) -> MechanismState:
-        """Return the state after some steps, and remember what is known there."""
+    def _ended(
+        self, state: MechanismState, stepped: Stepped, steps: int, touched: Touched | None = None
+    ) -> MechanismState:
+        """Return the state after some steps, and remember what is known there.
+
+        Args:
+            state: before.
+            stepped: what the steps did, without contacts' part in energies.
+            steps: how many.
+            touched: of a step with contacts.
+        """
         q, v, error, closing, work_in, lost = stepped
-        before = state.account
-        account = replace(
-            before, work_in=before.work_in + work_in, damping_loss=before.damping_loss + lost
+        before, touching, in_contact, held = state.account, None, state.account.contact_loss, 0.0
+        if touched is not None:
+            touching, held = touched.touching, touched.energy
+            in_contact += before.contact_energy - held - touched.work
+        account = EnergyAccount(
+            before.work_in + work_in,
+            before.damping_loss + lost,
+            before.latch_loss,
+            in_contact,
+            held,
         )
         time = state.time + steps * self.period
         q, v, released = _frozen(q), _frozen(v), state.released
-        ended = MechanismState(time, q, v, state.active, error, account, None, released)
+        ended = MechanismState(time, q, v, state.active, error, account, touching, released)
         self._projected = ended, closing
         return ended
-
-    def _touched(self, state: MechanismState, touched: Touched) -> MechanismState:
-        """Return the state after a step with contacts."""
-        ended = self._ended(state, touched.stepped, 1)
-        before, energy = ended.account, touched.energy
-        lost = before.contact_loss + before.contact_energy - energy - touched.work
-        account = replace(before, contact_loss=lost, contact_energy=energy)
-        after = replace(ended, account=account, touching=touched.touching)
-        self._projected = after, touched.stepped.closing
-        return after
 
     def closing(self, state: MechanismState) -> Closing:
         """Return the closures' terms at ``state``; asked twice for the same, it remembers."""
@@ -233,6 +244,10 @@ class Simulator:
         return replace(
             state, q=_frozen(q), v=_frozen(v), active=active, closure_error=error, account=account
         )
+
+    def _refuse_contacts(self) -> None:
+        if self._unsteppable:
+            raise HapticMechError("steps with contacts are for the compiled mechanism alone")
 
     def _refuse_far(self, index: int, q: Array) -> None:
         loop = self.mechanism.closures[index]

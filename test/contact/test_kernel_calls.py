@@ -24,7 +24,10 @@ def stack(**simulation):
         [body("low"), body("high")],
         [FLOOR, shape("low", SHAPES["box"]), shape("high", SHAPES["box"])],
         [pair("low_shape", friction=0.5), pair("high_shape", "low_shape", friction=0.4)],
-        {"low": [0.0, 0.0, 0.05, *UPRIGHT], "high": [0.01, 0.0, 0.15, 0.0, 0.0, 0.1, 0.995]},
+        {
+            "low": [0.0, 0.0, 0.05, *UPRIGHT],
+            "high": [0.01, 0.0, 0.15, 0.0, 0.0, np.sin(0.1), np.cos(0.1)],
+        },
         {"high": [0.3, 0.1, 0.0, 0.0, 0.0, 0.0]},
         **simulation,
     )

@@ -65,7 +65,9 @@ def agreement(scene: Scene, ticks: int) -> Agreement:
 
 class _Readable:
     def __init__(self, scene: Scene, session: Session) -> None:
-        self._simulator = Simulator(scene, compiled=False)
+        # Contacts are out of reach, and kernels' alone.
+        without = scene.model_copy(update={"contacts": ()})
+        self._simulator = Simulator(without, compiled=False)
         self._kernels = Simulator(scene)
         mechanism, lateness = self._simulator.mechanism, loop_lateness(scene)
         self._analyser = Analyser(mechanism, lateness=lateness)
