@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,7 +65,17 @@ def agreement(scene: Scene, ticks: int) -> Agreement:
 
 class _Readable:
     def __init__(self, scene: Scene, session: Session) -> None:
-        self._simulator = readable_simulator(scene)
+        # Contacts are kernels' alone: their forces, found per substep, push on links instead.
+        plan, update = scene.simulation, {}
+        if scene.contacts:
+            single = {"period": plan.period / plan.substeps, "substeps": 1}
+            update = {"simulation": plan.model_copy(update=single)}
+        self._finder = Simulator(scene.model_copy(update=update))
+        self._substeps = plan.substeps if scene.contacts else 1
+        without = scene.model_copy(update={**update, "contacts": ()})
+        self._simulator = readable_simulator(without)
+        links = {shape.name: shape.link for shape in scene.shapes}
+        self._touching_links = [(links[pair.a], links[pair.b]) for pair in scene.contacts]
         self._kernels = Simulator(scene)
         mechanism, lateness = self._simulator.mechanism, loop_lateness(scene)
         self._analyser = Analyser(mechanism, lateness=lateness)
@@ -83,6 +93,28 @@ class _Readable:
         self._engagement = engage(0.0, start, start)
         self._held = first.device
 
+    def _moved(self, state: MechanismState, wrenches: Array) -> MechanismState:
+        """Return the state a period later, by the readable implementation."""
+        for _ in range(self._substeps):
+            found = self._finder.step(state, wrenches) if self._touching_links else state
+            on_links = self._contact_wrenches(state, found)
+            state = self._simulator.step(state, wrenches, on_links)
+            state = replace(state, touching=found.touching)
+        return state
+
+    def _contact_wrenches(self, state: MechanismState, after: MechanismState) -> dict[str, Array]:
+        """Return what contacts do to links in a step, at the origins of the links' frames."""
+        wrenches: dict[str, Array] = {}
+        if after.touching is None:
+            return wrenches
+        for pair, links in enumerate(self._touching_links):
+            for link, sign in zip(links, (1.0, -1.0), strict=True):
+                if link != "world":
+                    origin = self._simulator.mechanism.frame_pose(state.q, link).translation
+                    wrench = sign * after.touching.wrench(pair, origin)
+                    wrenches[link] = wrenches.get(link, np.zeros(6)) + wrench
+        return wrenches
+
     def compare(self, sample: Sample, following: Sample, tick: int) -> dict[str, float]:
         """Return the relative difference of each part of one tick."""
         terms = self._simulator.evaluate(sample.mechanism)
@@ -98,7 +130,7 @@ class _Readable:
         output = self._loop.output
         wrenches = np.zeros((self._points, 6))
         wrenches[self._index] = acting.mechanism
-        moved = self._simulator.step(sample.mechanism, wrenches)
+        moved = self._moved(state, wrenches)
         held = self._device.step(device, acting.device, self._held, tick)
         return {
             "observe": max(

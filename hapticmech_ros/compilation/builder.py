@@ -36,7 +36,7 @@ from hapticmech_ros.errors import HapticMechError
 # Import every kernel, directly or not.
 _HOMES = ("mechanism.stepping", "operational.compiled", "control.compiled")
 _MORE_HOMES = (
-    *("device.compiled", "wire.readings", "contact.search", "contact.stepping"),
+    *("device.compiled", "wire.readings", "contact.stepping"),
     "session.session",
 )
 # Of the C library, which every process has.
@@ -49,7 +49,7 @@ _FAMILIES: tuple[tuple[str, ...], ...] = (
     ("contact_",),
 )
 # Those that take longest begin first.
-_LONG = ("tick_kernels", "run_kernels", "observe_kernels", "kernels_factor", "contact_solver")
+_LONG = ("tick_kernels", "run_kernels", "observe_kernels", "kernels_factor", "contact_step")
 # Beyond the families only LLVM's part is faster.
 _MOST_LANES = 8
 _PR_SET_PDEATHSIG = 1

@@ -7,14 +7,11 @@ from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local, shaped
+from hapticmech_ros.contact.layout import FIRST_VERTEX, KIND, LAST_VERTEX, POLYTOPE, Contacts
 from hapticmech_ros.contact.shape_kernels import (
     DISK_CORNERS,
-    FIRST_VERTEX,
-    KIND,
-    LAST_VERTEX,
     LYING_DISK_CORNERS,
     MOST_CORNERS,
-    POLYTOPE,
     feature,
     put_point,
 )
@@ -39,39 +36,26 @@ def kept_if_below(
 
 @inner
 def below_plane(
-    numbers: Array,
-    values: Array,
-    vertices: Array,
-    faces: Array,
-    corners: Array,
-    normals: Array,
-    poses: Array,
-    plane: int,
-    other: int,
-    margin: float,
-    above: Array,
-    depths: Array,
+    contacts: Contacts, plane: int, other: int, margin: float, above: Array, depths: Array
 ) -> int:
     """Put the points of a shape that are in a half-space, or nearly, into ``above``."""
-    down = local(3)
+    down, shapes, poses = local(3), contacts.shapes, contacts.poses
     for i in range(3):
         down[i] = -poses[plane, 6 + i]
     level = 0.0
     for i in range(3):
         level += down[i] * poses[plane, 9 + i]
     count = 0
-    if numbers[other, KIND] == POLYTOPE:
-        for k in range(numbers[other, FIRST_VERTEX], numbers[other, LAST_VERTEX]):
+    if shapes[other, KIND] == POLYTOPE:
+        vertices = contacts.vertices
+        for k in range(shapes[other, FIRST_VERTEX], shapes[other, LAST_VERTEX]):
             if count < MOST_BELOW:
                 x, y, z = vertices[k, 0], vertices[k, 1], vertices[k, 2]
                 put_point(poses[other], x, y, z, above[count])
                 count = kept_if_below(above, depths, count, down, level, margin)
         return count
     polygon = shaped(local(MOST_CORNERS * 3), (MOST_CORNERS, 3))
-    many = feature(
-        numbers[other], values[other], vertices, faces, corners, normals, poses[other], down,
-        LYING_DISK_CORNERS, polygon,
-    )  # fmt: skip
+    many = feature(contacts, other, down, LYING_DISK_CORNERS, polygon)
     for k in range(many):
         for i in range(3):
             above[count, i] = polygon[k, i]
@@ -112,13 +96,7 @@ def _clip(lying: Array, count: int, start: Array, end: Array, normal: Array, out
 
 @inner
 def on_face(
-    numbers: Array,
-    values: Array,
-    vertices: Array,
-    faces: Array,
-    corners: Array,
-    normals: Array,
-    poses: Array,
+    contacts: Contacts,
     base: int,
     other: int,
     normal: Array,
@@ -133,14 +111,8 @@ def on_face(
     down = local(3)
     for i in range(3):
         down[i] = -normal[i]
-    sides = feature(
-        numbers[base], values[base], vertices, faces, corners, normals, poses[base], normal,
-        DISK_CORNERS, face,
-    )  # fmt: skip
-    count = feature(
-        numbers[other], values[other], vertices, faces, corners, normals, poses[other], down,
-        LYING_DISK_CORNERS, lying,
-    )  # fmt: skip
+    sides = feature(contacts, base, normal, DISK_CORNERS, face)
+    count = feature(contacts, other, down, LYING_DISK_CORNERS, lying)
     for k in range(sides):
         count = _clip(lying, count, face[k], face[(k + 1) % sides], normal, clipped)
         for j in range(count):
@@ -169,33 +141,18 @@ def _length_along(start: Array, end: Array, along: Array) -> float:
 
 @inner
 def along_edges(
-    numbers: Array,
-    values: Array,
-    vertices: Array,
-    faces: Array,
-    corners: Array,
-    normals: Array,
-    poses: Array,
-    a: int,
-    b: int,
-    normal: Array,
-    above: Array,
-    depths: Array,
+    contacts: Contacts, a: int, b: int, normal: Array, above: Array, depths: Array
 ) -> int:
     """Put the ends of the line along which two round shapes side by side touch into ``above``."""
     edge_a = shaped(local(MOST_CORNERS * 3), (MOST_CORNERS, 3))
     edge_b = shaped(local(MOST_CORNERS * 3), (MOST_CORNERS, 3))
-    if numbers[a, KIND] == POLYTOPE or numbers[b, KIND] == POLYTOPE:
+    if contacts.shapes[a, KIND] == POLYTOPE or contacts.shapes[b, KIND] == POLYTOPE:
         return 0
     back, along, across = local(3), local(3), local(3)
     for i in range(3):
         back[i] = -normal[i]
-    many_a = feature(
-        numbers[a], values[a], vertices, faces, corners, normals, poses[a], back, 4, edge_a
-    )
-    many_b = feature(
-        numbers[b], values[b], vertices, faces, corners, normals, poses[b], normal, 4, edge_b
-    )
+    many_a = feature(contacts, a, back, 4, edge_a)
+    many_b = feature(contacts, b, normal, 4, edge_b)
     if many_a != 2 or many_b != 2:
         return 0
     for i in range(3):

@@ -3,66 +3,57 @@
 from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import kernel, local
+from hapticmech_ros.compilation import inner, local
+from hapticmech_ros.contact.layout import JOINT_A, JOINT_B, SHAPE_A, Contacts
 from hapticmech_ros.contact.shape_kernels import put_point
-from hapticmech_ros.contact.solver_kernels import JOINT_A
 from hapticmech_ros.mechanism.kernels.small_matrices import cross
 
 
-@kernel(
-    "void(f8[:, ::1], f8[:, ::1], i8[::1], i8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1],"
-    " i8[::1], f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1])"
-)
-def contact_effects(
-    points: Array,
-    forces: Array,
-    owners: Array,
-    pairs: Array,
-    axes: Array,
-    moves: Array,
-    acts: Array,
-    carriers: Array,
-    origins: Array,
-    joint_poses: Array,
-    joint_force: Array,
-    wrenches: Array,
-) -> None:
-    """Fill ``joint_force`` and ``wrenches``.
+@inner
+def contact_effects(contacts: Contacts, places: Array, count: int) -> None:
+    """Fill ``joint_force``, ``origins`` and the links' rows of ``pushes``.
 
     Args:
-        points: (n, 7) position first, m, world.
-        forces: (n, 3) on a, N, world axes.
-        owners: (n,) pair of each point.
-        pairs: (pairs, 4) shapes a and b, and the joints that carry them.
-        axes: (nv, 6) joint axes, as twists about the world's origin.
-        moves: (joints, nv) 1 where a rate moves a joint, 0 elsewhere.
-        acts: (links, pairs) 1 where a pair's force acts on a link, -1 where its reaction does.
-        carriers: (links,) joint that carries each link.
-        origins: (links, 3) of the links' frames in those joints, m.
-        joint_poses: (joints, 12) in the world.
-        joint_force: (nv,) to fill: Σ J_cᵀ λ, N m or N.
-        wrenches: (links, 6) to fill: at the links' frames, N and N m, world axes.
+        contacts: with so many points and the forces there.
+        places: (joints, 12) poses of the joints at the step's start.
+        count: number of points.
     """
-    moment, arm, place = local(3), local(3), local(3)
-    joint_force[:] = 0.0
-    wrenches[:] = 0.0
-    for c in range(points.shape[0]):
-        force, pair = forces[c], pairs[owners[c]]
-        cross(points[c], force, moment)
-        for j in range(joint_force.size):
-            side = moves[pair[JOINT_A], j] - moves[pair[JOINT_A + 1], j]
+    moment, force, axes, moves = local(3), contacts.joint_force, contacts.axes, contacts.moves
+    points, forces, owners = contacts.points, contacts.forces, contacts.owners
+    pairs, poses, origins = contacts.pairs, contacts.poses, contacts.origins
+    for j in range(force.size):
+        force[j] = 0.0
+    for c in range(count):
+        pair = pairs[owners[c]]
+        cross(points[c], forces[c], moment)
+        for i in range(3):
+            origins[c, i] = poses[pair[SHAPE_A], 9 + i]
+        for j in range(force.size):
+            side = moves[pair[JOINT_A], j] - moves[pair[JOINT_B], j]
             if side != 0.0:
                 for i in range(3):
-                    joint_force[j] += side * (axes[j, i] * force[i] + axes[j, 3 + i] * moment[i])
+                    force[j] += side * (axes[j, i] * forces[c, i] + axes[j, 3 + i] * moment[i])
+    _push_links(contacts, places, count)
+
+
+@inner
+def _push_links(contacts: Contacts, places: Array, count: int) -> None:
+    """Fill the links' rows of ``pushes``; see ``motion_kernels.add_link_forces``."""
+    moment, arm, place = local(3), local(3), local(3)
+    carriers, link_origins, acts = contacts.carriers, contacts.link_origins, contacts.acts
+    points, forces, owners = contacts.points, contacts.forces, contacts.owners
     for link in range(carriers.size):
-        x, y, z = origins[link, 0], origins[link, 1], origins[link, 2]
-        put_point(joint_poses[carriers[link]], x, y, z, place)
-        for c in range(points.shape[0]):
+        push, origin = contacts.pushes[link], link_origins[link]
+        push[0] = carriers[link]
+        for i in range(3):
+            push[1 + i], push[4 + i], push[7 + i] = origin[i], 0.0, 0.0
+        put_point(places[carriers[link]], origin[0], origin[1], origin[2], place)
+        for c in range(count):
             sign = acts[link, owners[c]]
             if sign != 0.0:
                 for i in range(3):
                     arm[i] = points[c, i] - place[i]
                 cross(arm, forces[c], moment)
                 for i in range(3):
-                    wrenches[link, i] += sign * forces[c, i]
-                    wrenches[link, 3 + i] += sign * moment[i]
+                    push[4 + i] += sign * forces[c, i]
+                    push[7 + i] += sign * moment[i]

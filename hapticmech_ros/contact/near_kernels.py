@@ -8,19 +8,32 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, kernel, local, shaped
-from hapticmech_ros.contact.shape_kernels import (
+from hapticmech_ros.compilation import inner, local
+from hapticmech_ros.contact.layout import (
     HALF_SIZE,
     HALF_SPACE,
     JOINT,
     KIND,
     MIDDLE,
-    compose,
-    put_point,
+    NEEDS_SEARCH,
+    SHAPE_A,
+    SHAPE_B,
+    Contacts,
 )
+from hapticmech_ros.contact.shape_kernels import compose, put_point
+from hapticmech_ros.mechanism.kernels.packed import Packed
 
-# Half-lengths of the bounding box, its middle, and how far the shape can come: m.
-BOX_VALUES = 7
+
+@inner
+def place_shapes(contacts: Contacts, space: Packed) -> None:
+    """Fill ``axes`` and ``poses`` at the configuration that ``space`` was filled at."""
+    axes, seen, values = contacts.axes, space.joint_jacobian, contacts.shape_values
+    shapes, poses, places = contacts.shapes, contacts.poses, space.places
+    for rate in range(axes.shape[0]):
+        for i in range(6):
+            axes[rate, i] = seen[rate, i]
+    for shape in range(shapes.shape[0]):
+        compose(places[shapes[shape, JOINT]], values[shape, :12], poses[shape])
 
 
 @inner
@@ -68,50 +81,28 @@ def _height(plane: Array, box: Array) -> float:
     return float(height)
 
 
-@kernel(
-    "i8(i8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[::1], f8, f8,"
-    " i8[:, ::1], f8[:, ::1], f8[::1])"
-)
-def near_pairs(
-    numbers: Array,
-    values: Array,
-    joint_poses: Array,
-    axes: Array,
-    moves: Array,
-    rates: Array,
-    span: float,
-    slack: float,
-    pairs: Array,
-    poses: Array,
-    margins: Array,
-) -> int:
-    """Fill ``poses`` and ``margins``, and return how many pairs are near.
+@inner
+def near_pairs(contacts: Contacts, rates: Array, span: float, slack: float) -> int:
+    """Fill ``boxes`` and ``margins``, and return how many pairs are near, by bounding boxes.
 
     Args:
-        numbers: (shapes, 6) of the shapes; see ``ShapeTables``.
-        values: (shapes, 20).
-        joint_poses: (joints, 12) in the world.
-        axes: (nv, 6) joint axes, as twists about the world's origin.
-        moves: (joints, nv) 1 where a rate moves a joint, 0 elsewhere.
+        contacts: placed; see :func:`place_shapes`.
         rates: (nv,) expected.
         span: s ahead.
         slack: share of a shape's size by which it may be apart, moving or not.
-        pairs: (pairs, 4) indices of shapes a and b, and what is not looked at here.
-        poses: (shapes, 12) to fill, in the world.
-        margins: (pairs,) to fill, m: gap up to which points of a pair count; -1 if it is far.
     """
-    boxes = shaped(local(numbers.shape[0] * BOX_VALUES), (numbers.shape[0], BOX_VALUES))
-    for shape in range(numbers.shape[0]):
-        joint = numbers[shape, JOINT]
-        compose(joint_poses[joint], values[shape, :12], poses[shape])
-        _bound(values[shape], poses[shape], axes, moves[joint], rates, span, slack, boxes[shape])
-    count = 0
+    shapes, values, boxes = contacts.shapes, contacts.shape_values, contacts.boxes
+    poses, axes, moves = contacts.poses, contacts.axes, contacts.moves
+    for shape in range(shapes.shape[0]):
+        moving = moves[shapes[shape, JOINT]]
+        _bound(values[shape], poses[shape], axes, moving, rates, span, slack, boxes[shape])
+    pairs, margins, count = contacts.pairs, contacts.margins, 0
     for pair in range(pairs.shape[0]):
-        a, b = pairs[pair, 0], pairs[pair, 1]
+        a, b = pairs[pair, SHAPE_A], pairs[pair, SHAPE_B]
         margin = boxes[a, 6] + boxes[b, 6]
-        if numbers[a, KIND] == HALF_SPACE:
+        if shapes[a, KIND] == HALF_SPACE:
             near = _height(poses[a], boxes[b]) <= margin
-        elif numbers[b, KIND] == HALF_SPACE:
+        elif shapes[b, KIND] == HALF_SPACE:
             near = _height(poses[b], boxes[a]) <= margin
         else:
             near = True
@@ -121,3 +112,13 @@ def near_pairs(
         margins[pair] = margin if near else -1.0
         count += 1 if near else 0
     return count
+
+
+@inner
+def needs_search(contacts: Contacts) -> bool:
+    """Return whether the nearest points of a pair that is near have to be searched for."""
+    pairs, margins = contacts.pairs, contacts.margins
+    for pair in range(pairs.shape[0]):
+        if margins[pair] >= 0.0 and pairs[pair, NEEDS_SEARCH] != 0:
+            return True
+    return False

@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.contact.hull import Polytope
-from hapticmech_ros.contact.touch_kernels import FOUND_VALUES
+from hapticmech_ros.contact.layout import FOUND_VALUES
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Shape, Sphere
 
 TOLERANCE = 1e-9

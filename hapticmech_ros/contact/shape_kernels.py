@@ -10,13 +10,20 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner
+from hapticmech_ros.contact.layout import (
+    CYLINDER,
+    FIRST_FACE,
+    FIRST_VERTEX,
+    HALF_LENGTH,
+    KIND,
+    LAST_FACE,
+    LAST_VERTEX,
+    POLYTOPE,
+    RADIUS,
+    SPHERE,
+    Contacts,
+)
 
-SPHERE, CAPSULE, CYLINDER, POLYTOPE, HALF_SPACE = 0, 1, 2, 3, 4
-# Columns of a shape's whole numbers.
-KIND, JOINT, FIRST_VERTEX, LAST_VERTEX, FIRST_FACE, LAST_FACE = 0, 1, 2, 3, 4, 5
-# Columns of its floats: its pose in the joint, then these; the middle and half-lengths of a box
-# about it, in its own axes.
-RADIUS, HALF_LENGTH, MIDDLE, HALF_SIZE, SHAPE_VALUES = 12, 13, 14, 17, 20
 # Corners that a polygon may have, and those that stand for a disk: as the face of a cylinder that
 # others lie on, or as what lies on another's face. Four already resist tilting alike all around.
 MOST_CORNERS, DISK_CORNERS, LYING_DISK_CORNERS = 16, 8, 4
@@ -50,17 +57,20 @@ def compose(outer: Array, local: Array, out: Array) -> None:
 
 
 @inner
-def support(
-    numbers: Array, values: Array, vertices: Array, pose: Array, direction: Array
-) -> tuple[float, int]:
+def support(contacts: Contacts, shape: int, direction: Array) -> tuple[float, int]:
     """Return how far a bounded shape reaches along a unit vector, m, and a polytope's vertex."""
+    numbers, values, pose = (
+        contacts.shapes[shape],
+        contacts.shape_values[shape],
+        contacts.poses[shape],
+    )
     x = along_axis(pose, 0, direction[0], direction[1], direction[2])
     y = along_axis(pose, 1, direction[0], direction[1], direction[2])
     z = along_axis(pose, 2, direction[0], direction[1], direction[2])
     middle = pose[9] * direction[0] + pose[10] * direction[1] + pose[11] * direction[2]
     kind = numbers[KIND]
     if kind == POLYTOPE:
-        most, found = -np.inf, 0
+        most, found, vertices = -np.inf, 0, contacts.vertices
         for i in range(numbers[FIRST_VERTEX], numbers[LAST_VERTEX]):
             reach = vertices[i, 0] * x + vertices[i, 1] * y + vertices[i, 2] * z
             if reach > most:
@@ -73,12 +83,13 @@ def support(
 
 
 @inner
-def face_normal(numbers: Array, normals: Array, pose: Array, direction: Array, out: Array) -> bool:
+def face_normal(contacts: Contacts, shape: int, direction: Array, out: Array) -> bool:
     """Put the outward normal of the face that faces a direction most into ``out`` (3,).
 
     Returns:
         Whether the shape has such a face, less than 45° away.
     """
+    numbers, pose, normals = contacts.shapes[shape], contacts.poses[shape], contacts.normals
     z = along_axis(pose, 2, direction[0], direction[1], direction[2])
     if numbers[KIND] == CYLINDER:
         for i in range(3):
@@ -126,19 +137,11 @@ def _cylinder_feature(
 
 
 @inner
-def _polytope_face(
-    numbers: Array,
-    values: Array,
-    vertices: Array,
-    faces: Array,
-    corners: Array,
-    normals: Array,
-    pose: Array,
-    direction: Array,
-    out: Array,
-) -> int:
+def _polytope_face(contacts: Contacts, shape: int, direction: Array, out: Array) -> int:
     """Put the face that faces a direction most, of those at the furthest vertex, into ``out``."""
-    _, vertex = support(numbers, values, vertices, pose, direction)
+    numbers, pose, vertices = contacts.shapes[shape], contacts.poses[shape], contacts.vertices
+    faces, corners, normals = contacts.faces, contacts.corners, contacts.normals
+    _, vertex = support(contacts, shape, direction)
     x = along_axis(pose, 0, direction[0], direction[1], direction[2])
     y = along_axis(pose, 1, direction[0], direction[1], direction[2])
     z = along_axis(pose, 2, direction[0], direction[1], direction[2])
@@ -158,28 +161,16 @@ def _polytope_face(
 
 
 @inner
-def feature(
-    numbers: Array,
-    values: Array,
-    vertices: Array,
-    faces: Array,
-    corners: Array,
-    normals: Array,
-    pose: Array,
-    direction: Array,
-    disk_corners: int,
-    out: Array,
-) -> int:
+def feature(contacts: Contacts, shape: int, direction: Array, disk_corners: int, out: Array) -> int:
     """Put the point, edge or face that reaches furthest along a unit vector into ``out``.
 
     Returns:
         How many rows of ``out`` (16, 3) it has: corners of a polygon in order, ends of an edge.
     """
-    kind = numbers[KIND]
+    kind = contacts.shapes[shape, KIND]
     if kind == POLYTOPE:
-        return _polytope_face(
-            numbers, values, vertices, faces, corners, normals, pose, direction, out
-        )
+        return _polytope_face(contacts, shape, direction, out)
+    values, pose = contacts.shape_values[shape], contacts.poses[shape]
     radius, half = values[RADIUS], values[HALF_LENGTH]
     if kind == CYLINDER:
         return _cylinder_feature(radius, half, pose, direction, disk_corners, out)

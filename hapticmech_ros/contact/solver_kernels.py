@@ -17,7 +17,23 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.compilation import inner, local, put, shaped
+from hapticmech_ros.contact.layout import (
+    AHEAD,
+    COULOMB,
+    COUNTED,
+    DAMPING,
+    DISSIPATION,
+    HELD,
+    JOINT_A,
+    JOINT_B,
+    OFF,
+    SHAPE_A,
+    STIFFNESS,
+    SWEEPS,
+    WORK,
+    Contacts,
+)
 from hapticmech_ros.contact.newton_kernels import (
     ACROSS,
     FRICTION,
@@ -30,21 +46,17 @@ from hapticmech_ros.contact.newton_kernels import (
     put_velocity,
 )
 from hapticmech_ros.contact.rate_kernels import add_later, contact_frame, contact_row
-from hapticmech_ros.mechanism.kernels.small_matrices import dot, dot_rows, remove, solve_lower
+from hapticmech_ros.mechanism.kernels.metric_kernels import free_part, to_metric
+from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.small_matrices import dot, dot_rows
+from hapticmech_ros.mechanism.kernels.tables import Tables
 
-# Columns of a pair's law: k, N/m; d, N s/m; μ; χ, s/m.
-STIFFNESS, DAMPING, COULOMB, DISSIPATION = 0, 1, 2, 3
-# Columns of a pair: shapes and joints of a and b.
-JOINT_A = 2
 # Of the friction that a point's own rates ask for, so much is left out: where it does nothing to
 # them it is nothing.
 LEAST_GIVE = 1e-9
 MOST_SWEEPS = 40
 # Sweeps end once rates are as the law says to this share of the largest one, or m/s.
 SHARE, FLOOR = 1e-8, 1e-13
-# Of a report: sweeps done, how far rates are from the law, m/s, energy held, work on the mechanism
-# as it moves and as the integrator counts it, J.
-SWEEPS, OFF, HELD, WORK, COUNTED, REPORT_VALUES = 0, 1, 2, 3, 4, 5
 
 
 @inner
@@ -165,90 +177,55 @@ def _fill_scales(
     scales[c, ACROSS] = 0.5 * (p + r) + np.sqrt(0.25 * (p - r) * (p - r) + q * q)
 
 
-@kernel(
-    "void(f8[:, ::1], i8[::1], i8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1],"
-    " f8[::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8, f8, f8[:, ::1], f8[::1],"
-    " f8[::1])"
-)
+@inner
 def contact_forces(
-    points: Array,
-    owners: Array,
-    pairs: Array,
-    laws: Array,
-    poses: Array,
-    axes: Array,
-    moves: Array,
-    rates: Array,
-    free: Array,
-    factor: Array,
-    basis: Array,
+    tables: Tables,
+    space: Packed,
+    contacts: Contacts,
     later: Array,
+    rates: Array,
     step: float,
-    ahead: float,
-    forces: Array,
-    report: Array,
-    room: Array,
+    n: int,
 ) -> None:
-    """Solve for the forces at all points.
+    """Replace ``forces`` of the first n points, first guesses, by the solution; fill ``report``.
 
     Args:
-        points: (n, 7) position, normal from b to a, depth.
-        owners: (n,) pair of each.
-        pairs: (pairs, 4) shapes a and b, and the joints that carry them.
-        laws: (pairs, 4) k, d, μ and χ.
-        poses: (shapes, 12) at the step's start.
-        axes: (nv, 6) joint axes, as twists about the world's origin.
-        moves: (joints, nv) 1 where a rate moves a joint, 0 elsewhere.
+        tables: the mechanism's.
+        space: filled at the step's start.
+        contacts: with ``points`` and ``owners``, ``axes`` and ``poses`` at the step's start, and
+            ``free``.
+        later: (nv, 6) joint axes at the step's end, as twists about the world's origin.
         rates: (nv,) at the step's start.
-        free: (nv,) at its end, without contacts.
-        factor: (nv, nv) L.
-        basis: (r, nv) rows of Uᵀ.
-        later: (nv, 6) joint axes at the step's end.
         step: h, s.
-        ahead: 1/2, or 0 where positions move by h v⁺.
-        forces: (n, 3) on a, world axes, N: first guesses, replaced by the solution.
-        report: (5,) to fill.
-        room: (3 n (nv + 6 n),) to work in.
+        n: number of points.
     """
-    n, nv = points.shape[0], rates.size
-    size = 3 * n
-    rows, frames = shaped(room, (size, nv)), shaped(local(9 * n), (n, 3, 3))
+    nv, size = tables.nv, 3 * n
+    room, frames = contacts.room, shaped(contacts.frames, (n, 3, 3))
+    rows = shaped(room, (size, nv))
     coupling = shaped(room[size * nv :], (size, size))
     slopes = shaped(room[size * (nv + size) :], (size, size))
-    now, velocity, impulse = local(3 * n), local(3 * n), local(3 * n)
-    apart, parting = local(3 * n), local(3)
-    along = local(basis.shape[0])
+    now, velocity, impulse, apart = local(3 * n), local(3 * n), local(3 * n), local(3 * n)
+    points, owners, forces = contacts.points, contacts.owners, contacts.forces
     for c in range(n):
         contact_frame(points[c], frames[c])
-        pair = pairs[owners[c]]
-        one, two = moves[pair[JOINT_A]], moves[pair[JOINT_A + 1]]
-        for i in range(3):
-            parting[i] = 0.0
-        for side in range(2):
-            add_later(
-                points[c], poses[pair[side], 9:], moves[pair[JOINT_A + side]], axes, rates, later,
-                free, step, 1.0 - 2.0 * side, parting,
-            )  # fmt: skip
+        _fill_rows(contacts, later, rates, step, c, frames[c], rows, apart)
         for d in range(3):
-            row = rows[3 * c + d]
-            contact_row(points[c], frames[c, d], one, two, axes, row)
-            now[3 * c + d] = dot(row, rates)
-            apart[3 * c + d] = dot(frames[c, d], parting)
-            impulse[3 * c + d] = step * dot(frames[c, d], forces[c])
-            solve_lower(factor, row)
-            remove(basis, basis.shape[0], row, along)
+            row, k = rows[3 * c + d], 3 * c + d
+            now[k] = dot(row, rates)
+            impulse[k] = step * dot(frames[c, d], forces[c])
+            to_metric(tables, space, row)
+            free_part(tables, space, row)
     for i in range(3 * n):
         for j in range(i + 1):
             coupling[i, j] = dot_rows(rows, i, j)
             coupling[j, i] = coupling[i, j]
     scales, depths, largest = shaped(local(n * SCALE_VALUES), (n, SCALE_VALUES)), local(n), 0.0
+    laws, report, ahead = contacts.laws, contacts.report, contacts.settings[AHEAD]
     for c in range(n):
         depths[c] = points[c, 6] - ahead * step * now[3 * c]
         _fill_scales(c, laws[owners[c]], depths[c], step, coupling, scales)
     for i in range(3 * n):
         largest = max(largest, abs(apart[i]))
-    for i in range(REPORT_VALUES):
-        report[i] = 0.0
     put_velocity(apart, coupling, impulse, velocity)
     _solve(scales, apart, coupling, impulse, velocity, SHARE * largest + FLOOR, report, slopes)
     for c in range(n):
@@ -262,3 +239,33 @@ def contact_forces(
                 forces[c, i] += frames[c, d, i] * impulse[k] / step
             report[WORK] += impulse[k] * (ahead * now[k] + (1.0 - ahead) * velocity[k])
             report[COUNTED] += impulse[k] * ((1.0 - ahead) * now[k] + ahead * velocity[k])
+
+
+@inner
+def _fill_rows(
+    contacts: Contacts,
+    later: Array,
+    rates: Array,
+    step: float,
+    c: int,
+    frame: Array,
+    rows: Array,
+    apart: Array,
+) -> None:
+    """Fill a point's three rows of J, and its rates at the step's end without contacts."""
+    parting, moves, axes = local(3), contacts.moves, contacts.axes
+    point, pair = contacts.points[c], contacts.pairs[contacts.owners[c]]
+    for i in range(3):
+        parting[i] = 0.0
+    for side in range(2):
+        joint = pair[JOINT_A + side]
+        if joint > 0:
+            add_later(
+                point, contacts.poses[pair[SHAPE_A + side], 9:], moves[joint], axes, rates, later,
+                contacts.free, step, 1.0 - 2.0 * side, parting,
+            )  # fmt: skip
+    for d in range(3):
+        contact_row(
+            point, frame[d], moves[pair[JOINT_A]], moves[pair[JOINT_B]], axes, rows[3 * c + d]
+        )
+        apart[3 * c + d] = dot(frame[d], parting)

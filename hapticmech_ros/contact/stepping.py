@@ -1,43 +1,59 @@
-"""A step of a mechanism that touches things: forces at the points first, then the integrator's.
+"""Periods of a mechanism that touches things, by a kernel that calls for what it cannot do itself.
 
-Forces are solved for at the step's start, implicit in the rates at its end, and held over the step
-as wrenches on the links; see :mod:`~hapticmech_ros.contact.solver_kernels`.
+That is the search for nearest points of two bounded shapes, and steps that need care.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.contact.effect_kernels import contact_effects
-from hapticmech_ros.contact.search import Search
-from hapticmech_ros.contact.solver_kernels import (
+from hapticmech_ros.contact.layout import (
     COUNTED,
+    FOUND,
     HELD,
+    NEEDS_SEARCH,
+    NOW,
     OFF,
-    REPORT_VALUES,
+    PARTS,
+    SHAPE_A,
+    SHAPE_B,
     SWEEPS,
+    TOTAL_WORK,
     WORK,
-    contact_forces,
+    Contacts,
 )
-from hapticmech_ros.contact.touch_kernels import POINT_VALUES
+from hapticmech_ros.contact.step_kernels import (
+    EACH,
+    MORE_ROOM,
+    SEARCH,
+    SEARCHED,
+    WHOLE,
+    advance_period,
+)
+from hapticmech_ros.contact.tables import contacts_of, shape_tables, with_room
 from hapticmech_ros.contact.touching import Touching, nothing_touching
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.chosen import Chosen
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.motion import HeldMotion, Pushes, Start, Stepped, plan_of
-from hapticmech_ros.mechanism.stepping import Stepper, end_of
-from hapticmech_ros.scene.contacts import ContactPair
+from hapticmech_ros.mechanism.motion import Pushes, Start, Stepped, check_pushes, plan_of
+from hapticmech_ros.mechanism.schemes import SCHEMES
+from hapticmech_ros.mechanism.stepping import Stepper, Took, end_of, first_terms
 
-# Shapes further apart than this share of their size, and than they come in a step, are stepped as
+if TYPE_CHECKING:
+    from hapticmech_ros.contact.hull import Polytope
+    from hapticmech_ros.contact.nearest import Nearest
+
+# Shapes further apart than this share of their size, and than they come in a period, are stepped as
 # if there were no contacts.
 FAR = 0.05
-_NOBODY, _NOWHERE = np.zeros(0, dtype=np.int64), np.zeros((0, POINT_VALUES))
 
 
 class Touched(NamedTuple):
-    """A step's outcome with contacts.
+    """A period's outcome with contacts.
 
     Attributes:
         stepped: the state, work and losses without those of contacts.
@@ -60,26 +76,25 @@ class ContactStepper:
         plan = plan_of(scene.simulation)
         self._mechanism = mechanism
         self._substeps = plan.substeps
-        self._step = plan.period / plan.substeps
-        self._pull = plan.baumgarte_rate
+        self._stepper = Stepper(mechanism, plan)
+        shapes = shape_tables(scene.shapes, mechanism.tree)
+        self._links = sorted({shape.link for shape in scene.shapes} - {"world"})
+        places = {link: mechanism.link_place(link) for link in self._links}
         # Positions move by the mean of both rates, or by the new one.
-        self._ahead = 0.0 if plan.integrator == "semi_implicit_euler" else 0.5
-        self._whole = Stepper(mechanism, plan)
-        self._stepper = Stepper(mechanism, plan._replace(period=self._step, substeps=1))
-        self._search = Search(mechanism)
-        self._laws = np.array([_law(contact) for contact in scene.contacts])
+        ahead = 0.0 if plan.integrator == "semi_implicit_euler" else 0.5
+        self._hold(
+            *contacts_of(
+                scene,
+                shapes,
+                mechanism.chosen(mechanism.initially_active).tables,
+                {link: (joint, pose.translation) for link, (joint, pose) in places.items()},
+                (ahead, plan.period, FAR),
+            )
+        )
+        self._plan = np.array((0, len(SCHEMES[plan.integrator].weights), 0, 0, 0))
+        self._nearest = self._searches(shapes.polytopes)
         self._nothing = nothing_touching(mechanism.nv)
-        links = {shape.name: shape.link for shape in scene.shapes}
-        self._links = sorted({*links.values()} - {"world"})
-        places = [mechanism.link_place(link) for link in self._links]
-        self._carriers = np.array([joint for joint, _ in places])
-        self._origins = np.array([placement.translation for _, placement in places])
-        # 1 where a pair's force acts on a link, -1 where its reaction does.
-        self._acts = np.zeros((len(self._links), len(scene.contacts)))
-        for pair, contact in enumerate(scene.contacts):
-            for shape, sign in ((contact.a, 1.0), (contact.b, -1.0)):
-                if links[shape] != "world":
-                    self._acts[self._links.index(links[shape]), pair] += sign
+        self._last: Touching | None = None
 
     def advance(self, start: Start, pushes: Pushes, touching: Touching | None) -> Touched:
         """Advance by one period with pushes held.
@@ -87,137 +102,135 @@ class ContactStepper:
         Args:
             start: where.
             pushes: from outside.
-            touching: of the step before, whose forces the solver begins with.
+            touching: of the period before, whose forces the solver begins with.
+
+        Raises:
+            HapticMechError: as ``Simulator.step``.
         """
-        alone = self._untouched(start, pushes)
-        if alone is not None:
-            return alone
-        known = self._nothing if touching is None else touching
-        work_in = lost = work = 0.0
-        for _ in range(self._substeps):
-            stepped, known, energy, done = self._substep(start, pushes, known)
-            work_in, lost, work = work_in + stepped.work_in, lost + stepped.energy_lost, work + done
-            start = end_of(stepped, start)
-        return Touched(stepped._replace(work_in=work_in, energy_lost=lost), known, energy, work)
+        check_pushes(pushes, len(self._mechanism.point_names), self._mechanism.nv)
+        self._begin_with(touching)
+        self._push(pushes)
+        chosen, report = self._mechanism.chosen(start.active), self._contacts.report
+        took = self._call(chosen, start, pushes, self._substeps, WHOLE)
+        if took.code == 0 and took.stepped is not None:
+            return self._touched(took.stepped, report.item(TOTAL_WORK))
+        now, left, work_in, lost, work = start, self._substeps, 0.0, 0.0, 0.0
+        while True:
+            if took.code == UNDECIDED and not took.steps:
+                took = self._call(chosen.dense, now, pushes, 1, EACH)
+            stepped, steps = took.stepped, took.steps
+            if stepped is None:
+                # Of the dense factorisation nothing is undecided: the step needs care.
+                stepped, steps = self._careful(now, pushes), 1
+                work += report.item(WORK)
+            work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
+            now, left = end_of(stepped, start), left - steps
+            if not left:
+                stepped = stepped._replace(work_in=work_in, energy_lost=lost)
+                return self._touched(stepped, work + report.item(TOTAL_WORK))
+            took = self._call(chosen, now, pushes, left, EACH)
 
-    def _untouched(self, start: Start, pushes: Pushes) -> Touched | None:
-        """Do a period as if there were no contacts; None if anything may come near in it."""
-        search, period = self._search, self._step * self._substeps
-        search.place(start.q)
-        if search.near(start.v, period, FAR):
-            return None
-        stepped = self._whole.advance(start, pushes)
-        # What pushes may have made it fast enough to come near after all.
-        if search.near(stepped.v, period, FAR):
-            return None
-        return Touched(stepped, self._nothing, 0.0, 0.0)
+    def _hold(self, numbers: Array, values: Array) -> None:
+        """Take these arrays as the contacts'; views of their parts are found once."""
+        self._arrays = numbers, values
+        contacts = Contacts(numbers, values)
+        self._contacts = SimpleNamespace(**{name: getattr(contacts, name) for name in PARTS})
 
-    def _substep(self, start: Start, pushes: Pushes, before: Touching) -> Touched:
-        """Do a step of the integrator, with what touches in it."""
-        search, step = self._search, self._step
-        search.place(start.q)
-        motion = HeldMotion(self._mechanism, start, pushes, self._pull)
-        free = start.v + step * motion(start.q, start.v).acceleration
-        owners, points = search.points() if search.near(free, step) else (_NOBODY, _NOWHERE)
-        if not owners.size:
-            stepped = self._stepper.advance(start, pushes)
-            return Touched(stepped, self._nothing, 0.0, 0.0)
-        touching, report = self._forces(start, motion, free, owners, points, before)
-        on_links = self._on_links(points, touching, pushes.on_links)
-        stepped = self._stepper.advance(
-            start._replace(terms=motion.first), pushes._replace(on_links=on_links)
-        )
-        stepped = stepped._replace(work_in=stepped.work_in - report[COUNTED])
-        return Touched(stepped, touching, report[HELD], report[WORK])
+    def _begin_with(self, touching: Touching | None) -> None:
+        """Make points and forces those of the step before, if they are not."""
+        contacts, known = self._contacts, self._last
+        self._last = None
+        if touching is None or not touching.pairs.size:
+            contacts.counts[NOW] = 0
+        elif touching is not known:
+            count = len(touching.pairs)
+            contacts.counts[NOW] = count
+            contacts.owners[:count] = touching.pairs
+            contacts.points[:count, :3] = touching.points
+            contacts.forces[:count] = touching.forces
 
-    def _forces(
-        self,
-        start: Start,
-        motion: HeldMotion,
-        free: Array,
-        owners: Array,
-        points: Array,
-        before: Touching,
-    ) -> tuple[Touching, list[float]]:
-        """Return what touches, with its forces, and the solver's report."""
-        search, space = self._search, motion.first.space
-        forces, report = _guesses(owners, points, before), np.zeros(REPORT_VALUES)
-        contact_forces(
-            points,
-            owners,
-            search.pairs,
-            self._laws,
-            search.poses,
-            search.axes,
-            search.moves,
-            np.array(start.v),
-            free,
-            np.ascontiguousarray(space.factor),
-            np.ascontiguousarray(space.basis.T),
-            search.later_axes(start.q, 0.5 * self._step * (start.v + free)),
-            self._step,
-            self._ahead,
-            forces,
-            report,
-            np.empty(3 * len(points) * (start.v.size + 6 * len(points))),
-        )
-        found = report.tolist()
-        touching = Touching(
-            owners,
+    def _push(self, pushes: Pushes) -> None:
+        """Put wrenches on links behind those of contacts."""
+        self._plan[4] = len(pushes.on_links)
+        if pushes.on_links:
+            rows, first = self._stepper.on_links(pushes), len(self._links)
+            self._contacts.pushes[first : first + len(rows)] = rows
+
+    def _call(self, chosen: Chosen, start: Start, pushes: Pushes, count: int, phase: int) -> Took:
+        """Do substeps by the kernel until one needs care, or cannot be done sparse."""
+        stepper, plan = self._stepper, self._plan
+        known = stepper.load(start, chosen, pushes)
+        plan[0], plan[2], plan[3] = count, known is not None, phase
+        first, end = first_terms(known, chosen, count), np.empty(chosen.size)
+        constants, scratch, work = chosen.constants, chosen.scratch, stepper.work
+        while True:
+            code = advance_period(*constants, first, end, scratch, work, *self._arrays, plan)
+            if code == SEARCH:
+                self._search()
+            elif code == MORE_ROOM:
+                self._make_room()
+            else:
+                return stepper.took(code, chosen, start.active, end)
+            plan[0], plan[2], plan[3] = count - int(stepper.parts.account[5]), 1, SEARCHED
+
+    def _search(self) -> None:
+        """Find the nearest points of pairs that are near."""
+        contacts = self._contacts
+        poses, found, margins = contacts.poses, contacts.found, contacts.margins.tolist()
+        for pair, a, b, nearest in self._nearest:
+            if margins[pair] >= 0.0:
+                found[pair] = nearest.search(poses[a], poses[b])
+
+    def _make_room(self) -> None:
+        contacts = self._contacts
+        points = min(2 * int(contacts.counts[FOUND]), len(contacts.points))
+        self._hold(*with_room(*self._arrays, points))
+
+    def _careful(self, start: Start, pushes: Pushes) -> Stepped:
+        """Do the substep that the kernel stopped before, contacts held."""
+        contacts = self._contacts
+        if not contacts.counts[NOW]:
+            return self._stepper.careful_substep(start, pushes)
+        on_links = dict(pushes.on_links)
+        for link, row in zip(self._links, contacts.pushes, strict=False):
+            on_links[link] = on_links[link] + row[4:] if link in on_links else row[4:].copy()
+        stepped = self._stepper.careful_substep(start, pushes._replace(on_links=on_links))
+        return stepped._replace(work_in=stepped.work_in - contacts.report.item(COUNTED))
+
+    def _touched(self, stepped: Stepped, work: float) -> Touched:
+        """Return a period's outcome with what is known of its last substep."""
+        contacts = self._contacts
+        count = int(contacts.counts[NOW])
+        if not count:
+            return Touched(stepped, self._nothing, 0.0, work)
+        points = contacts.points[:count].copy()
+        report = contacts.report.tolist()
+        self._last = touching = Touching(
+            contacts.owners[:count].copy(),
             points[:, :3],
             points[:, 3:6],
             points[:, 6],
-            forces,
-            search.poses[search.pairs[owners, 0], 9:],
-            np.empty(free.size),
-            int(found[SWEEPS]),
-            found[OFF],
+            contacts.forces[:count].copy(),
+            contacts.origins[:count].copy(),
+            contacts.joint_force.copy(),
+            int(report[SWEEPS]),
+            report[OFF],
         )
-        return touching, found
+        return Touched(stepped, touching, report[HELD], work)
 
-    def _on_links(
-        self, points: Array, touching: Touching, pushed: Mapping[str, Array]
-    ) -> dict[str, Array]:
-        """Return what pushes on links and what contacts do to them, at their frames' origins.
+    def _searches(
+        self, polytopes: tuple[Polytope | None, ...]
+    ) -> list[tuple[int, int, int, Nearest]]:
+        """Return per pair whose nearest points are searched for its index, shapes, and search."""
+        pairs, shapes = self._contacts.pairs, self._mechanism.scene.shapes
+        if not pairs[:, NEEDS_SEARCH].any():
+            return []
+        # Here, so that a scene with nothing but half-spaces needs no search.
+        from hapticmech_ros.contact.nearest import Nearest
 
-        Fills ``touching.joint_force``.
-        """
-        search = self._search
-        wrenches = np.empty((len(self._links), 6))
-        contact_effects(
-            points,
-            touching.forces,
-            touching.pairs,
-            search.pairs,
-            search.axes,
-            search.moves,
-            self._acts,
-            self._carriers,
-            self._origins,
-            search.joint_poses,
-            touching.joint_force,
-            wrenches,
-        )
-        on_links = dict(pushed)
-        for link, wrench in zip(self._links, wrenches, strict=True):
-            if wrench.any():
-                on_links[link] = on_links[link] + wrench if link in on_links else wrench
-        return on_links
-
-
-def _law(contact: ContactPair) -> tuple[float, float, float, float]:
-    """Return k, d, μ and χ of a pair, in the order that the solver has them."""
-    return contact.stiffness, contact.damping, contact.friction, contact.dissipation
-
-
-def _guesses(owners: Array, points: Array, before: Touching) -> Array:
-    """Return (n, 3) the forces of the step before at the nearest points of the same pairs."""
-    if owners.size == before.pairs.size and (owners == before.pairs).all():
-        return before.forces.copy()
-    forces = np.zeros((len(owners), 3))
-    for index, pair in enumerate(owners):
-        known = np.flatnonzero(before.pairs == pair)
-        if known.size:
-            away = before.points[known] - points[index, :3]
-            forces[index] = before.forces[known[np.argmin((away * away).sum(axis=1))]]
-    return forces
+        found = []
+        for pair in np.flatnonzero(pairs[:, NEEDS_SEARCH]).tolist():
+            a, b = pairs[pair, SHAPE_A].item(), pairs[pair, SHAPE_B].item()
+            search = Nearest(shapes[a], shapes[b], (polytopes[a], polytopes[b]))
+            found.append((pair, a, b, search))
+        return found

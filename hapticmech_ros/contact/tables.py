@@ -1,4 +1,4 @@
-"""Shapes of a scene as arrays that kernels take."""
+"""Model and data of a scene's contacts as the arrays that kernels take."""
 
 from __future__ import annotations
 
@@ -7,19 +7,35 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import SIZES
 from hapticmech_ros.contact.hull import Polytope, box
-from hapticmech_ros.contact.shape_kernels import (
+from hapticmech_ros.contact.layout import (
+    BOX_VALUES,
     CAPSULE,
+    COUNTS,
     CYLINDER,
+    FIRST_ROOM,
+    FOUND_VALUES,
     HALF_SIZE,
     HALF_SPACE,
+    JOINT,
+    KIND,
     MIDDLE,
+    MOST_POINTS,
+    PARTS,
+    POINT_VALUES,
     POLYTOPE,
+    PUSH_VALUES,
+    REPORT_VALUES,
     SHAPE_VALUES,
     SPHERE,
+    Contacts,
+    room_size,
 )
+from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.model import TreeModel, se3
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from hapticmech_ros.scene.document import Scene
 
 
 @dataclass(frozen=True)
@@ -44,11 +60,6 @@ class ShapeTables:
     corners: Array
     normals: Array
     polytopes: tuple[Polytope | None, ...]
-
-    @property
-    def of_touching(self) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """What ``touching_points`` takes."""
-        return self.numbers, self.values, self.vertices, self.faces, self.corners, self.normals
 
 
 def shape_tables(shapes: tuple[Shape, ...], tree: TreeModel) -> ShapeTables:
@@ -122,3 +133,104 @@ def _polytopes(shapes: tuple[Shape, ...]) -> tuple[Polytope | None, ...]:
         if isinstance(shape.geometry, Box):
             found[index] = box(shape.geometry.size)
     return tuple(found.get(index) for index in range(len(shapes)))
+
+
+def contacts_of(
+    scene: Scene,
+    shapes: ShapeTables,
+    tables: Tables,
+    places: dict[str, tuple[int, Array]],
+    settings: tuple[float, float, float],
+) -> tuple[Array, Array]:
+    """Return the two arrays of a :class:`Contacts`, its data at zero.
+
+    Args:
+        scene: whose contacts.
+        shapes: the scene's shapes.
+        tables: the mechanism's, with any set of closures.
+        places: per link with shapes the joint that carries it, and its origin (3,) there, m.
+        settings: see :class:`Contacts`.
+    """
+    nq, nv, joints = tables.nq, tables.nv, tables.joints
+    place = {shape.name: index for index, shape in enumerate(scene.shapes)}
+    links = {shape.name: shape.link for shape in scene.shapes}
+    named = list(places)
+    acts = np.zeros((len(named), len(scene.contacts)))
+    pairs = np.zeros((len(scene.contacts), 5), dtype=np.int64)
+    for index, contact in enumerate(scene.contacts):
+        both = [place[contact.a], place[contact.b]]
+        searched = HALF_SPACE not in shapes.numbers[both, KIND]
+        pairs[index] = *both, *shapes.numbers[both, JOINT], searched
+        for shape, sign in ((contact.a, 1.0), (contact.b, -1.0)):
+            if links[shape] in places:
+                acts[named.index(links[shape]), index] += sign
+    most = MOST_POINTS * len(pairs)
+    parts = {
+        "shapes": shapes.numbers,
+        "pairs": pairs,
+        "faces": shapes.faces,
+        "corners": shapes.corners,
+        "carriers": np.array([joint for joint, _ in places.values()], dtype=np.int64),
+        "counts": np.zeros(COUNTS, dtype=np.int64),
+        "owners": np.zeros(most, dtype=np.int64),
+        "owners_before": np.zeros(most, dtype=np.int64),
+        "shape_values": shapes.values,
+        "vertices": shapes.vertices,
+        "normals": shapes.normals,
+        "laws": np.array(
+            [(c.stiffness, c.damping, c.friction, c.dissipation) for c in scene.contacts]
+        ),
+        "moves": _moves(joints, nv),
+        "acts": acts,
+        "link_origins": np.array([origin for _, origin in places.values()]).reshape(-1, 3),
+        "settings": np.array(settings),
+        "axes": np.zeros((nv, 6)),
+        "poses": np.zeros((len(scene.shapes), 12)),
+        "boxes": np.zeros((len(scene.shapes), BOX_VALUES)),
+        "margins": np.zeros(len(pairs)),
+        "found": np.zeros((len(pairs), FOUND_VALUES)),
+        "points": np.zeros((most, POINT_VALUES)),
+        "forces": np.zeros((most, 3)),
+        "points_before": np.zeros((most, POINT_VALUES)),
+        "forces_before": np.zeros((most, 3)),
+        "free": np.zeros(nv),
+        "change": np.zeros(nv),
+        "origins": np.zeros((most, 3)),
+        "q": np.zeros(nq),
+        "joint_force": np.zeros(nv),
+        "report": np.zeros(REPORT_VALUES),
+        "begun": np.zeros(nq + nv),
+        "pushes": np.zeros((len(named) + len(scene.links), PUSH_VALUES)),
+        "frames": np.zeros((most, 9)),
+        "room": np.zeros(room_size(min(most, FIRST_ROOM), nv)),
+    }
+    return _folded(parts)
+
+
+def with_room(numbers: Array, values: Array, points: int) -> tuple[Array, Array]:
+    """Return the two arrays with room for so many points."""
+    contacts = Contacts(numbers, values)
+    parts = {name: getattr(contacts, name) for name in PARTS}
+    return _folded(parts | {"room": np.zeros(room_size(points, contacts.free.size))})
+
+
+def _folded(parts: dict[str, Array]) -> tuple[Array, Array]:
+    """Return parts one after the other, and where each one is."""
+    whole = [np.zeros(SIZES + 3 * len(PARTS), dtype=np.int64)]
+    real: list[Array] = []
+    for name, part in PARTS.items():
+        kept, values = whole if part.whole else real, parts[name]
+        columns = values.shape[1] if part.dimensions == 2 else 1
+        whole[0][part.at : part.at + 3] = sum(one.size for one in kept), len(values), columns
+        kept.append(values.ravel())
+    return np.concatenate(whole), np.concatenate(real)
+
+
+def _moves(joints: Array, nv: int) -> Array:
+    """Return (joints, nv) 1 where a rate moves a joint, 0 elsewhere."""
+    moves = np.zeros((len(joints), nv))
+    for joint, (parent, first, count, *_) in enumerate(joints.tolist()):
+        if joint:
+            moves[joint] = moves[parent]
+            moves[joint, first : first + count] = 1.0
+    return moves

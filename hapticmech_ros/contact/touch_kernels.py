@@ -11,15 +11,20 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, kernel, local, local_whole, shaped
+from hapticmech_ros.compilation import inner, local, local_whole, shaped
 from hapticmech_ros.contact.clip_kernels import MOST_BELOW, along_edges, below_plane, on_face
-from hapticmech_ros.contact.shape_kernels import HALF_SIZE, HALF_SPACE, KIND, face_normal, support
+from hapticmech_ros.contact.layout import (
+    HALF_SIZE,
+    HALF_SPACE,
+    KIND,
+    MOST_POINTS,
+    SHAPE_A,
+    SHAPE_B,
+    Contacts,
+)
+from hapticmech_ros.contact.shape_kernels import face_normal, support
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 
-# Points of a pair, and what is known of each: position, normal, depth.
-MOST_POINTS, POINT_VALUES = 4, 7
-# What the search for the nearest points gives: normal from a to b, distance, both points.
-FOUND_VALUES = 10
 # A face counts as what touches if it faces the other shape to within this angle, rad: at smaller
 # ones the search for the nearest points tells edges from faces by chance. It does as well if the
 # shapes are as far apart along its normal, to this share of their distance and of their size.
@@ -120,22 +125,13 @@ def _chosen(
 
 
 @inner
-def _face_between(
-    numbers: Array,
-    values: Array,
-    vertices: Array,
-    normals: Array,
-    poses: Array,
-    a: int,
-    b: int,
-    found: Array,
-    normal: Array,
-) -> int:
+def _face_between(contacts: Contacts, a: int, b: int, found: Array, normal: Array) -> int:
     """Return whose face two bounded shapes touch on: 1 for b's, -1 for a's, 0 for none.
 
     ``normal`` becomes the outward one of that face.
     """
     direction, trial, down = local(3), local(3), local(3)
+    values = contacts.shape_values
     size = min(_size(values[a]), _size(values[b]))
     least = found[3] - _FACE_SHARE * abs(found[3]) - _FACE_SLACK * size
     best, side = -np.inf, 0
@@ -143,12 +139,12 @@ def _face_between(
         base, other, sign = (b, a, -1.0) if turn == 0 else (a, b, 1.0)
         for i in range(3):
             direction[i] = sign * found[i]
-        if face_normal(numbers[base], normals, poses[base], direction, trial):
+        if face_normal(contacts, base, direction, trial):
             cosine = dot(direction, trial)
             for i in range(3):
                 down[i] = -trial[i]
-            own, _ = support(numbers[base], values[base], vertices, poses[base], trial)
-            facing, _ = support(numbers[other], values[other], vertices, poses[other], down)
+            own, _ = support(contacts, base, trial)
+            facing, _ = support(contacts, other, down)
             apart = -own - facing
             close = cosine > 1.0 - 0.5 * _FACING * _FACING or apart >= least
             if close and apart > best:
@@ -165,49 +161,30 @@ def _size(values: Array) -> float:
 
 @inner
 def _touching(
-    numbers: Array,
-    values: Array,
-    vertices: Array,
-    faces: Array,
-    corners: Array,
-    normals: Array,
-    poses: Array,
-    a: int,
-    b: int,
-    margin: float,
-    found: Array,
-    points: Array,
+    contacts: Contacts, a: int, b: int, margin: float, found: Array, points: Array
 ) -> int:
     """Fill ``points`` (4, 7) with where shapes a and b touch, and return how many there are."""
     above = shaped(local(MOST_BELOW * 3), (MOST_BELOW, 3))
-    depths = local(MOST_BELOW)
+    depths, shapes = local(MOST_BELOW), contacts.shapes
     normal = local(3)
-    lies_on_b = numbers[b, KIND] == HALF_SPACE
-    if lies_on_b or numbers[a, KIND] == HALF_SPACE:
+    lies_on_b = shapes[b, KIND] == HALF_SPACE
+    if lies_on_b or shapes[a, KIND] == HALF_SPACE:
         plane, other = (b, a) if lies_on_b else (a, b)
         for i in range(3):
-            normal[i] = poses[plane, 6 + i]
-        count = below_plane(
-            numbers, values, vertices, faces, corners, normals, poses, plane, other, margin,
-            above, depths,
-        )  # fmt: skip
+            normal[i] = contacts.poses[plane, 6 + i]
+        count = below_plane(contacts, plane, other, margin, above, depths)
         return _chosen(above, depths, count, normal, lies_on_b, points)
-    side = _face_between(numbers, values, vertices, normals, poses, a, b, found, normal)
+    side = _face_between(contacts, a, b, found, normal)
     if side != 0:
         base, other = (b, a) if side > 0 else (a, b)
-        count = on_face(
-            numbers, values, vertices, faces, corners, normals, poses, base, other, normal,
-            margin, above, depths,
-        )  # fmt: skip
+        count = on_face(contacts, base, other, normal, margin, above, depths)
         if count > 0:
             return _chosen(above, depths, count, normal, side > 0, points)
     if found[3] > margin:
         return 0
     for i in range(3):
         normal[i] = -found[i]
-    count = along_edges(
-        numbers, values, vertices, faces, corners, normals, poses, a, b, normal, above, depths
-    )
+    count = along_edges(contacts, a, b, normal, above, depths)
     if count == 0:
         for i in range(3):
             above[0, i] = found[4 + i]
@@ -216,49 +193,25 @@ def _touching(
     return _chosen(above, depths, count, normal, True, points)
 
 
-@kernel(
-    "i8(i8[:, ::1], f8[:, ::1], f8[:, ::1], i8[:, ::1], i8[::1], f8[:, ::1], f8[:, ::1],"
-    " i8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], i8[::1])"
-)
-def touching_points(
-    numbers: Array,
-    values: Array,
-    vertices: Array,
-    faces: Array,
-    corners: Array,
-    normals: Array,
-    poses: Array,
-    pairs: Array,
-    margins: Array,
-    found: Array,
-    points: Array,
-    owners: Array,
-) -> int:
-    """Fill ``points`` with where pairs of shapes touch, and return how many there are.
+@inner
+def touching_points(contacts: Contacts) -> int:
+    """Fill ``points`` and ``owners`` with where the pairs that are near touch; return how many.
 
-    Args:
-        numbers: (shapes, 6) of the shapes; this and the next five are of ``ShapeTables``.
-        values: (shapes, 20).
-        vertices: (v, 3), m.
-        faces: (f, 2).
-        corners: (c,).
-        normals: (f, 3).
-        poses: (shapes, 12) in the world.
-        pairs: (pairs, 4) indices of shapes a and b, and what is not looked at here.
-        margins: (pairs,) m, gap up to which points count, with negative depth; -1 for none.
-        found: (pairs, 10) nearest points; not looked at if one shape is a half-space.
-        points: (4 pairs, 7) to fill: position, m, midway between both surfaces; unit normal from b
-            to a; depth.
-        owners: (4 pairs,) to fill: pair of each point.
+    ``poses``, ``margins`` and, of pairs that have to be searched for, ``found`` are given.
     """
-    count = 0
+    margins, pairs, points, count = contacts.margins, contacts.pairs, contacts.points, 0
+    found, owners = contacts.found, contacts.owners
     for pair in range(pairs.shape[0]):
         if margins[pair] < 0.0:
             continue
         more = _touching(
-            numbers, values, vertices, faces, corners, normals, poses, pairs[pair, 0],
-            pairs[pair, 1], margins[pair], found[pair], points[count:],
-        )  # fmt: skip
+            contacts,
+            pairs[pair, SHAPE_A],
+            pairs[pair, SHAPE_B],
+            margins[pair],
+            found[pair],
+            points[count:],
+        )
         for k in range(count, count + more):
             owners[k] = pair
         count += more

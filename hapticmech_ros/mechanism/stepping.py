@@ -66,32 +66,12 @@ _NO_SAMPLES = np.zeros((0, 0))
 _NO_PUSHES = np.zeros((0, 10))
 
 
-class _Took(NamedTuple):
+class Took(NamedTuple):
     """What a call of the kernel did: why it ended, how many steps, and their end if there are."""
 
     code: int
     steps: int
     stepped: Stepped | None
-
-
-class Room(NamedTuple):
-    """What the kernel of a step works on; see ``run_kernels.advance``.
-
-    Attributes:
-        work: a ``step_kernels.Work``.
-        springs: of implicit rules.
-        stages: of the rule.
-        implicit: 1 for an implicit rule.
-        parts: views of the work.
-        heeded: what of singular positions ends a run.
-    """
-
-    work: Array
-    springs: Array
-    stages: int
-    implicit: int
-    parts: SimpleNamespace
-    heeded: int
 
 
 class Stepper:
@@ -100,6 +80,14 @@ class Stepper:
     Args:
         mechanism: to step.
         plan: how.
+
+    Attributes:
+        work: see ``step_kernels.Work``.
+        parts: views of the work's parts.
+        springs: of implicit rules; see ``implicit_kernels.Springs``.
+        stages: of the rule.
+        implicit: 1 for an implicit rule.
+        heeded: what of singular positions ends a run; see ``run_kernels``.
     """
 
     def __init__(self, mechanism: Mechanism, plan: Plan) -> None:
@@ -108,12 +96,12 @@ class Stepper:
         self._step = plan.period / plan.substeps
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
         scheme = SCHEMES[plan.integrator]
-        self._springs = np.zeros(springs_size(nv) if scheme.implicit else 0)
-        self._work = np.zeros(work_size(nq, nv, points))
+        self.springs = np.zeros(springs_size(nv) if scheme.implicit else 0)
+        self.work = np.zeros(work_size(nq, nv, points))
         numbers = mechanism.chosen(mechanism.initially_active).constants[0]
-        work = Work(numbers, self._work)
+        work = Work(numbers, self.work)
         # Found once: each look at the work makes a view.
-        self._parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in PARTS})
+        self.parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in PARTS})
         self._counts = np.array((1, 0, len(scheme.weights), scheme.implicit, 0))
         self._pulled = pulled = plan.baumgarte_rate > 0.0
         most_open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
@@ -124,10 +112,8 @@ class Stepper:
         parts.settings[7] = scheme.corrected and nq != nv
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
         parts.scheme[: len(scheme.fractions), 1] = scheme.fractions
-        stages, implicit = len(scheme.weights), int(scheme.implicit)
-        heeded = HEEDLESS if pulled else EVERYTHING
-        # What the kernel of a step works on, for a kernel of more than that.
-        self.room = Room(self._work, self._springs, stages, implicit, parts, heeded)
+        self.stages, self.implicit = len(scheme.weights), int(scheme.implicit)
+        self.heeded = HEEDLESS if pulled else EVERYTHING
 
     def advance(self, start: Start, pushes: Pushes) -> Stepped:
         """Advance by one period with pushes held; see ``Simulator.step``."""
@@ -185,9 +171,9 @@ class Stepper:
             took = self._call(dense, start, pushes, 1, _NO_SAMPLES, 0)
             if took.stepped is not None:
                 return took.stepped
-        return self._careful_substep(start, pushes)
+        return self.careful_substep(start, pushes)
 
-    def _careful_substep(self, start: Start, pushes: Pushes) -> Stepped:
+    def careful_substep(self, start: Start, pushes: Pushes) -> Stepped:
         """Do a step; with care where branches of the motion cross, or nearly do.
 
         There closures gain rank in a step, or keep a σ that says little of the direction.
@@ -242,7 +228,7 @@ class Stepper:
 
     def _part(self, start: Start, pushes: Pushes, step: float) -> Stepped:
         """Do a step of another length."""
-        settings = self._parts.settings
+        settings = self.parts.settings
         settings[0] = step
         try:
             return self._substep(start, pushes)
@@ -273,13 +259,42 @@ class Stepper:
         samples: Array,
         apart: int,
         heeded: int = EVERYTHING,
-    ) -> _Took:
+    ) -> Took:
         """Do steps by the kernel until one needs care, or cannot be done sparse.
 
         Raises:
             HapticMechError: a step failed.
         """
-        parts, known, counts = self._parts, _known(start, chosen), self._counts
+        counts = self._counts
+        known = self.load(start, chosen, pushes, heeded)
+        counts[0], counts[1], counts[4] = count, apart, known is not None
+        end = np.empty(chosen.size)
+        first = first_terms(known, chosen, count)
+        code = advance(
+            *chosen.constants,
+            first,
+            end,
+            chosen.scratch,
+            self.work,
+            self.springs,
+            self.on_links(pushes),
+            samples,
+            counts,
+        )
+        return self.took(code, chosen, start.active, end)
+
+    def load(
+        self, start: Start, chosen: Chosen, pushes: Pushes, heeded: int = EVERYTHING
+    ) -> Array | None:
+        """Put where steps start, and what pushes, into the work; return known terms, if any.
+
+        Args:
+            start: where.
+            chosen: the closures, and the kind of factorisation.
+            pushes: from outside; those on links are left to :meth:`on_links`.
+            heeded: see ``run_kernels``.
+        """
+        parts = self.parts
         parts.q0[:] = start.q
         parts.v0[:] = start.v
         parts.wrenches[:] = pushes.wrenches
@@ -288,41 +303,40 @@ class Stepper:
         parts.settings[8] = HEEDLESS if self._pulled else heeded
         account = parts.account
         account[0] = account[1] = account[5] = 0.0
-        counts[0], counts[1], counts[4] = count, apart, known is not None
-        end = np.empty(chosen.size)
-        # Others may hold what is known, and many steps use both arrays.
-        first = np.empty(chosen.size) if known is None else known if count == 1 else known.copy()
-        code = advance(
-            *chosen.constants,
-            first,
-            end,
-            chosen.scratch,
-            self._work,
-            self._springs,
-            self._on_links(pushes),
-            samples,
-            counts,
-        )
-        work_in, lost, _, stepped, moved, steps = account.tolist()
+        return _known(start, chosen)
+
+    def took(self, code: int, chosen: Chosen, active: Active, end: Array) -> Took:
+        """Return what a kernel did.
+
+        Args:
+            code: that it returned; a positive one that is no failure of ``settle`` ended it early.
+            chosen: the closures.
+            active: which they are.
+            end: packed terms that it filled, at the end or where it failed.
+
+        Raises:
+            HapticMechError: a step failed.
+        """
+        parts = self.parts
+        work_in, lost, _, stepped, moved, steps = parts.account.tolist()
         done = int(steps)
-        if code not in (SETTLED, NEEDS_CARE, UNDECIDED):
-            packed = end if done % 2 == 0 else first
-            raise self._failure(code, packed, start.active, stepped, moved)
+        if code not in (SETTLED, UNDECIDED) and code < NEEDS_CARE:
+            raise self._failure(code, end, active, stepped, moved)
         if done == 0:
-            return _Took(code, 0, None)
+            return Took(code, 0, None)
         if code == SETTLED:
             q, v = parts.q.copy(), parts.v.copy()
             closing = Closing(self._mechanism.tree, chosen, end, q)
         else:
             q, v = parts.q0.copy(), parts.v0.copy()
             closing = factored(self._mechanism.tree, chosen, q)
-        return _Took(code, done, Stepped(q, v, closing.error, closing, work_in, lost))
+        return Took(code, done, Stepped(q, v, closing.error, closing, work_in, lost))
 
     def _failure(
         self, code: int, packed: Array, active: Active, stepped: float, moved: float
     ) -> HapticMechError:
         """Return the error of a step that the kernel could not end."""
-        mechanism, parts, worst = self._mechanism, self._parts, float(packed.item(ERROR))
+        mechanism, parts, worst = self._mechanism, self.parts, float(packed.item(ERROR))
         names = mechanism.names_of(active)
         if code == OPEN:
             return came_apart(worst, names)
@@ -338,9 +352,9 @@ class Stepper:
         return failure(code, mechanism.tree)
 
     def _turned(self, index: int) -> bool:
-        return self._mechanism.on_wrong_branch(index, self._parts.q)
+        return self._mechanism.on_wrong_branch(index, self.parts.q)
 
-    def _on_links(self, pushes: Pushes) -> Array:
+    def on_links(self, pushes: Pushes) -> Array:
         """Return (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``."""
         if not pushes.on_links:
             return _NO_PUSHES
@@ -357,6 +371,14 @@ def _known(start: Start, chosen: Chosen) -> Array | None:
     if closing is None:
         return None
     return closing.packed if closing.chosen is chosen else None
+
+
+def first_terms(known: Array | None, chosen: Chosen, steps: int) -> Array:
+    """Return the packed terms that a kernel begins so many steps with: known, or to be filled."""
+    if known is None:
+        return np.empty(chosen.size)
+    # Others may hold what is known, and many steps use both arrays.
+    return known if steps == 1 else known.copy()
 
 
 def split_around(where: float) -> float:

@@ -92,7 +92,7 @@ class SessionLoop:
         self._counter = ConstraintCounter(scene.perception)
         self._carried: Array | None = None
         self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
-        self._room = self.simulator.stepper.room
+        self._stepper = self.simulator.stepper
         self._data = self._allocated()
         # Found once: each look at the data makes a view.
         self._parts = SimpleNamespace(**{name: getattr(self._data, name) for name in PARTS})
@@ -154,8 +154,8 @@ class SessionLoop:
         sizes = {
             "index": self._analyser.index,
             "steps": self.scene.simulation.substeps,
-            "stages": self._room.stages,
-            "implicit": self._room.implicit,
+            "stages": self._stepper.stages,
+            "implicit": self._stepper.implicit,
             "connected": int(channels is not None),
             "period_ns": nanoseconds(self.period),
             "heard": 1,
@@ -250,9 +250,9 @@ class SessionLoop:
 
     def _call(self, phases: int, inputs: Array, rows: Array, ticks: int = 1) -> int:
         """Do phases of ticks by the kernel; return why it ended."""
-        clock, room = self._clock, self._room
+        clock, stepper = self._clock, self._stepper
         clock[TICKS], clock[PHASES] = ticks, phases
-        room.parts.settings[8] = room.heeded
+        stepper.parts.settings[8] = stepper.heeded
         if phases & DEVICE:
             self._device_state = None
         if phases & MECHANISM:
@@ -260,8 +260,8 @@ class SessionLoop:
         return run_ticks(
             *self._constants,
             self._packed,
-            room.work,
-            room.springs,
+            stepper.work,
+            stepper.springs,
             self._data.numbers,
             self._data.data,
             inputs,

@@ -21,7 +21,7 @@ from hapticmech_ros.mechanism.stepping import Stepper
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.simulation.latching import Latches
-from hapticmech_ros.simulation.state import MechanismState, Trajectory
+from hapticmech_ros.simulation.state import EnergyAccount, MechanismState, Trajectory
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.stepping import ContactStepper, Touched
@@ -106,7 +106,7 @@ class Simulator:
             stepped = self.stepper.advance(self._start(state), pushes)
             return self._latch(self._ended(state, stepped, 1))
         touched = self._contacts.advance(self._start(state), pushes, state.touching)
-        return self._latch(self._touched(state, touched))
+        return self._latch(self._ended(state, touched.stepped, 1, touched))
 
     def run(
         self, state: MechanismState, steps: int, wrenches: Array | None = None, every: int = 1
@@ -188,28 +188,34 @@ class Simulator:
         terms = known[1] if known is not None and known[0] is state else None
         return Start(state.q, state.v, state.active, terms, self._closing(state))
 
-    def _ended(self, state: MechanismState, stepped: Stepped, steps: int) -> MechanismState:
-        """Return the state after some steps, and remember what is known there."""
+    def _ended(
+        self, state: MechanismState, stepped: Stepped, steps: int, touched: Touched | None = None
+    ) -> MechanismState:
+        """Return the state after some steps, and remember what is known there.
+
+        Args:
+            state: before.
+            stepped: what the steps did, without contacts' part in energies.
+            steps: how many.
+            touched: of a step with contacts.
+        """
         q, v, error, closing, work_in, lost = stepped
-        before = state.account
-        account = replace(
-            before, work_in=before.work_in + work_in, damping_loss=before.damping_loss + lost
+        before, touching, in_contact, held = state.account, None, state.account.contact_loss, 0.0
+        if touched is not None:
+            touching, held = touched.touching, touched.energy
+            in_contact += before.contact_energy - held - touched.work
+        account = EnergyAccount(
+            before.work_in + work_in,
+            before.damping_loss + lost,
+            before.latch_loss,
+            in_contact,
+            held,
         )
         time = state.time + steps * self.period
         q, v, released = _frozen(q), _frozen(v), state.released
-        ended = MechanismState(time, q, v, state.active, error, account, None, released)
+        ended = MechanismState(time, q, v, state.active, error, account, touching, released)
         self._projected = ended, closing
         return ended
-
-    def _touched(self, state: MechanismState, touched: Touched) -> MechanismState:
-        """Return the state after a step with contacts."""
-        ended = self._ended(state, touched.stepped, 1)
-        before, energy = ended.account, touched.energy
-        lost = before.contact_loss + before.contact_energy - energy - touched.work
-        account = replace(before, contact_loss=lost, contact_energy=energy)
-        after = replace(ended, account=account, touching=touched.touching)
-        self._projected = after, touched.stepped.closing
-        return after
 
     def closing(self, state: MechanismState) -> Closing:
         """Return the closures' terms at ``state``; asked twice for the same, it remembers."""

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from contact.test_felt import against_a_wall
+from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.contact_wrench import contact_wrench
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
+from oracles.contact_loop import ContactLoop
 from oracles.mechanism.stepping import ReadableSimulator
 from oracles.touching import G, broken_law
 
@@ -177,16 +179,23 @@ def test_the_readable_mechanism_moves_alike(name, substeps):
     """With contacts as without: Pinocchio's terms and NumPy's step lead to the same states."""
     document = document_of(against_a_wall(name, ROUGH))
     document["simulation"] |= {"substeps": substeps}
-    runs = []
-    for kind in (Simulator, ReadableSimulator):
-        sim = kind(scene_from_document(document))
-        state = sim.initial_state()
-        for _ in range(200):
-            state = sim.step(state, PUSH)
-        runs.append(state)
-    fast, readable = runs
+    sim, loop = Simulator(scene_from_document(document)), ContactLoop(scene_from_document(document))
+    fast, readable = sim.initial_state(), loop.alone.initial_state()
+    for _ in range(200):
+        fast = sim.step(fast, PUSH)
+        for _ in range(substeps):
+            readable = loop.step(readable, PUSH)
     assert fast.touching.pairs.size == 1
     assert fast.q == pytest.approx(readable.q, abs=1e-10)
     assert fast.v == pytest.approx(readable.v, abs=1e-8)
-    assert fast.touching.forces == pytest.approx(readable.touching.forces, abs=1e-6)
-    assert fast.account.contact_loss == pytest.approx(readable.account.contact_loss, abs=1e-10)
+    assert fast.touching.forces == pytest.approx(loop.forces, abs=1e-6)
+    assert fast.account.contact_loss == pytest.approx(loop.loss, abs=1e-10)
+
+
+def test_the_readable_mechanism_takes_no_step_with_contacts():
+    sim = ReadableSimulator(against_a_wall())
+    state = sim.initial_state()
+    with pytest.raises(HapticMechError, match="contacts"):
+        sim.step(state, PUSH)
+    with pytest.raises(HapticMechError, match="contacts"):
+        sim.run(state, 2, PUSH)

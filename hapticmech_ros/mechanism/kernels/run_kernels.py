@@ -93,6 +93,69 @@ def _is_near(start: Packed, space: Packed, limit: float) -> bool:
 
 
 @inner
+def begin_next(parts: Work) -> None:
+    """Make a step's end the start of the next one."""
+    q, q0, v, v0 = parts.q, parts.q0, parts.v, parts.v0
+    for i in range(q.size):
+        q0[i] = q[i]
+    for i in range(v.size):
+        v0[i] = v[i]
+
+
+@inner
+def step_once(
+    tables: Tables,
+    first: Packed,
+    known: bool,
+    stage_space: Packed,
+    last: Packed,
+    parts: Work,
+    spring_work: Array,
+    pushes: Array,
+    stages: int,
+    implicit: bool,
+) -> int:
+    """Do a step as ``parts.settings`` says what it heeds; one that is not done leaves no account.
+
+    Args:
+        tables: the mechanism's.
+        first: terms at the start, filled if ``known``.
+        known: whether they are.
+        stage_space: terms of stages.
+        last: terms at the end, to fill.
+        parts: see :class:`Work`.
+        spring_work: of implicit rules.
+        pushes: wrenches on links.
+        stages: of the rule.
+        implicit: whether it is an implicit one.
+
+    Returns:
+        See :func:`advance`.
+    """
+    heeded, limit, account = int(parts.settings[8]), 0.0, parts.account
+    if heeded == EVERYTHING and not known:
+        code = factor(tables, parts.q0, first)
+        if code < 0:
+            return code
+        known = True
+    if heeded != HEEDLESS:
+        limit = _care_limit(parts)
+    if heeded == EVERYTHING and first.tail[2] < limit:
+        return NEEDS_CARE
+    work_in, lost = account[0], account[1]
+    code = _advance(
+        tables, first, known, stage_space, last, parts, spring_work, pushes, stages, implicit, limit
+    )
+    if heeded == EVERYTHING and code == SETTLED and last.tail[3] > first.tail[3]:
+        code = NEEDS_CARE
+    if code == SETTLED:
+        account[5] += 1.0
+    else:
+        account[0], account[1] = work_in, lost
+    return code
+
+
+@inner
 def advance_many(
     tables: Tables,
     parts: Work,
@@ -110,45 +173,18 @@ def advance_many(
 ) -> int:
     """Do one step or many, with pushes held; see :func:`advance`, of whose plan the rest is."""
     first, last, stage_space = unpack(start, tables), unpack(end, tables), unpack(scratch, tables)
-    heeded, limit, sampled = int(parts.settings[8]), 0.0, 0
-    q, q0, v, v0, state = parts.q, parts.q0, parts.v, parts.v0, parts.state
-    account = parts.account
+    state, sampled = parts.state, 0
     for step in range(steps):
         if step > 0:
-            for i in range(q.size):
-                q0[i] = q[i]
-            for i in range(v.size):
-                v0[i] = v[i]
+            begin_next(parts)
             first, last, known = last, first, True
-        if heeded == EVERYTHING and not known:
-            code = factor(tables, q0, first)
-            if code < 0:
-                return code
-            known = True
-        if heeded != HEEDLESS:
-            limit = _care_limit(parts)
-        if heeded == EVERYTHING and first.tail[2] < limit:
-            return NEEDS_CARE
-        work_in, lost = account[0], account[1]
-        code = _advance(
-            tables,
-            first,
-            known,
-            stage_space,
-            last,
-            parts,
-            spring_work,
-            pushes,
-            stages,
-            implicit,
-            limit,
+        code = step_once(
+            tables, first, known, stage_space, last, parts, spring_work, pushes, stages, implicit
         )
-        if heeded == EVERYTHING and code == SETTLED and last.tail[3] > first.tail[3]:
-            code = NEEDS_CARE
         if code != SETTLED:
-            account[0], account[1] = work_in, lost
+            if step % 2 == 1:
+                put(end, start)
             return code
-        account[5] += 1.0
         if every > 0 and (step + 1) % every == 0:
             for i in range(state.size):
                 samples[sampled, i] = state[i]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import NoReturn
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.motion import (
     HeldMotion,
@@ -69,7 +71,7 @@ class ReadableStepper(Stepper):
         check_pushes(pushes, len(self._mechanism.point_names), self._mechanism.nv)
         work_in, energy_lost, substeps = 0.0, 0.0, self._plan.substeps
         for step in range(1, periods * substeps + 1):
-            stepped = self._careful_substep(start, pushes)
+            stepped = self.careful_substep(start, pushes)
             work_in += stepped.work_in
             energy_lost += stepped.energy_lost
             start = end_of(stepped, start)
@@ -121,8 +123,17 @@ class ReadableSimulator(Simulator):
         plan = plan_of(scene.simulation)
         self.stepper = ReadableStepper(mechanism, plan)
         self._latches = Latches(mechanism)
-        if self._contacts is not None:
-            self._contacts._mechanism = mechanism
-            self._contacts._whole = self.stepper
-            substep = plan._replace(period=plan.period / plan.substeps, substeps=1)
-            self._contacts._stepper = ReadableStepper(mechanism, substep)
+        if scene.contacts:
+            self._contacts = _Unable()
+
+
+class _Unable:
+    """Stands for steps with contacts, which kernels do alone."""
+
+    def advance(self, *_: object) -> NoReturn:
+        """Take no step.
+
+        Raises:
+            HapticMechError: always.
+        """
+        raise HapticMechError("steps with contacts are for kernels alone")

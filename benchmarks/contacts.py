@@ -1,0 +1,178 @@
+"""What contacts cost in a step: a pair out of reach, points on a floor, MuJoCo beside.
+
+``python -m benchmarks.contacts``: CPU times of calls from Python, a period each, taken in turn
+round by round, so that what else the machine does is met by all of them alike.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from hapticmech_ros.bench.speed.contender import initial_state
+from hapticmech_ros.bench.speed.mujoco_model import MujocoScene
+
+from hapticmech_ros.scene import Scene, document_of, load_scene, scene_from_document
+from hapticmech_ros.simulation import Simulator
+
+# Steps of a round; so many before the first one, for boxes to come to rest.
+STEPS, BEFORE = 200, 200
+SIZE, MASS = 0.1, 1.0
+LAW = {"stiffness": 1e5, "damping": 50.0, "friction": 0.5}
+FLOOR = {"name": "floor", "link": "world", "geometry": {"kind": "half_space"}}
+
+
+class Cost(NamedTuple):
+    """CPU times of a call, s: median and 90th percentile of the rounds."""
+
+    median: float
+    p90: float
+
+
+def out_of_reach(name: str, substeps: int) -> tuple[Scene, Scene]:
+    """Return a scene of the library with a ball 10 m above a floor, and without both."""
+    document: dict[str, Any] = document_of(load_scene(name))
+    document["simulation"] |= {"substeps": substeps}
+    low = {"xyz": [0.0, 0.0, -10.0]}
+    ball = {"name": "ball", "link": document["links"][-1]["name"]}
+    pair = {"name": "touch", "a": "ball", "b": "floor", **LAW}
+    shapes = [FLOOR | {"origin": low}, ball | {"geometry": {"kind": "sphere", "radius": 0.01}}]
+    with_pair = document | {"shapes": shapes, "contacts": [pair]}
+    return scene_from_document(with_pair), scene_from_document(document)
+
+
+def boxes_on_floor(count: int, touching: bool = True) -> Scene:
+    """Return boxes beside each other on a floor, four points each, or where there is none."""
+    moment = MASS * SIZE * SIZE / 6.0
+    names = [f"box{index}" for index in range(count)]
+    links = [
+        {
+            "name": name,
+            "joint": {"name": f"of_{name}", "type": "free"},
+            "inertial": {
+                "mass": MASS,
+                "inertia": dict.fromkeys(("ixx", "iyy", "izz"), moment),
+            },
+        }
+        for name in names
+    ]
+    box = {"kind": "box", "size": [SIZE] * 3}
+    shapes = [{"name": f"{name}_shape", "link": name, "geometry": box} for name in names]
+    pairs = [{"name": f"{name}_down", "a": f"{name}_shape", "b": "floor", **LAW} for name in names]
+    places = {
+        f"of_{name}": [2.0 * SIZE * index, 0.0, 0.5 * SIZE, 0.0, 0.0, 0.0, 1.0]
+        for index, name in enumerate(names)
+    }
+    return scene_from_document(
+        {
+            "format": "hapticmech-scene/1",
+            "name": f"boxes{count}",
+            "gravity": [0.0, 0.0, -9.81] if touching else [0.0, 0.0, 0.0],
+            "links": links,
+            "operational_points": [{"name": "held", "link": names[0]}],
+            "shapes": [FLOOR, *shapes] if touching else [],
+            "contacts": pairs if touching else [],
+            "initial_state": {"q": places},
+            "hand": {"kind": "constant_wrench"},
+        }
+    )
+
+
+def stepping(scene: Scene) -> Callable[[], None]:
+    """Return what steps a scene ``STEPS`` times from where it has come to rest."""
+    simulator = Simulator(scene)
+    calm = np.zeros((len(scene.operational_points), 6))
+    begun = simulator.initial_state()
+    for _ in range(BEFORE if scene.contacts else 0):
+        begun = simulator.step(begun, calm)
+
+    def call() -> None:
+        state = begun
+        for _ in range(STEPS):
+            state = simulator.step(state, calm)
+
+    return call
+
+
+def mj_stepping(scene: Scene) -> Callable[[], None]:
+    """Return what steps the same boxes in MuJoCo, called once a step from Python as well."""
+    import mujoco
+
+    bare = scene.model_copy(update={"contacts": (), "shapes": ()})
+    converted = MujocoScene(bare)
+    spec: Any = converted.spec
+    spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    spec.option.timestep = scene.simulation.period
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # Declared pairs alone: what is in the world against what moves.
+    for shape in scene.shapes:
+        if shape.link == "world":
+            kind, size = mujoco.mjtGeom.mjGEOM_PLANE, [0.0, 0.0, 1.0]
+        else:
+            kind, size = mujoco.mjtGeom.mjGEOM_BOX, [0.5 * SIZE] * 3
+        body = spec.worldbody if shape.link == "world" else spec.body(shape.link)
+        still = int(shape.link == "world")
+        body.add_geom(type=kind, size=size, contype=still, conaffinity=1 - still, mass=0.0)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = converted.state(initial_state(bare))
+    for _ in range(BEFORE):
+        mujoco.mj_step(model, data)
+    points = 4 * len(scene.contacts)
+    if data.ncon != points or not data.nefc:
+        raise RuntimeError(f"MuJoCo has {data.ncon} points where there are {points}")
+
+    def call() -> None:
+        for _ in range(STEPS):
+            mujoco.mj_step(model, data)
+
+    return call
+
+
+def measured(callers: dict[str, Callable[[], None]], rounds: int) -> dict[str, Cost]:
+    """Return what one step of each costs."""
+    times: dict[str, list[float]] = {name: [] for name in callers}
+    for _ in range(rounds):
+        for name, call in callers.items():
+            begun = time.process_time()
+            call()
+            times[name].append((time.process_time() - begun) / STEPS)
+    return {
+        name: Cost(*(float(np.quantile(one, share)) for share in (0.5, 0.9)))
+        for name, one in times.items()
+    }
+
+
+def main() -> None:
+    """Print a table, in µs a step."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=40, help="rounds that medians are of")
+    rounds = parser.parse_args().rounds
+    callers: dict[str, Callable[[], None]] = {}
+    for substeps in (1, 4):
+        pair, alone = out_of_reach("five_bar", substeps)
+        callers[f"five_bar, {substeps} substeps, pair out of reach"] = stepping(pair)
+        callers[f"five_bar, {substeps} substeps, no pair"] = stepping(alone)
+    for count in (1, 2):
+        boxes, points = boxes_on_floor(count), 4 * count
+        callers[f"{points} points on a floor"] = stepping(boxes)
+        callers[f"{points} points, no floor"] = stepping(boxes_on_floor(count, touching=False))
+        callers[f"{points} points, mj_step"] = mj_stepping(boxes)
+    costs = measured(callers, rounds)
+    for name, cost in costs.items():
+        print(f"{name:45} {1e6 * cost.median:8.1f} {1e6 * cost.p90:8.1f}")
+    for substeps in (1, 4):
+        near, free = (
+            costs[f"five_bar, {substeps} substeps, {which}"].median
+            for which in ("pair out of reach", "no pair")
+        )
+        print(
+            f"a pair out of reach, per substep of {substeps}: {1e6 * (near - free) / substeps:.2f}"
+        )
+
+
+if __name__ == "__main__":
+    main()

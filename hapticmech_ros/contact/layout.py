@@ -1,0 +1,130 @@
+"""Contacts of a mechanism as kernels take them: model and data, in two arrays.
+
+Made once with the mechanism. The model is what the scene says: shapes, pairs, laws. The data is
+what a step works on and leaves: where shapes are, which of them are near, points and forces.
+"""
+
+from __future__ import annotations
+
+from hapticmech_ros.compilation import Part, Structure, structure
+
+SPHERE, CAPSULE, CYLINDER, POLYTOPE, HALF_SPACE = 0, 1, 2, 3, 4
+# Columns of a shape's whole numbers.
+KIND, JOINT, FIRST_VERTEX, LAST_VERTEX, FIRST_FACE, LAST_FACE = 0, 1, 2, 3, 4, 5
+# Columns of its floats: its pose in the joint, then these; the middle and half-lengths of a box
+# about it, in its own axes.
+RADIUS, HALF_LENGTH, MIDDLE, HALF_SIZE, SHAPE_VALUES = 12, 13, 14, 17, 20
+# Points of a pair, and what is known of each: position, normal from b to a, depth.
+MOST_POINTS, POINT_VALUES = 4, 7
+# What the search for the nearest points gives: normal from a to b, distance, both points.
+FOUND_VALUES = 10
+# Of a bounding box: half-lengths, middle, and how far its shape can come, m.
+BOX_VALUES = 7
+# A wrench on a link, see ``motion_kernels.add_link_forces``.
+PUSH_VALUES = 10
+# Columns of a pair: shapes a and b, the joints that carry them, and whether its nearest points have
+# to be searched for: neither shape is a half-space.
+SHAPE_A, SHAPE_B, JOINT_A, JOINT_B, NEEDS_SEARCH = 0, 1, 2, 3, 4
+# Columns of a pair's law: k, N/m; d, N s/m; μ; χ, s/m.
+STIFFNESS, DAMPING, COULOMB, DISSIPATION = 0, 1, 2, 3
+# Of the counts: points in the last substep, in the one before, and those that lack room.
+NOW, BEFORE, FOUND, COUNTS = 0, 1, 2, 3
+# Of the settings: how far ahead in a step depths are taken, the period, s, and the share of their
+# size by which shapes are apart that a period leaves alone.
+AHEAD, PERIOD, FAR_SHARE, SETTINGS = 0, 1, 2, 3
+# Of a report on a substep: sweeps done, how far rates are from the law, m/s, energy held, work on
+# the mechanism as it moves and as the integrator counts it, J; and the work since the period began.
+SWEEPS, OFF, HELD, WORK, COUNTED, TOTAL_WORK, REPORT_VALUES = 0, 1, 2, 3, 4, 5, 6
+# Room for so many points at first; a scene where more touch gets more.
+FIRST_ROOM = 16
+
+
+@structure
+class Contacts(Structure):
+    """Model and data of contacts; s shapes, p pairs, l links with shapes, j joints with the world.
+
+    Attributes:
+        shapes: (s, 6) kind, joint that carries it, and where its vertices and faces are.
+        pairs: (p, 5) shapes a and b, the joints that carry them, and 1 for a search, else 0.
+        faces: (f, 2) first corner and number of corners, of all polytopes.
+        corners: (c,) vertices, in order around each face.
+        carriers: (l,) joint that carries each link.
+        counts: (3,) of points; see ``NOW``.
+        owners: (4 p,) pair of each point.
+        owners_before: (4 p,) in the substep before.
+        shape_values: (s, 20) pose in the joint, radius, half-length, middle and half-lengths of a
+            bounding box; see ``shape_kernels``.
+        vertices: (v, 3) of all polytopes, m, in the shape's frame.
+        normals: (f, 3) of faces, outward, in the shape's frame.
+        laws: (p, 4) k, N/m; d, N s/m; μ; χ, s/m.
+        moves: (j, nv) 1 where a rate moves a joint, 0 elsewhere.
+        acts: (l, p) 1 where a pair's force acts on a link, -1 where its reaction does.
+        link_origins: (l, 3) of the links' frames in their joints, m.
+        settings: (3,) 1/2, or 0 where positions move by h v⁺; period, s; share for far shapes.
+        axes: (nv, 6) joint axes at the substep's start, as twists about the world's origin.
+        poses: (s, 12) of shapes there, in the world: axes, then origin, m.
+        boxes: (s, 7) half-lengths and middle of a bounding box along the world's axes, and how far
+            the shape can come, m.
+        margins: (p,) m, gap up to which points of a pair count; -1 if it is far.
+        found: (p, 10) unit normal from a to b, distance, and both nearest points, m, world.
+        points: (4 p, 7) position, m, midway between both surfaces; unit normal from b to a; depth.
+        forces: (4 p, 3) on a, N, world axes.
+        points_before: (4 p, 7) of the substep before.
+        forces_before: (4 p, 3) likewise.
+        origins: (4 p, 3) of the frames of shapes a, m, world.
+        free: (nv,) rates at the substep's end without contacts.
+        change: (nv,) half of how far the substep goes.
+        q: (nq,) where that leads.
+        joint_force: (nv,) Σ J_cᵀ λ, N m or N.
+        report: (6,) see ``HELD``.
+        begun: (nq + nv,) state at the period's start.
+        pushes: (l + links, 10) what contacts do to links, then what else pushes on them.
+        frames: (4 p, 9) normal and tangents of points.
+        room: for the solver's matrices.
+    """
+
+    __slots__ = ()
+
+    shapes = Part(0, 2, whole=True)
+    pairs = Part(1, 2, whole=True)
+    faces = Part(2, 2, whole=True)
+    corners = Part(3, 1, whole=True)
+    carriers = Part(4, 1, whole=True)
+    counts = Part(5, 1, whole=True)
+    owners = Part(6, 1, whole=True)
+    owners_before = Part(7, 1, whole=True)
+    shape_values = Part(8, 2)
+    vertices = Part(9, 2)
+    normals = Part(10, 2)
+    laws = Part(11, 2)
+    moves = Part(12, 2)
+    acts = Part(13, 2)
+    link_origins = Part(14, 2)
+    settings = Part(15, 1)
+    axes = Part(16, 2)
+    poses = Part(17, 2)
+    boxes = Part(18, 2)
+    margins = Part(19, 1)
+    found = Part(20, 2)
+    points = Part(21, 2)
+    forces = Part(22, 2)
+    points_before = Part(23, 2)
+    forces_before = Part(24, 2)
+    free = Part(25, 1)
+    change = Part(26, 1)
+    q = Part(27, 1)
+    joint_force = Part(28, 1)
+    report = Part(29, 1)
+    begun = Part(30, 1)
+    pushes = Part(31, 2)
+    frames = Part(32, 2)
+    room = Part(33, 1)
+    origins = Part(34, 2)
+
+
+PARTS = {name: part for name, part in vars(Contacts).items() if isinstance(part, Part)}
+
+
+def room_size(points: int, nv: int) -> int:
+    """Return the length of the room that the solver needs for so many points."""
+    return 3 * points * (nv + 6 * points)

@@ -1,0 +1,304 @@
+"""A period of a mechanism that touches things, in one call.
+
+Forces at the points first, at the step's start and implicit in the rates at its end; then the
+integrator's step with them held as wrenches on the links. See ``solver_kernels``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.contact.effect_kernels import contact_effects
+from hapticmech_ros.contact.layout import (
+    BEFORE,
+    COUNTED,
+    FAR_SHARE,
+    FOUND,
+    NOW,
+    PERIOD,
+    REPORT_VALUES,
+    TOTAL_WORK,
+    WORK,
+    Contacts,
+)
+from hapticmech_ros.contact.near_kernels import near_pairs, needs_search, place_shapes
+from hapticmech_ros.contact.solver_kernels import contact_forces
+from hapticmech_ros.contact.touch_kernels import touching_points
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.factor_kernels import factor
+from hapticmech_ros.mechanism.kernels.manifold_kernels import move
+from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
+from hapticmech_ros.mechanism.kernels.run_kernels import (
+    NEEDS_CARE,
+    RATES_NOT_FINITE,
+    begin_next,
+    step_once,
+)
+from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
+from hapticmech_ros.mechanism.kernels.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.step_kernels import Work, find_rates, start_step
+from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.kernels.tree_kernels import place_tree
+
+# Points are looked for this many steps ahead: forces begin half a step before surfaces meet.
+STEPS_AHEAD = 1.5
+# Points count that are apart by this share of the shapes' size, moving or not.
+SLACK = 1e-3
+# What a call begins with: a period; a substep; or one whose nearest points have been searched for.
+WHOLE, EACH, SEARCHED = 0, 1, 2
+# Why a call ended early: nearest points have to be searched for; the solver has too little room.
+# Within a period: shapes may come near.
+SEARCH, MORE_ROOM, NEAR = 20, 21, 22
+
+
+@inner
+def _untouched(
+    tables: Tables,
+    start: Array,
+    end: Array,
+    stage_space: Packed,
+    parts: Work,
+    contacts: Contacts,
+    plan: Array,
+    pushes: Array,
+) -> int:
+    """Do a period as if there were no contacts; return NEAR where it cannot be done so.
+
+    NEAR is where shapes may come near in it, or a step needs care: all is as it was then. Terms at
+    the end, or of a failure, are in ``end``.
+    """
+    q0, v0, account, begun = parts.q0, parts.v0, parts.account, contacts.begun
+    substeps, stages, first = plan[0], plan[1], unpack(start, tables)
+    if plan[2] == 0:
+        code = factor(tables, q0, first)
+        if code < 0:
+            return code
+    span, share = STEPS_AHEAD * contacts.settings[PERIOD], contacts.settings[FAR_SHARE]
+    place_shapes(contacts, first)
+    if near_pairs(contacts, v0, span, share) > 0:
+        return NEAR
+    put(begun[: q0.size], q0)
+    put(begun[q0.size :], v0)
+    work_in, lost, done = account[0], account[1], account[5]
+    one, other, code, odd = first, unpack(end, tables), SETTLED, False
+    for step in range(substeps):
+        odd = step % 2 == 1
+        if step > 0:
+            begin_next(parts)
+            one, other = other, one
+        code = step_once(
+            tables, one, True, stage_space, other, parts, parts.held, pushes, stages, False
+        )
+        if code != SETTLED:
+            break
+    # What pushes may have made it fast enough to come near after all.
+    if code == SETTLED and near_pairs(contacts, parts.v, span, share) == 0:
+        contacts.counts[NOW] = 0
+        if odd:
+            put(end, start)
+        return SETTLED
+    if code not in (SETTLED, NEEDS_CARE, UNDECIDED):
+        if odd:
+            put(end, start)
+        return code
+    put(q0, begun[: q0.size])
+    put(v0, begun[q0.size :])
+    account[0], account[1], account[5] = work_in, lost, done
+    if substeps > 1:
+        code = factor(tables, q0, first)
+        if code < 0:
+            return code
+    return NEAR
+
+
+@inner
+def _approach(tables: Tables, first: Packed, parts: Work, contacts: Contacts, pushes: Array) -> int:
+    """Place the shapes, and look which of them are near; SETTLED, SEARCH, or how that failed."""
+    start_step(parts)
+    if not np.isfinite(dot(parts.v, parts.v)):
+        return RATES_NOT_FINITE
+    find_rates(tables, first, parts, 0.0, pushes, tables.result)
+    free, result, v0, step = contacts.free, tables.result, parts.v0, parts.settings[0]
+    for c in range(free.size):
+        free[c] = v0[c] + step * result[c]
+    place_shapes(contacts, first)
+    near = near_pairs(contacts, free, STEPS_AHEAD * step, SLACK)
+    return SEARCH if near > 0 and needs_search(contacts) else SETTLED
+
+
+@inner
+def _remember(contacts: Contacts) -> None:
+    """Keep points and forces of the substep before."""
+    count, counts = contacts.counts[NOW], contacts.counts
+    points, before = contacts.points, contacts.points_before
+    forces, forces_before = contacts.forces, contacts.forces_before
+    owners, owners_before = contacts.owners, contacts.owners_before
+    for k in range(count):
+        owners_before[k] = owners[k]
+        for i in range(3):
+            before[k, i], forces_before[k, i] = points[k, i], forces[k, i]
+    counts[BEFORE] = count
+
+
+@inner
+def _guess(contacts: Contacts, count: int) -> None:
+    """Fill ``forces`` with those of the substep before, at the nearest points of the same pairs."""
+    points, forces, owners = contacts.points, contacts.forces, contacts.owners
+    points_before, forces_before = contacts.points_before, contacts.forces_before
+    owners_before, known = contacts.owners_before, contacts.counts[BEFORE]
+    same = known == count
+    for k in range(count):
+        same = same and owners[k] == owners_before[k]
+    for k in range(count):
+        best, least = k if same else -1, np.inf
+        for j in range(0 if same else known):
+            if owners_before[j] == owners[k]:
+                away = 0.0
+                for i in range(3):
+                    away += (points_before[j, i] - points[k, i]) ** 2
+                if away < least:
+                    best, least = j, away
+        for i in range(3):
+            forces[k, i] = forces_before[best, i] if best >= 0 else 0.0
+
+
+@inner
+def _substep(
+    tables: Tables,
+    first: Packed,
+    known: bool,
+    stage_space: Packed,
+    last: Packed,
+    parts: Work,
+    contacts: Contacts,
+    stages: int,
+    searched: bool,
+    pushed: int,
+) -> int:
+    """Do a step of the integrator, with what touches in it."""
+    links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings[0]
+    pushes = contacts.pushes[links : links + pushed]
+    if not searched:
+        _remember(contacts)
+        if not known:
+            code = factor(tables, q0, first)
+            if code < 0:
+                return code
+        code = _approach(tables, first, parts, contacts, pushes)
+        if code != SETTLED:
+            return code
+    count, counts, report = touching_points(contacts), contacts.counts, contacts.report
+    if 3 * count * (tables.nv + 6 * count) > contacts.room.size:
+        counts[FOUND] = count
+        return MORE_ROOM
+    counts[NOW] = count
+    for i in range(REPORT_VALUES):
+        if i != TOTAL_WORK:
+            report[i] = 0.0
+    if count > 0:
+        _guess(contacts, count)
+        change, free = contacts.change, contacts.free
+        for c in range(change.size):
+            change[c] = 0.5 * step * (v0[c] + free[c])
+        move(tables, q0, change, contacts.q)
+        place_tree(tables, contacts.q, stage_space)
+        later = stage_space.joint_jacobian
+        contact_forces(tables, first, contacts, later, v0, step, count)
+        contact_effects(contacts, first.places, count)
+        pushes = contacts.pushes[: links + pushed]
+    code = step_once(
+        tables, first, True, stage_space, last, parts, parts.held, pushes, stages, False
+    )
+    if code == SETTLED:
+        parts.account[0] -= report[COUNTED]
+        report[TOTAL_WORK] += report[WORK]
+    return code
+
+
+@inner
+def advance_touching(
+    numbers: Array,
+    values: Array,
+    start: Array,
+    end: Array,
+    scratch: Array,
+    work: Array,
+    contact_numbers: Array,
+    contact_values: Array,
+    plan: Array,
+) -> int:
+    """Do a period, or what is left of one; see :func:`advance_period`."""
+    tables, parts = Tables(numbers, values), Work(numbers, work)
+    contacts = Contacts(contact_numbers, contact_values)
+    first, last, stage_space = unpack(start, tables), unpack(end, tables), unpack(scratch, tables)
+    substeps, stages, known, pushed = plan[0], plan[1], plan[2] != 0, plan[4]
+    searched = plan[3] == SEARCHED
+    if plan[3] == WHOLE:
+        links = contacts.carriers.size
+        contacts.report[TOTAL_WORK] = 0.0
+        pushes = contacts.pushes[links : links + pushed]
+        code = _untouched(tables, start, end, stage_space, parts, contacts, plan, pushes)
+        if code != NEAR:
+            return code
+        known = True
+    for step in range(substeps):
+        if step > 0:
+            begin_next(parts)
+            first, last, known, searched = last, first, True, False
+        code = _substep(
+            tables, first, known, stage_space, last, parts, contacts, stages, searched, pushed
+        )
+        if code != SETTLED:
+            # Terms at this substep's start are where they are looked for, or those of the failure.
+            if step % 2 == 1:
+                if code >= NEEDS_CARE:
+                    put(start, end)
+                else:
+                    put(end, start)
+            return code
+    if substeps % 2 == 0:
+        put(end, start)
+    return SETTLED
+
+
+@kernel("i8(i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], i8[::1], f8[::1], i8[::1])")
+def advance_period(
+    numbers: Array,
+    values: Array,
+    start: Array,
+    end: Array,
+    scratch: Array,
+    work: Array,
+    contact_numbers: Array,
+    contact_values: Array,
+    plan: Array,
+) -> int:
+    """Do a period with contacts, or what is left of one.
+
+    Args:
+        numbers: constants of the mechanism, whole ones.
+        values: the others; see ``tables.fold``.
+        start: packed terms at the start: to read where they are known, else to fill.
+        end: packed terms, to fill at the end.
+        scratch: packed terms of stages.
+        work: see ``step_kernels.Work``; ``q0`` and ``v0`` are the start, ``state`` the end, account
+            0, 1 and 5 add up.
+        contact_numbers: of the contacts, whole ones.
+        contact_values: the others; see ``layout.Contacts``.
+        plan: (5,) number of substeps, number of stages, 1 where terms at the start are known, what
+            it begins with (``WHOLE``, ``EACH``, ``SEARCHED``), and how many rows of ``pushes``
+            behind those of the contacts are wrenches from outside.
+
+    Returns:
+        0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of
+        the pairs near has to be filled, MORE_ROOM, where the room for ``counts[FOUND]`` points is
+        missing, or NEEDS_CARE and UNDECIDED, of which ``run_kernels.advance`` tells and where
+        points and forces are those of this substep: ``q0`` and ``v0`` are its start then, and
+        ``start`` has the terms there unless it is UNDECIDED. Or how a substep failed. Account 5 is
+        the number of substeps done.
+    """
+    return advance_touching(
+        numbers, values, start, end, scratch, work, contact_numbers, contact_values, plan
+    )

@@ -1,0 +1,75 @@
+"""Steps with contacts beside the kernel: Pinocchio's kinematics and the readable mechanism's steps.
+
+Near test, points and forces are the kernel's own functions, run as Python on what Pinocchio and the
+readable factorisation say; everything around them is independent of the kernel.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.contact.effect_kernels import contact_effects
+from hapticmech_ros.contact.layout import HELD, TOTAL_WORK, WORK, Contacts
+from hapticmech_ros.contact.near_kernels import near_pairs, place_shapes
+from hapticmech_ros.contact.solver_kernels import contact_forces
+from hapticmech_ros.contact.step_kernels import SLACK, STEPS_AHEAD
+from hapticmech_ros.contact.stepping import ContactStepper
+from hapticmech_ros.contact.touch_kernels import touching_points
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.kernels.tables import DENSE
+from oracles.mechanism.stepping import ReadableSimulator
+
+
+class ContactLoop:
+    """A scene with contacts, stepped a substep at a time."""
+
+    def __init__(self, scene):
+        plan = scene.simulation
+        self.step_size = plan.period / plan.substeps
+        single = plan.model_copy(update={"period": self.step_size, "substeps": 1})
+        update = {"contacts": (), "shapes": (), "simulation": single}
+        self.alone = ReadableSimulator(scene.model_copy(update=update))
+        self._model = self.alone.mechanism.model
+        # Of production nothing but the arrays that describe the scene.
+        stepper = ContactStepper(Mechanism(scene))
+        self.contacts, self._links = Contacts(*stepper._arrays), stepper._links
+        self.loss = self._held = 0.0
+        self.forces = np.zeros((0, 3))
+
+    def step(self, state, wrenches):
+        """Return the state a substep later."""
+        contacts, step, q, v = self.contacts, self.step_size, state.q, state.v
+        axes, places = self._kinematics(q)
+        place_shapes(contacts, SimpleNamespace(joint_jacobian=axes, places=places))
+        terms = self.alone.evaluate(state)
+        force = sum(w @ one.jacobian for w, one in zip(wrenches, terms.points, strict=True))
+        contacts.free[:] = v + step * terms.acceleration(force)[0]
+        near_pairs(contacts, contacts.free, STEPS_AHEAD * step, SLACK)
+        count, space, pushes = touching_points(contacts), terms.space, {}
+        contacts.report[:] = 0.0
+        if count:
+            halfway = pin.integrate(self._model, q, 0.5 * step * (v + contacts.free))
+            later, _ = self._kinematics(halfway)
+            tables = SimpleNamespace(nv=v.size, path=DENSE, along=np.zeros(space.rank))
+            metric = SimpleNamespace(
+                factor=space.factor, basis=np.array(space.basis.T), tail=(0.0, space.rank)
+            )
+            contact_forces(tables, metric, contacts, later, v, step, count)
+            contact_effects(contacts, places, count)
+            rows = contacts.pushes[: len(self._links), 4:]
+            pushes = {link: row.copy() for link, row in zip(self._links, rows, strict=True)}
+        held, work = contacts.report[HELD], contacts.report[WORK]
+        self.loss += self._held - held - work
+        self._held, self.forces = held, contacts.forces[:count].copy()
+        assert contacts.report[TOTAL_WORK] == 0.0
+        return self.alone.step(state, wrenches, pushes)
+
+    def _kinematics(self, q):
+        """Return joint axes (nv, 6) about the world's origin, and poses of joints (joints, 12)."""
+        data = self._model.createData()
+        pin.computeJointJacobians(self._model, data, q)
+        places = [np.concatenate((pose.rotation.T.ravel(), pose.translation)) for pose in data.oMi]
+        return np.ascontiguousarray(data.J.T), np.array(places)
