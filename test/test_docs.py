@@ -10,7 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.nodes.parameter_table import markdown as parameter_table
+from hapticmech_ros.session.run import run_layout
 from hapticmech_ros.wire.table import markdown
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,21 +43,39 @@ def test_the_table_of_parameters_is_the_codes() -> None:
     assert parameter_table() in (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8")
 
 
-def test_the_readme_program_runs(tmp_path: Path) -> None:
-    (program,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    script = tmp_path / "program.py"
+def output_of(program: str, place: Path) -> str:
+    """Return what a program prints that ends without an error."""
+    script = place / "program.py"
     script.write_text(program, encoding="utf-8")
     run = subprocess.run(
         [sys.executable, script],
         capture_output=True,
         text=True,
         timeout=60,
-        cwd=tmp_path,
+        cwd=place,
         check=False,
     )
     assert run.returncode == 0, run.stderr
-    assert "rank: 2" in run.stdout
-    assert "3.0 s: 2 constraint(s)" in run.stdout
+    return run.stdout
+
+
+def test_the_readme_program_runs(tmp_path: Path) -> None:
+    (program,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    printed = output_of(program, tmp_path)
+    assert "rank: 2" in printed
+    assert "3.0 s: 2 constraint(s)" in printed
+
+
+def test_programs_of_sessions_run_and_name_fields_that_there_are(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "sessions.md").read_text(encoding="utf-8")
+    one, long = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(output_of(one, tmp_path).splitlines()) >= 2
+    assert output_of(long, tmp_path).split()[-1] == "9.999"
+    width = Session(load_scene("two_link")).layout.size
+    assert (tmp_path / "run.f64").stat().st_size == 5000 * 8 * width
+    rows = re.findall(r"^\| (`.*?`) \|", text, re.MULTILINE)
+    named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    assert named | set(OPERATIONAL_MODEL) == set(run_layout(2, 2))
 
 
 def test_every_command_that_the_readme_names_exists() -> None:

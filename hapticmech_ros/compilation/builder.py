@@ -240,7 +240,7 @@ def _begin() -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    _end_with_parent()
     warnings.simplefilter("ignore")
     _kernels.update(import_all())
     # Numba makes millions of small objects, few of them in circles, and these processes end soon.
@@ -248,10 +248,16 @@ def _begin() -> None:
     gc.set_threshold(100_000, 50, 100)
 
 
+def _end_with_parent() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
 def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 if __name__ == "__main__":
+    # Nobody waits for it once who asked is gone: whoever needs the library next builds it.
+    _end_with_parent()
     warnings.simplefilter("ignore")
     build(sys.argv[1], Path(sys.argv[2]))

@@ -1,6 +1,10 @@
 """A build that fails is told in a sentence; what cannot be kept is used all the same."""
 
 import errno
+import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -21,6 +25,27 @@ def builder(monkeypatch, tmp_path):
         monkeypatch.setattr(library, "BUILDER", "another_builder")
 
     return replace
+
+
+def children(pid):
+    return Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+
+
+def gone(pid):
+    """Return whether a process has ended, be it that nobody has collected it yet."""
+    stat = Path(f"/proc/{pid}/stat")
+    return not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+def wait_for(condition, timeout=30.0):
+    """Return what a condition gives once that is true."""
+    until = time.monotonic() + timeout
+    while time.monotonic() < until:
+        found = condition()
+        if found:
+            return found
+        time.sleep(0.01)
+    raise AssertionError("not in time")
 
 
 def test_what_a_builder_says_last_is_the_reason(builder, alone):
@@ -60,9 +85,22 @@ def test_what_a_builder_has_started_ends_with_it(builder, alone, monkeypatch, tm
     )
     with pytest.raises(LibraryError, match=r"not done after 2 s"):
         library.library()
-    helper = Path(f"/proc/{told.read_text()}/stat")
-    # Gone, or waiting for whoever collects it.
-    assert not helper.exists() or helper.read_text().rpartition(")")[2].split()[0] == "Z"
+    assert gone(told.read_text())
+
+
+def test_the_builder_ends_with_who_asked_for_the_library(tmp_path):
+    """Killed with SIGKILL, a process can end nothing itself."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [
+        sys.executable,
+        "-c",
+        "from hapticmech_ros.compilation.library import library as l; l()",
+    ]
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as asks:
+        assert "compiling" in asks.stderr.readline()
+        (builder,) = wait_for(lambda: children(asks.pid))
+        asks.kill()
+        wait_for(lambda: gone(builder))
 
 
 def test_how_far_a_build_is_can_be_seen(builder, alone, monkeypatch, capfd):

@@ -51,7 +51,7 @@ def test_steps_by_kernels_are_the_same(document, integrator):
     q = off_the_closures(sims[0].mechanism, state, 1e-5)
     start = Start(q, state.v, state.active)
     pushes = Pushes(np.random.default_rng(0).normal(size=(len(sims[0].mechanism.point_names), 6)))
-    one, other = (sim._stepper.advance(start, pushes) for sim in sims)
+    one, other = (sim.stepper.advance(start, pushes) for sim in sims)
     terms = sims[0].mechanism.evaluate(q, state.v, state.active)
     close = 1e-12 * condition(terms.space)
     assert apart(other.q, one.q, 1.0) < close
@@ -68,7 +68,7 @@ def test_an_open_loop_closes_as_the_equation_says(kind):
     rate, period, steps = 40.0, 1e-3, 50
     sim = held(FIVE_BAR, period, kind)
     mechanism, state = sim.mechanism, sim.initial_state()
-    stepper = type(sim._stepper)(mechanism, Plan("rk4", period, baumgarte_rate=rate))
+    stepper = type(sim.stepper)(mechanism, Plan("rk4", period, baumgarte_rate=rate))
     q, v = off_the_closures(mechanism, state, 1e-3), np.zeros(state.v.size)
     first = mechanism.closing_terms(q, state.active).residual
     pushes = Pushes(np.zeros((len(mechanism.point_names), 6)))
@@ -103,10 +103,10 @@ def test_a_loop_that_is_lost_is_named(kind):
         q = off_the_closures(sim.mechanism, state, size * limit / sim.mechanism.length)
         start = Start(q, rests, state.active)
         if size < 1.0:
-            assert 0.0 < sim._stepper.advance(start, pushes).error < limit
+            assert 0.0 < sim.stepper.advance(start, pushes).error < limit
             continue
         with pytest.raises(ClosureError, match="came apart") as caught:
-            sim._stepper.advance(start, pushes)
+            sim.stepper.advance(start, pushes)
         assert caught.value.closures == ("pin",)
         assert caught.value.residual > limit
 

@@ -94,7 +94,7 @@ def test_steps_are_the_same(document, integrator):
     magnified = ROUNDING * condition(terms.space)
     for pushed in ({}, links):
         one, other = (
-            sim._stepper.advance(start_of(state), Pushes(push(sim), pushed))
+            sim.stepper.advance(start_of(state), Pushes(push(sim), pushed))
             for sim in (readable, found)
         )
         compare(one, other, magnified)
@@ -143,22 +143,22 @@ def test_wrenches_on_links_are_forgotten():
     _, sim = both(document, "rk4")
     start, wrenches = start_of(sim.initial_state()), push(sim)
     before, pushed, after = (
-        sim._stepper.advance(start, Pushes(wrenches, links))
+        sim.stepper.advance(start, Pushes(wrenches, links))
         for links in ({}, {link: np.ones(6)}, {})
     )
     assert after.v.tobytes() == before.v.tobytes()
     assert pushed.v.tobytes() != before.v.tobytes()
     links = {link: np.ones(6), "nothing": np.ones(6)}
     with pytest.raises(InvalidInputError, match="nothing"):
-        sim._stepper.advance(start, Pushes(wrenches, links))
-    assert sim._stepper.advance(start, Pushes(wrenches)).v.tobytes() == before.v.tobytes()
+        sim.stepper.advance(start, Pushes(wrenches, links))
+    assert sim.stepper.advance(start, Pushes(wrenches)).v.tobytes() == before.v.tobytes()
 
 
 def test_a_closing_of_the_step_is_that_of_its_state():
     for document in DOCUMENTS[::5]:
         _, sim = both(document, "rk2")
         state = sim.initial_state()
-        stepped = sim._stepper.advance(start_of(state), Pushes(push(sim)))
+        stepped = sim.stepper.advance(start_of(state), Pushes(push(sim)))
         anew = sim.mechanism.closing_terms(stepped.q, state.active)
         assert stepped.closing.error == anew.error == stepped.error
         assert stepped.closing.jacobian.tobytes() == anew.jacobian.tobytes()
@@ -168,9 +168,9 @@ def test_a_closing_of_the_step_is_that_of_its_state():
 def test_steps_leave_earlier_ones_alone():
     _, sim = both(DOCUMENTS[0], "rk4")
     first = sim.initial_state()
-    one = sim._stepper.advance(start_of(first), Pushes(push(sim)))
+    one = sim.stepper.advance(start_of(first), Pushes(push(sim)))
     held = one.q.tobytes(), one.v.tobytes(), one.closing.packed.tobytes()
-    sim._stepper.advance(start_of(first), Pushes(push(sim, 3)))
+    sim.stepper.advance(start_of(first), Pushes(push(sim, 3)))
     assert (one.q.tobytes(), one.v.tobytes(), one.closing.packed.tobytes()) == held
 
 
