@@ -6,9 +6,10 @@ joins, optimises and makes machine code of them. Nothing else takes part: no C c
 and nothing of what Numba's own library has for running programs, since kernels allocate nothing and
 raise nothing. Where one does, the build says so.
 
-``python -m hapticmech_ros.compilation.builder TARGET FILE``: TARGET is the processor to compile
-for, as LLVM calls it, ``host`` for this one; FILE is written as :func:`packed` says. A line is
-printed for each kernel that is done.
+``python -m hapticmech_ros.compilation.builder TARGET FILE PARENT``: TARGET is the processor to
+compile for, as LLVM calls it, ``host`` for this one; FILE is written as :func:`packed` says; PARENT
+is the process that waits for it, without which it ends. A line is printed for each kernel that is
+done.
 """
 
 from __future__ import annotations
@@ -259,5 +260,7 @@ def _processors() -> int:
 if __name__ == "__main__":
     # Nobody waits for it once who asked is gone: whoever needs the library next builds it.
     _end_with_parent()
+    if os.getppid() != int(sys.argv[3]):
+        sys.exit("who asked for the library is gone")
     warnings.simplefilter("ignore")
     build(sys.argv[1], Path(sys.argv[2]))

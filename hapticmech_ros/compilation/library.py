@@ -195,7 +195,7 @@ def _made() -> bytes:
         made = Path(place, NAME)
         paths = [str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
         with subprocess.Popen(
-            [sys.executable, "-m", BUILDER, _processor()[0], str(made)],
+            [sys.executable, "-m", BUILDER, _processor()[0], str(made), str(os.getpid())],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

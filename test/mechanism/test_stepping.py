@@ -226,7 +226,7 @@ class TestErrors:
     def test_a_loop_that_comes_apart_is_named(self, kind):
         document = pin_end(chain(LENGTHS, MASSES, INERTIAS), np.array([0.25, 0.0]))
         scene = scene_from_document(document | {"simulation": {"period": PERIOD}})
-        stepper = kind(scene)._stepper
+        stepper = kind(scene).stepper
         start = Start(np.array([0.3, 0.2, 0.1, -0.1]), np.zeros(4), (True,))
         with pytest.raises(ClosureError, match="came apart") as caught:
             stepper.advance(start, Pushes(np.zeros((len(scene.operational_points), 6))))
