@@ -86,17 +86,24 @@ def keep_bounds(safety: Array, command: Array, position: Array) -> None:
 
 
 @inner
-def stay_within(safety: Array, command: Array, position: Array) -> None:
-    """Change a command (6,) into what leaves; see :func:`apply_envelope`."""
-    last, finite = safety[LAST:STARTED], True
+def is_finite(safety: Array, command: Array) -> bool:
+    """Return whether a command (6,) is one; else make it zero, count it, and begin anew."""
+    finite = True
     for i in range(6):
         finite = finite and np.isfinite(command[i])
     if not finite:
         safety[NOT_FINITE] += 1.0
-        safety[STARTED] = 0.0
+        safety[LAST : STARTED + 1] = 0.0
         command[:] = 0.0
-        last[:] = 0.0
+    return bool(finite)
+
+
+@inner
+def stay_within(safety: Array, command: Array, position: Array) -> None:
+    """Change a command (6,) into what leaves; see :func:`apply_envelope`."""
+    if not is_finite(safety, command):
         return
+    last = safety[LAST:STARTED]
     safety[STARTED] += 1.0
     keep_bounds(safety, command, position)
     keep_slew(safety, command[:3], last[:3], safety[FORCE_SLEW], BY_FORCE_SLEW)
@@ -110,8 +117,9 @@ def stay_bounded(safety: Array, command: Array, position: Array) -> None:
 
     It may change at any rate: it only takes energy away, and later is too late for that.
     """
-    keep_bounds(safety, command, position)
-    put(safety[LAST:STARTED], command)
+    if is_finite(safety, command):
+        keep_bounds(safety, command, position)
+        put(safety[LAST:STARTED], command)
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1])")

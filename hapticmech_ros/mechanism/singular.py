@@ -19,7 +19,8 @@ from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.projection import Projected, project
+from hapticmech_ros.mechanism.tolerances import NEAR, PASSING, PROJECTION_TOLERANCE
 
 # How far from the singular position branches are looked for, rad or m: far enough that their
 # closures are well determined, near enough that they are straight.
@@ -101,3 +102,32 @@ def _branch_towards(
         return None
     moved = mechanism.difference(there, put_back.q)
     return put_back.closing.space, space.size(moved) < STRAIGHT * space.size(away)
+
+
+def split_around(where: float) -> float:
+    """Return at which share of a step to split it if it is next to a singular one at ``where``.
+
+    Both halves of a step by a rule of Runge and Kutta have stages at their ends and in the middle.
+    That share is then between two of them, and no nearer to one than a tenth of the step.
+    """
+    split = (4.0 * where - 1.0) / 3.0 if where < 0.5 else 4.0 * where / 3.0
+    return min(0.9, max(0.1, split))
+
+
+def care_limit(moved: float) -> float:
+    """Return the relative σ below which a step needs care if it moves a joint by so much."""
+    return max(NEAR, min(PASSING, moved))
+
+
+def put_on_branch(
+    mechanism: Mechanism, q: Array, v: Array, active: Active, branch: ConstraintSpace
+) -> Projected:
+    """Return a state that was led along a branch, on the closures.
+
+    Next to where branches cross it is on them to rounding, and the closures' rows there say less of
+    the branch's direction than what led it.
+    """
+    closing = mechanism.closing_terms(q, active)
+    if closing.least < NEAR and closing.error <= PROJECTION_TOLERANCE * mechanism.length:
+        return Projected(q, branch.closed_rates(v), closing.error, closing)
+    return project(mechanism, q, v, active)

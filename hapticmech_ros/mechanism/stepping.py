@@ -13,7 +13,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.constraint_space import Closing, ConstraintSpace, factored, failure
+from hapticmech_ros.mechanism.constraint_space import Closing, factored, failure
 from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
 from hapticmech_ros.mechanism.kernels.chosen import Chosen
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE
@@ -40,19 +40,20 @@ from hapticmech_ros.mechanism.motion import (
     not_finite,
 )
 from hapticmech_ros.mechanism.projection import (
-    Projected,
     came_apart,
     flipped,
     jumped,
-    project,
     refuse_flipped,
 )
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.mechanism.singular import nearest_branch
+from hapticmech_ros.mechanism.singular import (
+    care_limit,
+    nearest_branch,
+    put_on_branch,
+    split_around,
+)
 from hapticmech_ros.mechanism.tolerances import (
     BAUMGARTE_FAILURE,
-    NEAR,
-    PASSING,
     PROJECTION_FAILURE,
     PROJECTION_TOLERANCE,
     ROUNDING_TOLERANCE,
@@ -208,7 +209,7 @@ class Stepper:
         if branch is None:
             return None
         there = mechanism.integrate(q, branch.closed_rates(change))
-        ended = _put(mechanism, there, v + part * first.acceleration, active, branch)
+        ended = put_on_branch(mechanism, there, v + part * first.acceleration, active, branch)
         refuse_flipped(mechanism, ended.q, ended.error, active)
         last = motion(ended.q, ended.v)
         work_in = 0.5 * part * (first.power_in + last.power_in)
@@ -381,16 +382,6 @@ def first_terms(known: Array | None, chosen: Chosen, steps: int) -> Array:
     return known if steps == 1 else known.copy()
 
 
-def split_around(where: float) -> float:
-    """Return at which share of a step to split it if it is next to a singular one at ``where``.
-
-    Both halves of a step by a rule of Runge and Kutta have stages at their ends and in the middle.
-    That share is then between two of them, and no nearer to one than a tenth of the step.
-    """
-    split = (4.0 * where - 1.0) / 3.0 if where < 0.5 else 4.0 * where / 3.0
-    return min(0.9, max(0.1, split))
-
-
 def end_of(stepped: Stepped, start: Start) -> Start:
     """Return where a step ended as where the next one begins."""
     return Start(stepped.q, stepped.v, start.active, closing=stepped.closing)
@@ -401,22 +392,3 @@ def _sum_of(first: Stepped, second: Stepped) -> Stepped:
     return second._replace(
         work_in=first.work_in + second.work_in, energy_lost=first.energy_lost + second.energy_lost
     )
-
-
-def care_limit(moved: float) -> float:
-    """Return the relative σ below which a step needs care if it moves a joint by so much."""
-    return max(NEAR, min(PASSING, moved))
-
-
-def _put(
-    mechanism: Mechanism, q: Array, v: Array, active: Active, branch: ConstraintSpace
-) -> Projected:
-    """Return a state that was led along a branch, on the closures.
-
-    Next to where branches cross it is on them to rounding, and the closures' rows there say less of
-    the branch's direction than what led it.
-    """
-    closing = mechanism.closing_terms(q, active)
-    if closing.least < NEAR and closing.error <= PROJECTION_TOLERANCE * mechanism.length:
-        return Projected(q, branch.closed_rates(v), closing.error, closing)
-    return project(mechanism, q, v, active)

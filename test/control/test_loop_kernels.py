@@ -5,8 +5,10 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import control_for
+from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.control.passivity import PassivityController
 from hapticmech_ros.control.pose_kernels import displacement
+from hapticmech_ros.device.safety import Reason
 from hapticmech_ros.scene.controller import Connection, Passivity
 from hapticmech_ros.scene.mechanism import Origin
 from oracles.local_model import displacement as readable_displacement
@@ -164,3 +166,20 @@ def test_displacements_are_the_readable_ones():
             pose[3:] /= np.linalg.norm(pose[3:])
         displacement(start, end, way)
         assert way == pytest.approx(readable_displacement(start, end), rel=1e-12, abs=1e-14)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
+def test_what_passivity_control_makes_of_a_sample_that_is_none_does_not_leave(bad):
+    """The safety envelope comes before it, and looks at what it changed once more."""
+    scene = load_scene("five_bar")
+    side = DeviceSide(scene)
+    sample, command = np.zeros(19), np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    sample[6] = 1.0
+    for _ in range(200):
+        side.allow(command, sample, np.zeros(6), 0.0)
+    sample[7:13] = bad
+    for _ in range(3):
+        left = side.allow(command, sample, np.zeros(6), 0.0)
+        assert np.isfinite(left).all()
+        assert np.linalg.norm(left[:3]) <= scene.device.force_limit
+    assert side.envelope.counts[Reason.NOT_FINITE] > 0 or bad == 1e300

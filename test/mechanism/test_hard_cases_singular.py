@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from benchmarks.accuracy import n_four_bar
 from hapticmech_ros.mechanism.redundancy import redundancy
-from hapticmech_ros.mechanism.stepping import split_around
+from hapticmech_ros.mechanism.singular import split_around
 from hapticmech_ros.simulation import Simulator
 from oracles import pendulum
 from oracles.mechanism.stepping import ReadableSimulator

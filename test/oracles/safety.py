@@ -70,6 +70,9 @@ class SafetyEnvelope:
 
     def bound(self, limits: SafetyLimits, command: Array, position: Array) -> Array:
         """Return what leaves of a command that was changed after :meth:`apply`, at any rate."""
+        if not np.isfinite(command).all():
+            self.counts[Reason.NOT_FINITE] += 1
+            return self.stop()
         self._force, self._torque = self._bounded(limits, command, position)
         return np.array((*self._force, *self._torque))
 

@@ -21,7 +21,8 @@ from hapticmech_ros.mechanism.motion import (
     plan_of,
 )
 from hapticmech_ros.mechanism.projection import Projected, came_apart, project, refuse_flipped
-from hapticmech_ros.mechanism.stepping import Stepper, care_limit, end_of
+from hapticmech_ros.mechanism.singular import care_limit
+from hapticmech_ros.mechanism.stepping import Stepper, end_of
 from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.simulation import Simulator
