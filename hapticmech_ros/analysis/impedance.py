@@ -191,8 +191,7 @@ def _answer(times: Array, velocity: Array, frequencies: Array) -> Array:
 def _device(setup: Setup, pushes: Array, wait: int) -> Array:
     """Return twists (n, 6) of the device in a session."""
     session = setup.session()
-    for _ in range(wait):
-        session.tick()
+    session.run(wait, every=max(wait, 1))
     return np.array([session.tick(hand_wrench=push).device.twist for push in pushes])
 
 

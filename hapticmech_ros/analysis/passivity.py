@@ -12,7 +12,7 @@ from itertools import groupby, product
 from typing import ClassVar
 
 import numpy as np
-import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.analysis.scene_variants import LOOPS
 from hapticmech_ros.analysis.study import Results, Sheet, Show, plain, silent
@@ -23,7 +23,7 @@ from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.gain_rule import damping_for
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, Hand, Tremor, Waypoint
-from hapticmech_ros.session import Session
+from hapticmech_ros.session import Run, Session
 from hapticmech_ros.workers import in_order
 
 # Constraint stiffness of every trial, N/m, whatever the rule would give.
@@ -39,6 +39,8 @@ REACH_M, TURN_RAD = 0.015, 0.1
 # Peak of physiological tremor, as docs/devices.md has it, and a force that shows.
 TREMOR = Tremor(frequency=10.0, force=(0.5, 0.3, 0.0))
 _SEED = 20
+# Ticks between looks whether a device has escaped.
+_AT_ONCE = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,36 +148,19 @@ def tried(trial: Trial) -> Found:
     scene = scene_of(trial)
     session = Session(scene)
     inertia = np.array([scene.device.mass] * 3 + [scene.device.inertia] * 3)
-    count = round(trial.seconds / session.period)
-    seen = np.zeros((count, 5))
-    work, gave, place = 0.0, 0.0, None
-    added, ended, ticks = np.zeros(6), "", 0
-    last: Array = np.zeros(3)
-    for ticks in range(count):
-        try:
-            sample = session.tick()
-        except HapticMechError as error:
-            ended = str(error)
-            break
-        device = sample.device
-        if place is not None:
-            work -= float((device.applied - added) @ _way(place, device.pose))
-        place, added = device.pose, session.compensation
-        gave = max(gave, -session.energies.to_mechanism)
-        twist, force = device.twist, device.applied[:3]
-        drift = device.pose.translation - sample.point.pose.translation
-        seen[ticks] = (
-            work + 0.5 * float(twist @ (inertia * twist)) + gave,
-            np.linalg.norm(force),
-            np.linalg.norm(twist[:3]),
-            np.linalg.norm(force - last),
-            np.linalg.norm(drift),
-        )
-        last = force.copy()
-        if np.abs(twist).max() > ESCAPED:
-            ended = f"the device escaped at {sample.time:.3g} s"
-            break
-    seen = seen[: ticks + 1]
+    run, ended = _ran(session, round(trial.seconds / session.period))
+    seen, gave = np.zeros((len(run), 5)), float(max(0.0, np.max(-run["to_mechanism"])))
+    twist, force = run["device_true_twist"], run["device_applied"][:, :3]
+    # What its driver adds is for the device itself.
+    acting = run["device_applied"][1:] - run["device_added"][:-1]
+    given = np.cumsum(np.sum(acting * _ways(run), axis=1))
+    work = np.concatenate(([0.0], -given))
+    seen[:, 0] = work + 0.5 * np.sum(inertia * twist**2, axis=1)
+    seen[:, 0] += np.maximum.accumulate(np.maximum(-run["to_mechanism"], 0.0))
+    seen[:, 1] = np.linalg.norm(force, axis=1)
+    seen[:, 2] = np.linalg.norm(twist[:, :3], axis=1)
+    seen[:, 3] = np.linalg.norm(np.diff(force, axis=0, prepend=np.zeros((1, 3))), axis=1)
+    seen[:, 4] = np.linalg.norm(run["device_true_position"] - run["position"], axis=1)
     rest = np.sqrt(np.mean(seen[3 * len(seen) // 4 :] ** 2, axis=0))
     return Found(
         trial,
@@ -190,9 +175,31 @@ def tried(trial: Trial) -> Found:
     )
 
 
-def _way(start: pin.SE3, end: pin.SE3) -> Array:
-    turn = np.asarray(pin.log3(end.rotation @ start.rotation.T))
-    return np.concatenate((end.translation - start.translation, turn))
+def _ran(session: Session, ticks: int) -> tuple[Run, str]:
+    """Return a run of so many ticks, or until the device escapes, and why it ended earlier."""
+    rows, done, ended = np.zeros((ticks, session.layout.size)), 0, ""
+    while done < ticks and not ended:
+        count = min(_AT_ONCE, ticks - done)
+        try:
+            session.run(count, into=rows[done:])
+        except HapticMechError as error:
+            ended = str(error)
+            count = round(session.time / session.period) - done
+        speeds = np.abs(Run(rows[done : done + count], session.layout)["device_true_twist"])
+        escaped = np.flatnonzero(speeds.max(axis=1) > ESCAPED)
+        if escaped.size:
+            count = int(escaped[0]) + 1
+            ended = f"the device escaped at {rows[done + count - 1, 0]:.3g} s"
+        done += count
+    # One that fails at once has not moved.
+    return Run(rows[: max(done, 1)], session.layout), ended
+
+
+def _ways(run: Run) -> Array:
+    """Return (k - 1, 6) how far the device moves from tick to tick, m and rad."""
+    turns = Rotation.from_matrix(run["device_true_rotation"].reshape(-1, 3, 3))
+    turned = (turns[1:] * turns[:-1].inv()).as_rotvec()
+    return np.hstack((np.diff(run["device_true_position"], axis=0), turned))
 
 
 def _arm(scene: Scene, seconds: float, impedance: str, **more: object) -> Hand:

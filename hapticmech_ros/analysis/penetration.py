@@ -75,12 +75,11 @@ def _shifts(setup: Setup, push: Array) -> Array:
     session = setup.session()
     ticks = round(LASTING_S / session.period)
     last = max(1, round(AVERAGED_S / session.period))
-    sums, start = np.zeros((2, 6)), None
-    for tick in range(ticks):
+    sums, start = np.zeros((2, 6)), session.device.pose
+    session.run(ticks - last, hand_wrench=push, every=ticks)
+    for _ in range(last):
         sample = session.tick(hand_wrench=push)
         pose = sample.device.pose
-        start = pose if start is None else start
-        if tick >= ticks - last:
-            error = pose_error(sample.point.pose, pose)
-            sums += np.array((error, pose_error(start, pose))) / last
+        error = pose_error(sample.point.pose, pose)
+        sums += np.array((error, pose_error(start, pose))) / last
     return sums

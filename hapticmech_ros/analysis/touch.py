@@ -121,8 +121,7 @@ def _watched(
     session, rows = setup.session(), []
     try:
         # Until the first command is there, the device is nobody's.
-        for _ in range(setup.delay):
-            session.tick()
+        session.run(setup.delay)
         for tick in range(ticks):
             rows.append(observe(session.tick(hand_wrench=push if tick == 0 else None)))
             if calm is not None and not float(np.abs(rows[tick] - calm[tick]).max()) <= lost:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, WRENCH, Field, Layout
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, TWIST, WRENCH, Field, Layout
 
 ENERGIES = ("to_mechanism", "stored", "injected", "dissipated", "actuators")
 SCALARS = frozenset(("time", *ENERGIES, "count"))
@@ -13,12 +13,13 @@ ONE, FORCE = Field(1), Field(6, WRENCH)
 def run_layout(nq: int, nv: int) -> Layout:
     """Return how a row of a run is laid out: all that was measured and commanded in one tick.
 
-    Time, s; q and v of the mechanism; the device's sample, and the wrench applied until then; the
-    operational model; wrenches of the controllers, rows as in
-    :class:`~hapticmech_ros.control.measurements.ControlOutput`; what acts from then on, on the hand
-    by the device and on the mechanism by the hand; what others do to the mechanism at the
-    operational point; energies of the controllers and of the device, J, see docs/passivity.md; and
-    the number of joint constraints reported.
+    Time, s; q and v of the mechanism; the device's sample, the wrench applied until then, and what
+    its driver adds to the next one; where the simulated device really is, rotation row by row, and
+    how it moves (zero for a device of one's own); the operational model; wrenches of the
+    controllers, rows as in :class:`~hapticmech_ros.control.measurements.ControlOutput`; what acts
+    from then on, on the hand by the device and on the mechanism by the hand; what others do to the
+    mechanism at the operational point; energies of the controllers and of the device, J, see
+    docs/passivity.md; and the number of joint constraints reported.
 
     Args:
         nq: numbers of a configuration.
@@ -31,6 +32,10 @@ def run_layout(nq: int, nv: int) -> Layout:
             "v": Field(nv),
             **{f"device_{name}": field for name, field in DEVICE_SAMPLE.fields.items()},
             "device_applied": FORCE,
+            "device_added": FORCE,
+            "device_true_position": Field(3),
+            "device_true_rotation": Field(9),
+            "device_true_twist": Field(6, TWIST),
             **OPERATIONAL_MODEL.fields,
             "control": Field(36, WRENCH),
             "on_hand": FORCE,

@@ -26,6 +26,7 @@ from hapticmech_ros.device.kernels import (
     BODY,
     MEASURED,
     REPORTED,
+    SEEN,
     SENSES_ITSELF,
     SPEED,
     command_device,
@@ -221,6 +222,8 @@ def write_record(data: SessionData, time: float, row: Array) -> None:
     at = append(row, at, data.v)
     at = append(row, at, data.sample)
     at = append(row, at, data.state[APPLIED:BODY])
+    at = append(row, at, data.added)
+    at = append(row, at, data.state[BODY:SEEN])
     at = append(row, at, data.observation[:MODEL_SIZE])
     at = append(row, at, given[WRENCHES:MODELLED])
     at = append(row, at, data.wrenches[0])
