@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 
@@ -23,7 +22,6 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.chosen import Chosen
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.compiled import CompiledAnalysis
 from hapticmech_ros.operational.contact_wrench import touching_wrench
 from hapticmech_ros.operational.counter import ConstraintCounter
 from hapticmech_ros.operational.observation import Observation
@@ -126,10 +124,6 @@ class SessionLoop:
         return self._mechanism_state
 
     @property
-    def _compiled(self) -> CompiledAnalysis:
-        return cast(CompiledAnalysis, self._analyser.compiled)
-
-    @property
     def _given(self) -> Array:
         """The last answer that was given, whether it has arrived or not."""
         answers: Array = self._parts.answers[-1] if self._side.is_ideal else self._parts.given
@@ -138,7 +132,7 @@ class SessionLoop:
     def _allocated(self) -> SessionData:
         """Return the data of all parts in one array, of which these parts are views from now on."""
         side, device, envelope = self._side, self._device_side, self._device_side.envelope
-        analysis, mechanism = self._compiled, self.simulator.mechanism
+        analysis, mechanism = self._analyser, self.simulator.mechanism
         channels, passivity = side.channels, device.passivity
         nothing, nowhere = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
         body = np.zeros(DEVICE_MODEL.size)
@@ -347,7 +341,7 @@ class SessionLoop:
             return NO_WRENCH
         index, terms = self._analyser.index, self.simulator.evaluate(state)
         seen = Observation(
-            self._parts.observation, self._compiled.layout, self._analyser.rows, state.v.size
+            self._parts.observation, self._analyser.layout, self._analyser.rows, state.v.size
         )
         return touching_wrench(terms, seen.analysis, state.touching, index)
 
