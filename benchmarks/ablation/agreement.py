@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.ablation.loop import PARTS
 from benchmarks.oracle import oracle, readable_simulator
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control import PointMeasurement, control_for
+from hapticmech_ros.control import PointMeasurement
 from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.flat import flat_rendered
 from hapticmech_ros.control.lateness import loop_lateness
@@ -79,7 +79,7 @@ class _Readable:
         self._kernels = Simulator(scene)
         mechanism, lateness = self._simulator.mechanism, loop_lateness(scene)
         self._analyser = oracle("operational").ReadableAnalyser(mechanism, lateness=lateness)
-        self._control = control_for(scene, compiled=False)
+        self._control = oracle("control").ReadableControl(scene)
         self._device = device_for(scene, compiled=False)
         self._index = self._analyser.index
         self._held: DeviceState | None = None
