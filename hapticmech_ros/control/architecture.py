@@ -45,21 +45,26 @@ class ControlArchitecture:
     pass to the new ones, see :meth:`tune`. Measurements are flat arrays, see
     :mod:`~hapticmech_ros.control.flat`.
 
-    **A control law of one's own** is a subclass that overrides :meth:`answer`. Sessions and the
-    controller node then call it in Python for each sample of the device that the controllers get,
-    and do the rest of the tick as always: passivity, the ledger, the connection, and the loops that
-    the device closes by itself (which correct the law's answer by the scene's gains: a law that has
-    nothing to do with them is for scenes with ``force_channel.local`` and
-    ``joint_constraint.local`` off). The arrays it gets are read only or copies; it returns wrenches
-    (6, 6), rows as in :class:`ControlOutput`, of which the first acts on the hand and the second
-    on the mechanism. Limits are its own to keep: :func:`~hapticmech_ros.saturation.limited`; the
-    ramp of a new engagement as well, :meth:`Engagement.ramp` over :meth:`ramp_of`, and what is
-    carried on from another grasp, :meth:`joined`. What it needs of a gain it finds in ``gains``,
-    which :meth:`tune` changes; :meth:`pass_on_to` is to be called first, so that they are those of
-    the time. ``super().answer`` gives the scene's own law.
+    A control law of one's own is a subclass that overrides :meth:`answer`; ``super().answer`` is
+    the scene's. Who has a control (:class:`~hapticmech_ros.session.session.Session`,
+    :class:`~hapticmech_ros.control.controller_side.ControllerSide`) then calls it in Python for
+    each sample that the controllers get, and does the rest as always: account, passivity,
+    connection, and the loops that the device closes, which correct the answer by the scene's gains
+    unless these say that nothing is local. Such a law
+
+    - takes arrays that it does not change, and returns wrenches (6, 6), rows as in
+      :class:`ControlOutput`: the first acts on the hand, the second on the mechanism, the account
+      reads the error in the last one;
+    - keeps the limits (:func:`~hapticmech_ros.saturation.limited`) and the ramp of a new engagement
+      (:meth:`Engagement.ramp` over :meth:`ramp_of`), and adds what is carried on from another grasp
+      (:meth:`joined`);
+    - calls :meth:`pass_on_to` before it looks at ``gains``, which :meth:`tune` changes.
+
+    docs/feel.md has an example.
 
     Attributes:
-        answers_in_python: whether :meth:`answer` is a law of one's own, and no kernel's.
+        answers_in_python: whether :meth:`answer` is overridden: a law of one's own, and no
+            kernel's.
         task: (6,) 1 for rows of a six-vector that the task space has, else 0.
         limits: N and N m, of the device.
         device_inertia: (6, 6) Λ_d.
