@@ -15,7 +15,7 @@ import pytest
 
 from benchmarks.ablation.scenes import ladder
 from hapticmech_ros import load_scene
-from hapticmech_ros.control import control_for
+from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Mechanism
@@ -55,7 +55,7 @@ def nodes(scene: Scene) -> Tick:
     analyser = Analyser(Mechanism(scene))
     layout, rendering = StateLayout(simulator.mechanism), RenderingWriter(analyser)
     state_wire, rendering_wire = FlatArray(layout.fields), FlatArray(RENDERING_FIELDS)
-    control, device = control_for(scene), device_for(scene)
+    control, device = ControlArchitecture(scene), device_for(scene)
     points, index = len(scene.operational_points), analyser.index
     state = simulator.initial_state()
     start = simulator.evaluate(state).points[index].pose

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from benchmarks.memory.growth import resident
-from hapticmech_ros.control import control_for
+from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene import load_scene
@@ -39,11 +39,11 @@ def test_a_quaternion_leaves_nothing_behind():
 
 
 def test_engaging_leaves_nothing_behind():
-    control = control_for(load_scene("five_bar"))
+    control = ControlArchitecture(load_scene("five_bar"))
     device, rendered = np.zeros(19), np.zeros(OPERATIONAL_MODEL.size)
     device[6] = rendered[OPERATIONAL_MODEL.slice("quaternion").stop - 1] = 1.0
 
     def engage():
-        control.answer(1.0, control.engage_flat(0.0, device, rendered, 0.0), device, rendered, 0.0)
+        control.answer(1.0, control.engage(0.0, device, rendered, 0.0), device, rendered, 0.0)
 
     assert grown(engage) < GROWTH

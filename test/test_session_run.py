@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.control import control_for
-from hapticmech_ros.control.architecture import ControlArchitecture
+from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.device import ImpedanceDevice, grip_of, hand_law
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.mechanism import Origin
+from oracles.control import ReadableControl
 
 PUSH = np.array([0.4, -0.2, 0.1, 0.0, 0.01, 0.02])
 UNEVEN = Connection(delay=0.004, jitter=0.5, loss=0.1, seed=2)
@@ -147,6 +147,13 @@ def test_an_unknown_field_names_those_that_there_are():
         Session(load_scene("two_link")).run(1)["speed"]
 
 
+class Same(ControlArchitecture):
+    """A control law of one's own that is the scene's."""
+
+    def answer(self, time, engagement, device, rendered, ahead, in_flight=None):
+        return super().answer(time, engagement, device, rendered, ahead, in_flight)
+
+
 class Halved(ControlArchitecture):
     """A control law of one's own: the scene's, with half the wrench on the hand."""
 
@@ -156,15 +163,41 @@ class Halved(ControlArchitecture):
         return found
 
 
+@pytest.mark.parametrize("kind", [Same, ReadableControl])
 @pytest.mark.parametrize("scene", [load_scene("five_bar"), connected("five_bar")])
-def test_a_control_law_in_python_takes_the_place_of_the_scenes(scene):
-    given, own = Session(scene), Session(scene, control=ControlArchitecture(scene))
+def test_a_control_law_in_python_takes_the_place_of_the_scenes(scene, kind):
+    given, own = Session(scene), Session(scene, control=kind(scene))
     expected, run = given.run(400, hand_wrench=PUSH), own.run(400, hand_wrench=PUSH)
     assert np.abs(run["on_hand"] - expected["on_hand"]).max() < 1e-9
     assert np.abs(run["q"] - expected["q"]).max() < 1e-12
     # Nothing but the wrench itself differs in the second tick: the first one's is zero.
-    second = Session(scene, control=Halved(scene)).run(2, hand_wrench=PUSH)["control"][1, :6]
-    assert np.array_equal(second, 0.5 * run["control"][1, :6])
+    if kind is Same:
+        halved = Session(scene, control=Halved(scene)).run(2, hand_wrench=PUSH)
+        second = halved["control"][1, :6]
+        assert np.array_equal(second, 0.5 * run["control"][1, :6])
+
+
+def test_a_law_of_ones_own_is_asked_for_each_sample_with_the_gains_of_the_time():
+    """And what it was given it may not change: the session goes on with its own numbers."""
+    scene, seen = load_scene("two_link"), []
+
+    class Own(ControlArchitecture):
+        def answer(self, time, engagement, device, rendered, ahead, in_flight=None):
+            self.pass_on_to(time)
+            seen.append((time, self.gains.position_channel.stiffness))
+            device[:] = rendered[:] = 0.0
+            return np.zeros((6, 6))
+
+    session = Session(scene, control=Own(scene))
+    first = session.run(20, hand_wrench=PUSH)
+    assert [time for time, _ in seen] == pytest.approx(first["time"])
+    assert not first["control"].any()
+    assert first["device_hand_wrench"].any()
+    assert first["inverse_inertia"].any()
+    position = scene.controller.position_channel.model_copy(update={"stiffness": 50.0})
+    session.tune(scene.controller.model_copy(update={"position_channel": position, "gain_ramp": 0}))
+    session.run(2)
+    assert seen[-1][1] == 50.0 != seen[0][1]
 
 
 def test_a_device_with_a_hand_in_python_takes_the_place_of_the_scenes():
@@ -186,6 +219,6 @@ def test_a_device_with_a_hand_in_python_takes_the_place_of_the_scenes():
 
 
 def test_a_run_of_no_ticks_changes_nothing():
-    session = Session(load_scene("two_link"), control=control_for(load_scene("two_link")))
+    session = Session(load_scene("two_link"), control=ControlArchitecture(load_scene("two_link")))
     assert len(session.run(0)) == 0
     assert session.time == 0.0

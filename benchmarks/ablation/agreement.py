@@ -9,13 +9,13 @@ import numpy as np
 from benchmarks.ablation.loop import PARTS
 from benchmarks.oracle import oracle, readable_simulator
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control import PointMeasurement, control_for
+from hapticmech_ros.control import PointMeasurement
 from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.flat import flat_rendered
 from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.device import DeviceState, device_for
 from hapticmech_ros.mechanism.evaluation import Evaluation
-from hapticmech_ros.operational import Analyser, OperationalAnalysis
+from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session
 from hapticmech_ros.simulation import MechanismState, Simulator
@@ -78,8 +78,8 @@ class _Readable:
         self._touching_links = [(links[pair.a], links[pair.b]) for pair in scene.contacts]
         self._kernels = Simulator(scene)
         mechanism, lateness = self._simulator.mechanism, loop_lateness(scene)
-        self._analyser = Analyser(mechanism, lateness=lateness)
-        self._control = control_for(scene, compiled=False)
+        self._analyser = oracle("operational").ReadableAnalyser(mechanism, lateness=lateness)
+        self._control = oracle("control").ReadableControl(scene)
         self._device = device_for(scene, compiled=False)
         self._index = self._analyser.index
         self._held: DeviceState | None = None

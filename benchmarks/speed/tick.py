@@ -9,7 +9,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from benchmarks.oracle import readable_simulator
+from benchmarks.oracle import oracle, readable_simulator
 from benchmarks.speed.contender import initial_state
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.layout import OPERATIONAL_MODEL
@@ -51,8 +51,8 @@ def tick_times(rounds: int = 30) -> tuple[TickTime, ...]:
     check_agreement(scene, states)
     callers: dict[str, Callable[[], None]] = {
         SEE: _see(scene, states),
-        BOTH: _both(Simulator(scene), states),
-        READABLE: _both(readable_simulator(scene), states),
+        BOTH: _both(*_kernels(scene), states),
+        READABLE: _both(*_readable(scene), states),
     }
     if find_spec("mujoco"):
         callers[MJ_STEP] = _mj_step(scene, in_loop=False)
@@ -77,8 +77,7 @@ def check_agreement(scene: Scene, states: Sequence[MechanismState]) -> float:
     Raises:
         HapticMechError: it is above 1e-9.
     """
-    fast, slow = Simulator(scene), readable_simulator(scene)
-    quick, plain = Analyser(fast.mechanism), Analyser(slow.mechanism)
+    (fast, quick), (slow, plain) = _kernels(scene), _readable(scene)
     apart = 0.0
     for state in states:
         expected = plain.analyse(slow.evaluate(state)).inverse_inertia
@@ -114,8 +113,19 @@ def _see(scene: Scene, states: Sequence[MechanismState]) -> Callable[[], None]:
     return call
 
 
-def _both(simulator: Simulator, states: Sequence[MechanismState]) -> Callable[[], None]:
-    analyser = Analyser(simulator.mechanism)
+def _kernels(scene: Scene) -> tuple[Simulator, Analyser]:
+    simulator = Simulator(scene)
+    return simulator, Analyser(simulator.mechanism)
+
+
+def _readable(scene: Scene) -> tuple[Simulator, Analyser]:
+    simulator = readable_simulator(scene)
+    return simulator, oracle("operational").ReadableAnalyser(simulator.mechanism)
+
+
+def _both(
+    simulator: Simulator, analyser: Analyser, states: Sequence[MechanismState]
+) -> Callable[[], None]:
 
     def call() -> None:
         for state in states:

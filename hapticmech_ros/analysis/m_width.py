@@ -25,7 +25,7 @@ from hapticmech_ros.analysis.scene_variants import (
 from hapticmech_ros.analysis.stability_rules import lightest_mass
 from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, touched
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control import control_for
+from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.document import Scene
@@ -154,7 +154,7 @@ class _Case:
         if self._held is None:
             return False
         sample = Session(self._scaled(lightness), self._point, self._delay).tick()
-        found, law = sample.analysis, law_of(control_for(self._scene), sample.model)
+        found, law = sample.analysis, law_of(ControlArchitecture(self._scene), sample.model)
         x, rows = found.inverse_inertia, found.rows
         return not diverges(tick_matrix(self._scene, law, x, rows, self._delay, self._held))
 

@@ -16,14 +16,10 @@ from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture, device_inertia
 from hapticmech_ros.control.engagement import Engagement, pose_error
+from hapticmech_ros.control.flat import device_of
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
-from hapticmech_ros.control.measurements import (
-    ControlOutput,
-    DeviceMeasurement,
-    PointMeasurement,
-    RenderingModel,
-)
-from hapticmech_ros.control.prediction import InFlight
+from hapticmech_ros.control.measurements import ControlOutput
+from hapticmech_ros.control.prediction import InFlight, point_ahead
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.saturation import limited
@@ -55,19 +51,19 @@ class ProxyControl(ControlArchitecture):
         self.spring = stiffness * self.device_inertia
         self.damper = damping * self.device_inertia
 
-    def compute(
+    def answer(
         self,
         time: float,
         engagement: Engagement,
-        device: DeviceMeasurement,
-        point: PointMeasurement,
-        model: RenderingModel,
+        device: Array,
+        rendered: Array,
+        ahead: float,
         in_flight: InFlight | None = None,
-    ) -> ControlOutput:
-        """Return the wrenches for measurements; see :meth:`ControlArchitecture.compute`."""
-        del model, in_flight
-        error = self._task * pose_error(point.pose, engagement.mapped(device.pose))
-        rate = self._task * (device.twist - point.twist)
+    ) -> Array:
+        """Return the wrenches for measurements; see :meth:`ControlArchitecture.answer`."""
+        own, point = device_of(device), point_ahead(rendered, ahead, in_flight)
+        error = self.task * pose_error(point.pose, engagement.mapped(own.pose))
+        rate = self.task * (own.twist - point.twist)
         ramp = engagement.ramp(time, self.ramp_of(engagement))
         pull = ramp * (self.spring @ error + self.damper @ rate)
         none = np.zeros(6)
@@ -78,7 +74,7 @@ class ProxyControl(ControlArchitecture):
             joint_constraint=none,
             four_channel=-pull,
             error=error,
-        )
+        ).rows()
 
     def law(self) -> Law:
         """Return the law of this controller."""

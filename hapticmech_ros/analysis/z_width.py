@@ -31,7 +31,7 @@ from hapticmech_ros.analysis.scene_variants import (
 from hapticmech_ros.analysis.stability_rules import delayed_stiffness, passive_stiffness
 from hapticmech_ros.analysis.touch import Observe, Setup, touched
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control import control_for
+from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.errors import InvalidInputError
@@ -160,7 +160,7 @@ class Wall:
 
         def stable(stiffness: float) -> bool:
             scene = self._with(stiffness, damping, hand)
-            law = law_of(control_for(scene), model)
+            law = law_of(ControlArchitecture(scene), model)
             rows, x = self._analysis.rows, model.inverse_inertia
             return not diverges(tick_matrix(scene, law, x, rows, delay, held))
 

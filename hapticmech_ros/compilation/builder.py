@@ -35,7 +35,7 @@ from hapticmech_ros.compilation.decorators import Kernel
 from hapticmech_ros.errors import HapticMechError
 
 # Import every kernel, directly or not.
-_HOMES = ("mechanism.stepping", "operational.compiled", "control.compiled")
+_HOMES = ("mechanism.stepping", "operational.analysis", "control.architecture")
 _MORE_HOMES = (
     *("device.compiled", "wire.readings", "contact.stepping"),
     "session.session",

@@ -1,7 +1,6 @@
 """The controllers of Fig. 3, and the architecture that joins them."""
 
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.build import control_for
 from hapticmech_ros.control.engagement import Engagement
 from hapticmech_ros.control.measurements import (
     ControlOutput,
@@ -17,5 +16,4 @@ __all__ = [
     "Engagement",
     "PointMeasurement",
     "RenderingModel",
-    "control_for",
 ]

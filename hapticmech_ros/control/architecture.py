@@ -8,14 +8,11 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.engagement import Engagement, engage, pose_error
-from hapticmech_ros.control.flat import device_of, model_of, point_of
-from hapticmech_ros.control.force_gain import force_gain
+from hapticmech_ros.control.engagement import Engagement, engage
+from hapticmech_ros.control.flat import device_of, flat_device, flat_rendered, model_of
 from hapticmech_ros.control.four_channel import FourChannel
 from hapticmech_ros.control.gain_passage import Passage
-from hapticmech_ros.control.impedance import impedance_wrench
-from hapticmech_ros.control.joint_constraint import joint_constraint_wrench
-from hapticmech_ros.control.local_model import NO_MODEL, LocalModel
+from hapticmech_ros.control.kernels import control_wrenches
 from hapticmech_ros.control.loop_layout import SETTINGS
 from hapticmech_ros.control.measurements import (
     ControlOutput,
@@ -23,7 +20,9 @@ from hapticmech_ros.control.measurements import (
     PointMeasurement,
     RenderingModel,
 )
-from hapticmech_ros.control.prediction import InFlight, carried_on, foreseen
+from hapticmech_ros.control.prediction import InFlight, foreseen, point_ahead
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.controller import Controller
@@ -35,23 +34,51 @@ SLIPS_FROM = 0.05
 _GAINS, _RAMP = SETTINGS.slice("task", "c6"), SETTINGS.start("ramp")
 _LIMITS = SETTINGS.slice("force_limit", "torque_limit")
 _ENGAGED = SETTINGS.slice("engaged_at", "turn")
+_TWIST, _CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
 _NOTHING = np.zeros(6)
 
 
 class ControlArchitecture:
-    """The controllers of a scene. Holds gains only; state is the :class:`Engagement`.
+    """The controllers of a scene, a control period of which is one kernel.
 
-    Gains can be changed while it renders: they pass to the new ones, see :meth:`tune`.
-
-    Measurements come as objects, or as flat arrays with the time that lies between them; see
+    Holds gains only; state is the :class:`Engagement`. Gains can be changed while it renders: they
+    pass to the new ones, see :meth:`tune`. Measurements are flat arrays, see
     :mod:`~hapticmech_ros.control.flat`.
 
+    A control law of one's own is a subclass that overrides :meth:`answer`; ``super().answer`` is
+    the scene's. Who has a control (:class:`~hapticmech_ros.session.session.Session`,
+    :class:`~hapticmech_ros.control.controller_side.ControllerSide`) then calls it in Python for
+    each sample that the controllers get, and does the rest as always: account, passivity,
+    connection, and the loops that the device closes, which correct the answer by the scene's gains
+    unless these say that nothing is local. Such a law
+
+    - takes arrays that it does not change, and returns wrenches (6, 6), rows as in
+      :class:`ControlOutput`: the first acts on the hand, the second on the mechanism, the account
+      reads the error in the last one;
+    - keeps the limits (:func:`~hapticmech_ros.saturation.limited`) and the ramp of a new engagement
+      (:meth:`Engagement.ramp` over :meth:`ramp_of`), and adds what is carried on from another grasp
+      (:meth:`joined`);
+    - calls :meth:`pass_on_to` before it looks at ``gains``, which :meth:`tune` changes.
+
+    docs/feel.md has an example.
+
     Attributes:
-        compiled: whether a kernel computes; see :func:`~hapticmech_ros.control.build.control_for`.
+        answers_in_python: whether :meth:`answer` is overridden: a law of one's own, and no
+            kernel's.
+        task: (6,) 1 for rows of a six-vector that the task space has, else 0.
+        limits: N and N m, of the device.
+        device_inertia: (6, 6) Λ_d.
+        gains: those of now.
+        channels: the four channels with them.
         delay: one-way delay (s) that the gains are for.
     """
 
-    compiled: ClassVar[bool] = False
+    answers_in_python: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "answer" in vars(cls):
+            cls.answers_in_python = True
 
     def __init__(self, scene: Scene) -> None:
         self.limits = (scene.device.force_limit, scene.device.torque_limit)
@@ -60,10 +87,9 @@ class ControlArchitecture:
         self.acts = np.array(scene.device.acts)
         self.delay = scene.connection.designed
         self._period = scene.simulation.period
-        self._task = np.ones(6)
+        self.task = np.ones(6)
         if scene.task_space == "planar":
-            self._task[2:5] = 0.0
-        self._through = np.outer(self._task, self._task)
+            self.task[2:5] = 0.0
         self._passage: Passage | None = None
         self._settings = np.zeros(SETTINGS.size)
         self._settings[_LIMITS] = self.limits
@@ -78,7 +104,7 @@ class ControlArchitecture:
         joint, force, position = gains.joint_constraint, gains.force_channel, gains.position_channel
         inertia = np.diag(self.device_inertia)
         self.channels = channels = FourChannel(position, force, inertia, lag)
-        sixes = (self._task, inertia, channels.stiffness, channels.damping)
+        sixes = (self.task, inertia, channels.stiffness, channels.damping)
         scalars = (
             *(joint.feedforward, joint.stiffness, joint.damping),
             *(joint.force_limit, joint.torque_limit),
@@ -143,26 +169,34 @@ class ControlArchitecture:
     def engage(
         self,
         time: float,
-        device: DeviceMeasurement,
-        point: PointMeasurement,
-        model: RenderingModel,
+        device: Array,
+        rendered: Array,
+        ahead: float,
         carried: Array | None = None,
     ) -> Engagement:
-        """Start rendering: tie the device's present pose to the point's; see :func:`engage`.
+        """Start rendering: tie the device's present pose to the point's.
 
         Two that move apart so fast that the dampers would give a twentieth of the device's force or
         torque are tied like a grasp that changes, with nothing carried on: else what is felt is
         that velocity times the springs' stiffness and the time of the ramp. A hand that pushes all
         the while, as after a gap of some milliseconds, gets the sooner a hold at once.
+
+        Args:
+            time: s.
+            device: (19,) the device's measurement.
+            rendered: (139,) analysis and measurement of the operational point.
+            ahead: as in :meth:`answer`.
+            carried: (6,) the device's wrench until now, if it held the mechanism elsewhere.
         """
-        if carried is None and self._part_fast(device, point, model):
+        own, point = device_of(device), point_ahead(rendered, ahead)
+        if carried is None and self._part_fast(own, point, model_of(rendered)):
             carried = np.zeros(6)
-        return engage(time, device.pose, point.pose, carried)
+        return engage(time, own.pose, point.pose, carried)
 
     def _part_fast(
         self, device: DeviceMeasurement, point: PointMeasurement, model: RenderingModel
     ) -> bool:
-        rate = self._task * (device.twist - point.twist)
+        rate = self.task * (device.twist - point.twist)
         held = self.gains.joint_constraint.damping * (model.constraint_projector @ rate)
         held += self.channels.damping * rate
         force, torque = np.sqrt(held[:3] @ held[:3]), np.sqrt(held[3:] @ held[3:])
@@ -170,11 +204,20 @@ class ControlArchitecture:
         return bool(force > SLIPS_FROM * most_force or torque > SLIPS_FROM * most_torque)
 
     def slipped(
-        self, time: float, engagement: Engagement, device: DeviceMeasurement, twist: Array
+        self, time: float, engagement: Engagement, device: Array, rendered: Array
     ) -> Engagement:
-        """Return the tie to use at ``time`` (s); see :meth:`Engagement.slipped`."""
-        duration = self.ramp_of(engagement)
-        return engagement.slipped(time, duration, device.pose, device.twist, twist)
+        """Return the tie to use at ``time`` (s); see :meth:`Engagement.slipped`.
+
+        Args:
+            time: s.
+            engagement: the tie until now.
+            device: (19,) the device's measurement.
+            rendered: (139,) analysis and measurement of the operational point.
+        """
+        if engagement.carried is None:
+            return engagement
+        own, duration = device_of(device), self.ramp_of(engagement)
+        return engagement.slipped(time, duration, own.pose, own.twist, rendered[_TWIST])
 
     def ramp_of(self, engagement: Engagement) -> float:
         """Return how long (s) the wrench takes to come in."""
@@ -190,7 +233,7 @@ class ControlArchitecture:
         model: RenderingModel,
         in_flight: InFlight | None = None,
     ) -> ControlOutput:
-        """Return the wrenches for the measurements at ``time`` (s).
+        """Return the wrenches for measurements at ``time`` (s); see :meth:`answer`.
 
         Args:
             time: s.
@@ -200,81 +243,8 @@ class ControlArchitecture:
             model: what the analysis reports.
             in_flight: what of earlier commands to the mechanism has not acted yet.
         """
-        self.pass_on_to(time)
-        if in_flight is not None:
-            point = _foreseen(point, model, in_flight)
-        gains = self.gains
-        task = self._task
-        error = task * pose_error(point.pose, engagement.mapped(device.pose))
-        error_rate = task * (device.twist - point.twist)
-        hand = task * device.hand_wrench
-        contact = task * point.contact_wrench
-        force = gains.force_channel
-        impedance = task * impedance_wrench(
-            self.device_inertia,
-            model.inverse_inertia,
-            model.balanced_share,
-            model.free_acceleration,
-            hand + force.contact * contact,
-            gains.joint_constraint.feedforward,
-            np.zeros(6),
-            force.device_feedback * hand,
-        )
-        constraint = joint_constraint_wrench(
-            gains.joint_constraint, model.constraint_projector, error, error_rate
-        )
-        channels = self.channels.wrenches(model.balanced_share, error, error_rate, hand, contact)
-        ramp = engagement.ramp(time, self.ramp_of(engagement))
-        total = ramp * (impedance + constraint + channels.device)
-        return ControlOutput(
-            device=self.joined(time, engagement, limited(total, *self.limits)),
-            mechanism=limited(ramp * channels.mechanism, *self.limits),
-            impedance=ramp * impedance,
-            joint_constraint=ramp * constraint,
-            four_channel=ramp * channels.device,
-            error=error,
-        )
-
-    def joined(self, time: float, engagement: Engagement, wrench: Array) -> Array:
-        """Return the device's wrench (6,) with what it still carries on from another grasp."""
-        faded = engagement.faded(time, self.ramp_of(engagement))
-        return wrench if faded is None else limited(wrench + faded, *self.limits)
-
-    def local_model(self, time: float, engagement: Engagement, model: RenderingModel) -> LocalModel:
-        """Return how the answer depends on the device, as let through at ``time`` (s)."""
-        joint, force = self.gains.joint_constraint, self.gains.force_channel
-        ramp = engagement.ramp(time, self.ramp_of(engagement))
-        through = ramp * self._through
-        gain = spring = damper = NO_MODEL.force
-        if force.local:
-            x, share = model.inverse_inertia, model.balanced_share
-            feedback = force.device_feedback
-            gain = force_gain(self.device_inertia, x, share, joint.feedforward, feedback)
-            gain = through * gain
-        if joint.local:
-            projector = through * model.constraint_projector
-            spring, damper = joint.stiffness * projector, joint.damping * projector
-        return LocalModel(gain, spring, damper)
-
-    def engage_flat(
-        self,
-        time: float,
-        device: Array,
-        rendered: Array,
-        ahead: float,
-        carried: Array | None = None,
-    ) -> Engagement:
-        """Start rendering with flat measurements; arguments as in :meth:`answer`."""
-        point, model = _point_at(rendered, ahead), model_of(rendered)
-        return self.engage(time, device_of(device), point, model, carried)
-
-    def slipped_flat(
-        self, time: float, engagement: Engagement, device: Array, rendered: Array
-    ) -> Engagement:
-        """Return the tie to use with flat measurements; see :meth:`slipped`."""
-        if engagement.carried is None:
-            return engagement
-        return self.slipped(time, engagement, device_of(device), point_of(rendered).twist)
+        own, rendered = flat_device(device), flat_rendered(model, point)
+        return ControlOutput(*self.answer(time, engagement, own, rendered, 0.0, in_flight))
 
     def answer(
         self,
@@ -285,7 +255,7 @@ class ControlArchitecture:
         ahead: float,
         in_flight: InFlight | None = None,
     ) -> Array:
-        """Return the wrenches for flat measurements, (6, 6): rows as in :class:`ControlOutput`.
+        """Return the wrenches for measurements, (6, 6): rows as in :class:`ControlOutput`.
 
         Args:
             time: s.
@@ -294,33 +264,33 @@ class ControlArchitecture:
             rendered: (139,) analysis and measurement of the operational point.
             ahead: s, from the time of ``rendered`` to that of ``device``; the point's pose is
                 carried on by its twist for as long.
-            in_flight: as in :meth:`compute`.
+            in_flight: what of earlier commands to the mechanism has not acted yet, for a device
+                that corrects commands by itself; see
+                :func:`~hapticmech_ros.control.prediction.point_ahead`.
+
+        Raises:
+            InvalidInputError: an array of another size.
         """
-        model = model_of(rendered)
-        if in_flight is None:
-            point = _point_at(rendered, ahead)
-        else:
-            point = _foreseen(point_of(rendered), model, in_flight, ahead)
-        return self.compute(time, engagement, device_of(device), point, model).rows()
+        settings = self.settings_at(time, engagement)
+        if in_flight is not None and rendered.size == OPERATIONAL_MODEL.size:
+            rendered, model = rendered.copy(), model_of(rendered)
+            free, contact = model.free_acceleration, rendered[_CONTACT]
+            twist = foreseen(rendered[_TWIST], model.inverse_inertia, free, contact, in_flight)
+            rendered[_TWIST] = twist
+            ahead += in_flight.duration
+        out = np.empty((6, 6))
+        if not control_wrenches(settings, device, rendered, time, ahead, out):
+            sizes = device.size, rendered.size
+            rule = f"must be {DEVICE_SAMPLE.size} and {OPERATIONAL_MODEL.size}"
+            raise InvalidInputError("numbers of device and rendering", sizes, rule)
+        if engagement.carried is not None:
+            out[0] = self.joined(time, engagement, out[0])
+        return out
 
-
-def _foreseen(
-    point: PointMeasurement, model: RenderingModel, in_flight: InFlight, ahead: float = 0.0
-) -> PointMeasurement:
-    """Return the point's measurement once what is in flight has acted, ``ahead`` (s) from now."""
-    contact = point.contact_wrench
-    twist = foreseen(
-        point.twist, model.inverse_inertia, model.free_acceleration, contact, in_flight
-    )
-    pose = carried_on(point.pose, twist, ahead + in_flight.duration)
-    return PointMeasurement(pose, twist, contact)
-
-
-def _point_at(rendered: Array, ahead: float) -> PointMeasurement:
-    """Return the point's measurement, its pose carried on for ``ahead`` (s)."""
-    seen = point_of(rendered)
-    pose = carried_on(seen.pose, seen.twist, ahead)
-    return PointMeasurement(pose, seen.twist, seen.contact_wrench)
+    def joined(self, time: float, engagement: Engagement, wrench: Array) -> Array:
+        """Return the device's wrench (6,) with what it still carries on from another grasp."""
+        faded = engagement.faded(time, self.ramp_of(engagement))
+        return wrench if faded is None else limited(wrench + faded, *self.limits)
 
 
 def device_inertia(device: Device) -> Array:

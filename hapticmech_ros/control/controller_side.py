@@ -245,17 +245,17 @@ class ControllerSide:
     ) -> Answer:
         control, time, rendered = self.control, reading.time, reading.rendered
         numbers = np.zeros(ANSWER.size)
-        if control.compiled:
-            settings = control.settings_at(time, engagement)
-            carried, ahead = control.carried_at(time, engagement), reading.ahead
-            known = (settings, carried, self.queue, device, rendered, time, ahead)
-            answer_sample(self.account, *known, locality, numbers)
-        else:
+        if control.answers_in_python:
             flying = self.in_flight() if locality[0] != 0.0 else None
             found = control.answer(time, engagement, device, rendered, reading.ahead, flying)
             numbers[_WRENCHES] = found.ravel()
             settings = control.settings_at(time, engagement)
             account_for_answer(self.account, settings, device, rendered, time, locality, numbers)
+        else:
+            settings = control.settings_at(time, engagement)
+            carried, ahead = control.carried_at(time, engagement), reading.ahead
+            known = (settings, carried, self.queue, device, rendered, time, ahead)
+            answer_sample(self.account, *known, locality, numbers)
         return Answer(numbers, stamp_ns)
 
     def in_flight(self) -> InFlight | None:

@@ -1,4 +1,4 @@
-"""Measurements as flat arrays: what travels between nodes, and what the compiled control reads.
+"""Measurements as flat arrays: what travels between nodes, and what controllers read.
 
 A device's sample is laid out as :data:`~hapticmech_ros.layout.DEVICE_SAMPLE` (19,), what the
 analysis and the mechanism report of a point as :data:`~hapticmech_ros.layout.OPERATIONAL_MODEL`

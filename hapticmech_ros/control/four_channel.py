@@ -19,8 +19,6 @@ it stays as damped. The mechanism's side closes its loop without the connection,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from hapticmech_ros.arrays import Array
@@ -28,21 +26,8 @@ from hapticmech_ros.scene.controller import ForceChannelGains, PositionChannelGa
 from hapticmech_ros.scene.gain_rule import BORNE
 
 
-@dataclass(frozen=True, slots=True)
-class ChannelWrenches:
-    """Wrenches of the channels on both sides, world axes, N and N m.
-
-    Attributes:
-        device: (6,) on the hand, by the device, at the point held.
-        mechanism: (6,) on the mechanism, by the hand, at the operational point.
-    """
-
-    device: Array
-    mechanism: Array
-
-
 class FourChannel:
-    """Channels with constant gains.
+    """Channels with constant gains; kernels make their wrenches.
 
     Args:
         position: C, C1 and C4.
@@ -68,32 +53,6 @@ class FourChannel:
         share = np.ones(6) if inertia is None else borne_share(stiffness, damping, inertia, lag)
         self.stiffness, self.damping = stiffness, damping
         self.held_stiffness, self.held_damping = share**2 * stiffness, share * damping
-
-    def wrenches(
-        self,
-        balanced_share: Array,
-        error: Array,
-        error_rate: Array,
-        hand_wrench: Array,
-        contact_wrench: Array,
-    ) -> ChannelWrenches:
-        """Return both sides' wrenches.
-
-        Args:
-            balanced_share: (6, 6) Π.
-            error: (6,) e, twist that takes the operational point to the device, m and rad.
-            error_rate: (6,) ė.
-            hand_wrench: (6,) F_h, by the hand on the device.
-            contact_wrench: (6,) F_c, by the environment on the mechanism at the operational point.
-        """
-        coupling = self.stiffness * error + self.damping * error_rate
-        held = self.held_stiffness * error + self.held_damping * error_rate
-        in_range = self.position.to_device * (held - balanced_share @ held)
-        told = self.force.hand * hand_wrench + self.force.mechanism_feedback * contact_wrench
-        return ChannelWrenches(
-            device=self.force.contact * contact_wrench - in_range,
-            mechanism=told + self.position.to_mechanism * coupling,
-        )
 
 
 def borne_share(stiffness: Array, damping: Array, inertia: Array, lag: float) -> Array:

@@ -12,6 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.flat import model_of, point_of
+from hapticmech_ros.control.measurements import PointMeasurement
 
 
 class InFlight(NamedTuple):
@@ -59,3 +61,24 @@ def foreseen(
     """
     impulse = in_flight.impulse + in_flight.duration * contact_wrench
     return np.asarray(twist + inverse_inertia @ impulse + in_flight.duration * free_acceleration)
+
+
+def point_ahead(
+    rendered: Array, ahead: float, in_flight: InFlight | None = None
+) -> PointMeasurement:
+    """Return the operational point's measurement as a control law is to see it.
+
+    Its pose is carried on by its twist; once what is in flight has acted, if anything is.
+
+    Args:
+        rendered: (139,) analysis and measurement of the point.
+        ahead: s, from its time to that of the device's measurement.
+        in_flight: commands that have not acted yet.
+    """
+    seen, model = point_of(rendered), model_of(rendered)
+    twist, contact = seen.twist, seen.contact_wrench
+    if in_flight is not None:
+        x, free = model.inverse_inertia, model.free_acceleration
+        twist = foreseen(twist, x, free, contact, in_flight)
+        ahead += in_flight.duration
+    return PointMeasurement(carried_on(seen.pose, twist, ahead), twist, contact)

@@ -20,11 +20,6 @@ def dtrsv(*arguments: Any, **options: Any) -> Any:
     return _blas().dtrsv(*arguments, **options)
 
 
-def dgesdd(*arguments: Any, **options: Any) -> Any:
-    """Decompose a matrix into singular values; see ``scipy.linalg.lapack.dgesdd``."""
-    return _lapack().dgesdd(*arguments, **options)
-
-
 def dpotrf(*arguments: Any, **options: Any) -> Any:
     """Factor a positive definite matrix; see ``scipy.linalg.lapack.dpotrf``."""
     return _lapack().dpotrf(*arguments, **options)

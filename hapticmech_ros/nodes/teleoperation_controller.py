@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control import ControlArchitecture, Engagement, control_for
+from hapticmech_ros.control import ControlArchitecture, Engagement
 from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.nodes.actor import Actor
@@ -93,7 +93,7 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     @cached_property
     def _control(self) -> ControlArchitecture:
-        return control_for(self.scene)
+        return ControlArchitecture(self.scene)
 
     @cached_property
     def _path(self) -> DevicePath:
@@ -281,21 +281,21 @@ class TeleoperationController(Actor[ControllerParameters]):
         time_s = self._time_s(now_ns)
         engagement = self._engagement
         if engagement is None:
-            engagement = self._control.engage_flat(time_s, device, rendered, ahead)
+            engagement = self._control.engage(time_s, device, rendered, ahead)
             self._side, self._arrived = self._new_side(self._side), None
             self._rendered_ns = NEVER
             self.engagements += 1
             self.node.get_logger().info("engaged")
         elif not (self._path.obeyed or self.lockstep):
             # The device does nothing yet, or no more: the wrench comes in once it obeys.
-            engagement = self._control.engage_flat(time_s, device, rendered, ahead)
+            engagement = self._control.engage(time_s, device, rendered, ahead)
         elif rendering.grasp != self._grasp:
             # Held elsewhere from now on: what the hand feels is carried over.
-            engagement = self._control.engage_flat(time_s, device, rendered, ahead, self._carried)
+            engagement = self._control.engage(time_s, device, rendered, ahead, self._carried)
             self._side.held_elsewhere()
             self.grasps += 1
         self._grasp = rendering.grasp
-        self._engagement = self._control.slipped_flat(time_s, engagement, device, rendered)
+        self._engagement = self._control.slipped(time_s, engagement, device, rendered)
         reading = Reading(time_s, stamp, device, rendered, ahead, self._elapsed(rendering.stamp_ns))
         # Over a network each answer says how it depends on the device: see LocalLoop.
         with_model = self._local and (paced or self._outputs.wants_gain(stamp))

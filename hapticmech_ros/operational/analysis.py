@@ -2,35 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.constraint_space import Closing
+from hapticmech_ros.mechanism.constraint_space import Closing, failure
 from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.chosen import Chosen
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.operational.inverse_inertia import (
-    PLANAR_ROWS,
-    SPATIAL_ROWS,
-    embed,
-    inverse_inertia,
-    root,
-)
-from hapticmech_ros.operational.late_answer import LateAnswer, late_answer
-from hapticmech_ros.operational.metric import TaskMetric
-from hapticmech_ros.operational.observation import (
-    Observation,
-    observation_layout,
-    observation_of,
-)
-from hapticmech_ros.operational.projector import balanced_share, constraint_projector, rigidity
+from hapticmech_ros.operational.late_answer import LateAnswer
+from hapticmech_ros.operational.metric import PLANAR_ROWS, SPATIAL_ROWS, TaskMetric
+from hapticmech_ros.operational.observation import Observation, observation_layout
+from hapticmech_ros.operational.observe_kernels import NO_SPECTRUM, observe_point
 from hapticmech_ros.operational.results import OperationalAnalysis
-from hapticmech_ros.operational.spectrum import spectrum
-
-if TYPE_CHECKING:
-    from hapticmech_ros.operational.compiled import CompiledAnalysis
 
 
 class Analyser:
@@ -40,6 +26,14 @@ class Analyser:
         mechanism: whose.
         point: operational point; the first one if empty.
         lateness: τ, s, of the loop that :meth:`late` and :meth:`observe` answer for; 0 for none.
+
+    Attributes:
+        point: operational point.
+        index: of it in the scene's order.
+        rows: (t,) rows of a six-vector that the task space has.
+        metric: of the task space there.
+        constants: of the analysis, see :func:`~hapticmech_ros.operational.kernels.metric_of`.
+        layout: of observations.
 
     Raises:
         InvalidInputError: unknown point.
@@ -52,8 +46,13 @@ class Analyser:
         self.point = scene.operational_point(point)
         self.index = mechanism.point_index(point)
         self.rows = PLANAR_ROWS if scene.task_space == "planar" else SPATIAL_ROWS
-        self.metric = TaskMetric(scene, self.point)
-        self.compiled = self._load() if hasattr(mechanism, "chosen") else None
+        self.metric = metric = TaskMetric(scene, self.point)
+        limits = metric.mass, float(scene.perception.s_on), float(scene.perception.s_off)
+        parts = (metric.point_to_link, metric.factor, metric.dual_factor)
+        self.constants = np.concatenate([limits, *(part.ravel() for part in parts)])
+        self.layout = observation_layout(self.rows.size, mechanism.nv)
+        self._ahead = np.empty(0)
+        self._position, self._rates = np.empty(mechanism.nq), np.empty(mechanism.nv)
 
     def observe(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
@@ -69,61 +68,66 @@ class Analyser:
         Raises:
             HapticMechError: D is not positive definite, or an SVD did not converge.
         """
-        if self.compiled is not None:
-            return self.compiled.observe(q, v, active, self.lateness, closing)
-        terms = self.mechanism.evaluate(q, v, active, closing)
-        found, point = self.analyse(terms), terms.points[self.index]
-        late = self.late(terms, q, v, active, found)
-        layout = observation_layout(self.rows.size, self.mechanism.nv)
-        return observation_of(layout, found, late, point)
+        if closing is not None:
+            return self._observe(q, v, closing.chosen, closing.packed, 1, self.lateness)
+        chosen = self.mechanism.chosen(active)
+        return self._observe(q, v, chosen, chosen.scratch, 0, self.lateness)
 
     def analyse(self, terms: Evaluation) -> OperationalAnalysis:
-        """Analyse the point from the terms of Eq. 1 at a state."""
-        if self.compiled is not None and self.compiled.understands(terms):
-            return self.compiled.observe_terms(terms, terms.v, 0.0).analysis
-        point = terms.points[self.index]
-        jacobian = point.jacobian if self.rows.size == 6 else point.jacobian[self.rows]
-        perception = self.mechanism.scene.perception
-        root_matrix = root(terms.space, jacobian)
-        found = spectrum(root_matrix, *self.metric.factors(point.pose.rotation))
-        weights = rigidity(found.s, perception.s_on, perception.s_off)
-        free_rates, _ = terms.acceleration(np.zeros(self.mechanism.nv))
-        return OperationalAnalysis(
-            inverse_inertia=embed(inverse_inertia(root_matrix)),
-            spectrum=found,
-            weights=weights,
-            constraint_projector=embed(constraint_projector(found, weights, self.metric.mass)),
-            balanced_share=embed(balanced_share(found, weights)),
-            free_acceleration=point.jacobian @ free_rates + point.drift,
-            rows=self.rows,
-        )
+        """Analyse the point from the terms of Eq. 1 at a state.
 
-    def late(
-        self, terms: Evaluation, q: Array, v: Array, active: Active, found: OperationalAnalysis
-    ) -> LateAnswer:
+        Raises:
+            HapticMechError: as :meth:`observe`.
+        """
+        return self._observe_terms(terms, 0.0).analysis
+
+    def late(self, terms: Evaluation, found: OperationalAnalysis) -> LateAnswer:
         """Return X and a_0 as a loop late by τ needs them; see :mod:`.late_answer`.
 
         Args:
-            terms: of Eq. 1 at the state.
-            q: (nq,) configuration.
-            v: (nv,) rates.
-            active: which closures are closed.
+            terms: of Eq. 1 at a state.
             found: the analysis there.
+
+        Raises:
+            HapticMechError: as :meth:`observe`.
         """
-        free = found.free_acceleration
         if self.lateness == 0.0:
-            return LateAnswer(found.inverse_inertia, free)
-        if self.compiled is not None and self.compiled.understands(terms):
-            return self.compiled.observe_terms(terms, v, self.lateness).late
-        place = self.mechanism, terms, q, v, active, self.index, self.rows
-        return late_answer(*place, found.spectrum, free, self.lateness)
+            return LateAnswer(found.inverse_inertia, found.free_acceleration)
+        return self._observe_terms(terms, self.lateness).late
 
-    def _load(self) -> CompiledAnalysis:
-        # Here, so that only a compiled mechanism waits for Numba.
-        from hapticmech_ros.operational.compiled import CompiledAnalysis
+    def _observe_terms(self, terms: Evaluation, lateness: float) -> Observation:
+        known = terms.closing
+        return self._observe(known.q, terms.v, known.chosen, known.packed, 1, lateness)
 
-        perception = self.mechanism.scene.perception
-        return CompiledAnalysis(self.mechanism, self.index, self.rows, self.metric, perception)
+    def _observe(
+        self, q: Array, v: Array, chosen: Chosen, packed: Array, known: int, lateness: float
+    ) -> Observation:
+        mechanism, found = self.mechanism, np.empty(self.layout.size)
+        self._position[:] = q
+        self._rates[:] = v
+        if self._ahead.size != chosen.size:
+            self._ahead = np.empty(chosen.size)
+        code = observe_point(
+            *chosen.constants,
+            packed,
+            known,
+            self._position,
+            self._rates,
+            self.index,
+            self.constants,
+            self.rows,
+            mechanism.length,
+            lateness,
+            self._ahead,
+            found,
+        )
+        if code == UNDECIDED:
+            return self._observe(q, v, chosen.dense, chosen.dense.scratch, 0, lateness)
+        if code == NO_SPECTRUM:
+            raise HapticMechError("SVD of S did not converge")
+        if code:
+            raise failure(code, mechanism.tree)
+        return Observation(found, self.layout, self.rows, mechanism.nv)
 
 
 def analyse(

@@ -24,22 +24,9 @@ position, where what is left of φ there turns free rates by more than 1 %, q' i
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
-import numpy as np
-import pinocchio as pin
+from typing import NamedTuple
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.operational.spectrum import RANK_TOLERANCE, Spectrum
-
-# The readable ones, of test/oracles/mechanism.
-Mechanism = Any
-Evaluation = Any
-
-# Off the closures by φ, at a relative singular value σ, free rates turn by φ/σ²: by no more than
-# this share of the length, or what is foreseen is not used.
-TRUSTED = 0.01
 
 
 class LateAnswer(NamedTuple):
@@ -52,72 +39,3 @@ class LateAnswer(NamedTuple):
 
     inverse_inertia: Array
     free_acceleration: Array
-
-
-def late_answer(
-    mechanism: Mechanism,
-    terms: Evaluation,
-    q: Array,
-    v: Array,
-    active: Active,
-    index: int,
-    rows: Array,
-    found: Spectrum,
-    free_acceleration: Array,
-    lateness: float,
-) -> LateAnswer:
-    """Return X_τ and a_τ of a point.
-
-    Args:
-        mechanism: whose springs, dampers, friction and stops.
-        terms: of Eq. 1 at the state.
-        q: (nq,) configuration.
-        v: (nv,) rates.
-        active: which closures are closed.
-        index: of the point.
-        rows: (t,) rows of a six-vector that the task space has.
-        found: spectrum of X there.
-        free_acceleration: (6,) a_0.
-        lateness: τ, s, 0 or more.
-    """
-    model, data = mechanism.model, mechanism.data
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
-    stiffness, damping = mechanism.elements.tangents(model, data, q, v)
-    slope = lateness * damping + lateness**2 * stiffness
-    space, jacobian = terms.space, terms.points[index].jacobian[rows]
-    moved = found.s > RANK_TOLERANCE
-    free = space.without_closure_part(space.to_mass_metric(jacobian.T))
-    along = [space.from_mass_metric(column) for column in np.ascontiguousarray(free.T)]
-    rates = (found.wrenches[:, moved] / found.s[moved]).T @ np.array(along)
-    later = _foreseen(mechanism, terms, q, v, active, lateness)
-    own, _ = later.acceleration(np.zeros(v.size))
-    acceleration = free_acceleration.copy()
-    if later is not terms:
-        point = later.points[index]
-        acceleration = point.jacobian @ own + point.drift
-    met = rates @ (slope @ own)
-    shown = found.duals[:, moved] * found.s[moved]
-    resisted = np.eye(len(rates)) + rates @ slope @ rates.T
-    inverse_inertia = np.zeros((6, 6))
-    inverse_inertia[np.ix_(rows, rows)] = shown @ np.linalg.solve(resisted, shown.T)
-    acceleration[rows] -= shown @ np.linalg.solve(resisted, met)
-    return LateAnswer(inverse_inertia, acceleration)
-
-
-def _foreseen(
-    mechanism: Mechanism,
-    terms: Evaluation,
-    q: Array,
-    v: Array,
-    active: Active,
-    lateness: float,
-) -> Evaluation:
-    """Return the terms at q' and v, or those at q and v where these say more."""
-    change = lateness * v
-    if terms.closure_bias.size:
-        change = change - 0.5 * lateness**2 * terms.space.correction(terms.closure_bias)
-    later = mechanism.evaluate(mechanism.integrate(q, change), v, active)
-    space, error = later.space, later.closing.error
-    allowed = TRUSTED * space.least_kept**2 * mechanism.length
-    return later if space.rank == terms.space.rank and error <= allowed else terms

@@ -111,7 +111,7 @@ class _Differences:
         terms = simulator.evaluate(state)
         self._pose = terms.points[self._analyser.index].pose
         self._analysis = self._analyser.analyse(terms)
-        self._late = self._analyser.late(terms, state.q, state.v, state.active, self._analysis)
+        self._late = self._analyser.late(terms, self._analysis)
         space = terms.space
         self._factor = space.factor
         nv = self._mechanism.nv
@@ -168,7 +168,7 @@ class _Differences:
         terms = self._simulator.evaluate(state)
         seen = terms.points[self._analyser.index]
         found = self._analyser.analyse(terms)
-        late = self._analyser.late(terms, state.q, state.v, state.active, found)
+        late = self._analyser.late(terms, found)
         turned = pin.log3(seen.pose.rotation @ self._pose.rotation.T)
         away = seen.pose.translation - self._pose.translation
         return np.concatenate((away, turned, seen.twist, late.free_acceleration))

@@ -12,10 +12,13 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.model import se3
-from hapticmech_ros.operational.inverse_inertia import planar_block
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.scene.rules import inertia_matrix
+
+# Rows of a task wrench or twist (force first) that a planar scene has: x, y and rotation about z.
+PLANAR_ROWS = np.array([0, 1, 5])
+SPATIAL_ROWS = np.arange(6)
 
 
 class TaskMetric:
@@ -30,27 +33,11 @@ class TaskMetric:
     def __init__(self, scene: Scene, point: OperationalPoint) -> None:
         inertia = _inertia_at_point(scene, point)
         self.mass = float(inertia[0, 0])
-        self._planar = scene.task_space == "planar"
-        if self._planar:
-            inertia = planar_block(inertia)
+        if scene.task_space == "planar":
+            inertia = inertia[np.ix_(PLANAR_ROWS, PLANAR_ROWS)]
         self.factor = np.linalg.cholesky(inertia)
         self.dual_factor = np.linalg.inv(self.factor).T
         self.point_to_link = se3(point.origin).rotation.T
-
-    def factors(self, rotation: Array) -> tuple[Array, Array]:
-        """Return G (t, t) with I_ℓ = G Gᵀ, and G⁻ᵀ, on the task's rows and in world axes.
-
-        Args:
-            rotation: (3, 3) orientation of the operational point.
-        """
-        link = rotation @ self.point_to_link
-        if self._planar:
-            turn = np.eye(3)
-            turn[:2, :2] = link[:2, :2]
-        else:
-            turn = np.zeros((6, 6))
-            turn[:3, :3] = turn[3:, 3:] = link
-        return turn @ self.factor, turn @ self.dual_factor
 
 
 def _inertia_at_point(scene: Scene, point: OperationalPoint) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cached_property
 
-import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
@@ -14,7 +13,7 @@ from hapticmech_ros.operational.late_answer import LateAnswer
 from hapticmech_ros.operational.results import OperationalAnalysis
 from hapticmech_ros.operational.spectrum import Spectrum
 
-_S, _FREE = OPERATIONAL_MODEL.slice("s"), OPERATIONAL_MODEL.slice("free_acceleration")
+_FREE = OPERATIONAL_MODEL.slice("free_acceleration")
 _X, _P_C, _SHARE = (
     OPERATIONAL_MODEL.slice(name)
     for name in ("inverse_inertia", "constraint_projector", "balanced_share")
@@ -102,30 +101,3 @@ class Observation:
         jacobian = self._part("jacobian").reshape(6, self._nv)
         pose = pin.XYZQUATToSE3(self.numbers[_PLACE])
         return PointKinematics(pose, jacobian, motion[:6], motion[6:])
-
-
-def observation_of(
-    layout: Layout, found: OperationalAnalysis, late: LateAnswer, point: PointKinematics
-) -> Observation:
-    """Return an observation from what readable implementations found."""
-    numbers, nv = np.zeros(layout.size), point.jacobian.shape[1]
-    spectrum, rows = found.spectrum, found.rows
-    parts = {
-        "inverse_inertia": late.inverse_inertia,
-        "constraint_projector": found.constraint_projector,
-        "balanced_share": found.balanced_share,
-        "free_acceleration": late.free_acceleration,
-        "twist": point.twist,
-        "inverse_inertia_now": found.inverse_inertia,
-        "free_acceleration_now": found.free_acceleration,
-        "weights": found.weights,
-        "directions": spectrum.wrenches,
-        "duals": spectrum.duals,
-        "jacobian": point.jacobian,
-        "motion": np.concatenate((point.twist, point.drift)),
-    }
-    for name, value in parts.items():
-        numbers[layout.slice(name)] = np.ravel(value)
-    numbers[_S][: spectrum.s.size] = spectrum.s
-    numbers[_PLACE] = pin.SE3ToXYZQUAT(point.pose)
-    return Observation(numbers, layout, rows, nv)

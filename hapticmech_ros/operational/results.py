@@ -1,4 +1,14 @@
-"""Λ_h⁻¹ of an operational point at a state, and what follows from it."""
+"""Λ_h⁻¹ of an operational point at a state, and what follows from it.
+
+The constrained directions are chosen smoothly, for control:
+
+    P_c = Σ w(s_i) n_i n_iᵀ / m_ℓ,       Π = Σ w(s_i) n_i n_iᵀ I_ℓ⁻¹
+
+w falls smoothly from 1 at s_on to 0 at s_off, with continuous first and second derivative, so both
+are continuous through changes of rank and blind to the sign and order of singular vectors. m_ℓ is
+the metric's mass: a stiffness k multiplied by P_c is k N/m against pure translation of the link,
+and the link's own mix of N/m and N m/rad in other directions.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +28,9 @@ class OperationalAnalysis:
         inverse_inertia: (6, 6) X; zero in rows a planar scene does not have.
         spectrum: s, μ, rank and directions, on the task's rows only.
         weights: (t,) rigidity w(s_i).
-        constraint_projector: (6, 6) P_c.
-        balanced_share: (6, 6) Π.
+        constraint_projector: (6, 6) P_c, symmetric positive semi-definite; maps a twist error to a
+            wrench shape.
+        balanced_share: (6, 6) Π: the part of a wrench that the joints balance.
         free_acceleration: (6,) a_0, acceleration of the point with no wrench on it; m/s², rad/s².
         rows: (t,) rows of a six-vector that the task space has.
     """

@@ -1,5 +1,13 @@
 """Spectrum of Λ_h⁻¹ in the link's metric: which directions are free and which are rigid.
 
+X = Λ_h⁻¹ = SᵀS is the dynamically consistent inverse inertia at an operational point, and
+
+    S = (1 - U Uᵀ) L⁻¹ J_hᵀ      with D = L Lᵀ and U an orthonormal basis of range(L⁻¹Wᵀ)
+
+is what is factored further: its singular values are square roots of the eigenvalues of X, so a
+direction that X loses at 1e-8 of its largest eigenvalue is still resolved in S at 1e-16. Units of X
+are 1/kg for force-force, 1/(kg m) mixed, 1/(kg m²) for torque-torque.
+
 With I_ℓ = G Gᵀ the SVD  S G = Q diag(s) Vᵀ  gives s_i = sqrt(μ_i) in [0, 1] and the wrenches
 n_i = G v_i, normalised so that n_iᵀ I_ℓ⁻¹ n_j = δ_ij. X n_i = s_i² I_ℓ⁻¹ n_i: where s_i = 0 the
 joints balance n_i entirely.
@@ -12,8 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.mechanism.lapack import dgesdd
 
 # Singular values of S G are exact to a few machine epsilons; below this nothing is carried.
 RANK_TOLERANCE = 1e-10
@@ -52,21 +58,3 @@ class Spectrum:
 def rank_of(s: Array) -> int:
     """Return the numerical rank of X, given s (t,)."""
     return int(np.count_nonzero(s > RANK_TOLERANCE))
-
-
-def spectrum(root_matrix: Array, metric_factor: Array, dual_factor: Array) -> Spectrum:
-    """Return the spectrum of S (nv, t) in the metric I_ℓ = G Gᵀ.
-
-    Args:
-        root_matrix: (nv, t) S.
-        metric_factor: (t, t) G.
-        dual_factor: (t, t) G⁻ᵀ.
-    """
-    size = metric_factor.shape[0]
-    _, values, right, info = dgesdd(root_matrix @ metric_factor, full_matrices=1)
-    if info != 0:
-        raise HapticMechError(f"SVD of S did not converge (LAPACK info {info})")
-    s = np.zeros(size)
-    s[: values.size] = values[:size]
-    vectors = right.T
-    return Spectrum(s, metric_factor @ vectors, dual_factor @ vectors)

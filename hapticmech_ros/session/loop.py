@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control import Engagement, control_for
+from hapticmech_ros.control import Engagement
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.controller_side import ControllerSide
 from hapticmech_ros.control.device_side import DeviceSide
@@ -23,7 +22,6 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.chosen import Chosen
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.compiled import CompiledAnalysis
 from hapticmech_ros.operational.contact_wrench import touching_wrench
 from hapticmech_ros.operational.counter import ConstraintCounter
 from hapticmech_ros.operational.observation import Observation
@@ -79,7 +77,7 @@ class SessionLoop:
         self.period = self.simulator.period
         self._lateness = loop_lateness(scene, command_delay)
         self._analyser = Analyser(self.simulator.mechanism, point, self._lateness)
-        self._control = control_for(scene) if control is None else control
+        self._control = ControlArchitecture(scene) if control is None else control
         self._device = device_for(scene) if device is None else device
         state = self.simulator.initial_state()
         start = self.simulator.evaluate(state).points[self._analyser.index].pose
@@ -126,10 +124,6 @@ class SessionLoop:
         return self._mechanism_state
 
     @property
-    def _compiled(self) -> CompiledAnalysis:
-        return cast(CompiledAnalysis, self._analyser.compiled)
-
-    @property
     def _given(self) -> Array:
         """The last answer that was given, whether it has arrived or not."""
         answers: Array = self._parts.answers[-1] if self._side.is_ideal else self._parts.given
@@ -138,7 +132,7 @@ class SessionLoop:
     def _allocated(self) -> SessionData:
         """Return the data of all parts in one array, of which these parts are views from now on."""
         side, device, envelope = self._side, self._device_side, self._device_side.envelope
-        analysis, mechanism = self._compiled, self.simulator.mechanism
+        analysis, mechanism = self._analyser, self.simulator.mechanism
         channels, passivity = side.channels, device.passivity
         nothing, nowhere = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
         body = np.zeros(DEVICE_MODEL.size)
@@ -227,7 +221,7 @@ class SessionLoop:
         """Do ticks, as many in a call of the kernel as nothing interrupts."""
         clock, control = self._clock, self._control
         clock[EVERY], clock[RECORDED] = every, 0
-        plain = control.compiled and isinstance(self._device, CompiledDevice)
+        plain = not control.answers_in_python and isinstance(self._device, CompiledDevice)
         alone = self.simulator.steps_alone
         done = 0
         while done < ticks:
@@ -283,10 +277,10 @@ class SessionLoop:
         self._call(HEAR, inputs, rows)
         tie = self._tie(time)
         self._set(time, tie)
-        answers = not control.compiled and bool(self._data.heard)
+        answers = control.answers_in_python and bool(self._data.heard)
         if answers:
             self._answer_otherwise(time, tie)
-        self._clock[ANSWERED] = not control.compiled
+        self._clock[ANSWERED] = control.answers_in_python
         self._call(RENDER | (DEVICE if simulated else 0), inputs, rows)
         self._clock[ANSWERED] = 0
         if not simulated:
@@ -347,7 +341,7 @@ class SessionLoop:
             return NO_WRENCH
         index, terms = self._analyser.index, self.simulator.evaluate(state)
         seen = Observation(
-            self._parts.observation, self._compiled.layout, self._analyser.rows, state.v.size
+            self._parts.observation, self._analyser.layout, self._analyser.rows, state.v.size
         )
         return touching_wrench(terms, seen.analysis, state.touching, index)
 
@@ -356,7 +350,7 @@ class SessionLoop:
         tie, control, data = self._engagement, self._control, self._parts
         device, model = data.sample.copy(), data.observation[:_MODEL_SIZE].copy()
         if tie is None or self._carried is not None:
-            tie = control.engage_flat(time, device, model, 0.0, self._carried)
+            tie = control.engage(time, device, model, 0.0, self._carried)
             self._carried = None
-        self._engagement = control.slipped_flat(time, tie, device, model)
+        self._engagement = control.slipped(time, tie, device, model)
         return self._engagement

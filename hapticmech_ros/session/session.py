@@ -114,7 +114,7 @@ class Session(SessionLoop):
         mechanism = self._left() if state is None else state
         self._go(1, inputs, _NO_RECORDS, 0)
         analyser, nv = self._analyser, data.v.size
-        seen = Observation(data.observation.copy(), self._compiled.layout, analyser.rows, nv)
+        seen = Observation(data.observation.copy(), self._analyser.layout, analyser.rows, nv)
         return Sample(
             time,
             device,
@@ -204,7 +204,7 @@ class Session(SessionLoop):
         state = self.mechanism
         self.simulator.grasp(point)
         self._analyser = Analyser(self.simulator.mechanism, point.name, self._lateness)
-        self._parts.metric[:] = self._compiled.constants
+        self._parts.metric[:] = self._analyser.constants
         self._side.held_elsewhere()
         self._carried = self._given[_WRENCHES][:6].copy()
         self._counter.begin()

@@ -6,7 +6,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis.impedance import FREQUENCIES_HZ, felt
 from hapticmech_ros.analysis.scene_variants import with_loop
-from hapticmech_ros.control import control_for
+from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.felt_model import felt_model, loop_model
 from hapticmech_ros.control.loop_stability import loop_margins
 from hapticmech_ros.control.rendering_model import rendering_model
@@ -72,7 +72,7 @@ def test_what_dampers_do_is_felt_in_time(name):
     simulator = Simulator(scene)
     state = simulator.initial_state()
     for mechanism in (felt_model(scene).mechanism, linear_point(simulator, state)):
-        model = loop_model(control_for(scene), scene.device, mechanism, 1)
+        model = loop_model(ControlArchitecture(scene), scene.device, mechanism, 1)
         analysis, worst = mechanism.analysis, 0.0
         for column, weight in zip(analysis.spectrum.wrenches.T, analysis.weights, strict=True):
             if weight == 0.0:
@@ -93,7 +93,7 @@ def test_an_answer_for_a_late_loop_makes_no_loop_less_stable(name):
     calm = linear_point(simulator, simulator.initial_state())
     for delay in range(6):
         model = felt_model(scene, delay=delay)
-        before = loop_model(control_for(scene), scene.device, calm, delay)
+        before = loop_model(ControlArchitecture(scene), scene.device, calm, delay)
         # Eigenvalues of rigid motions, on the circle, are double: rounding moves them by its root.
         assert model.growth < max(1.0, before.growth) + 1e-6
 
@@ -103,7 +103,7 @@ def test_a_swing_without_dampers_does_not_grow_by_itself():
     scene = load_scene("crane")
     simulator = Simulator(scene)
     calm = linear_point(simulator, simulator.initial_state())
-    late = loop_model(control_for(scene), scene.device, calm, 1)
+    late = loop_model(ControlArchitecture(scene), scene.device, calm, 1)
     grows = np.log(late.growth) / scene.simulation.period
     swing = np.abs(np.log(np.linalg.eigvals(calm.step)).imag).max() / scene.simulation.period
     # Second orders of ω τ = 0.06 are left out, as is the share of the swing that the device has.
@@ -119,7 +119,7 @@ def test_springs_that_the_loop_does_not_bear_grow_in_the_model():
     scene = load_scene("five_bar")
     model = felt_model(scene)
     margins = loop_margins(
-        control_for(scene),
+        ControlArchitecture(scene),
         rendering_model(model.mechanism.analysis),
         model.mechanism.analysis.rows,
         scene.simulation.period,

@@ -9,9 +9,7 @@ from hapticmech_ros.control import (
     DeviceMeasurement,
     PointMeasurement,
     RenderingModel,
-    control_for,
 )
-from hapticmech_ros.control.compiled import CompiledControl
 from hapticmech_ros.control.engagement import engage, pose_error
 from hapticmech_ros.control.flat import (
     device_of,
@@ -23,6 +21,7 @@ from hapticmech_ros.control.flat import (
 from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import document_of, load_scene, scene_from_document
+from oracles.control import ReadableControl
 
 # Sums of some twenty products of the size of the largest, each rounded to 1e-16, in another order.
 ROUNDING = 1e-12
@@ -43,7 +42,7 @@ def both(kind, joint=FREE, device=FREE, **gains):
             document["controller"][key] = changed
     document["device"] = {**document["device"], **device}
     scene = scene_from_document(document)
-    return control_for(scene, compiled=False), control_for(scene)
+    return ReadableControl(scene), ControlArchitecture(scene)
 
 
 def unit(rng):
@@ -222,7 +221,7 @@ def test_a_new_engagement_is_noticed_and_an_old_one_remembered():
 def test_flat_measurements_engage_without_error(ahead):
     for control in both("spatial"):
         case = Case(np.random.default_rng(13), ahead=ahead)
-        case.tie = control.engage_flat(case.time, *case.flat())
+        case.tie = control.engage(case.time, *case.flat())
         assert case.tie.time == case.time
         assert np.abs(case.answer(control)[5]).max() < ROUNDING
         later = (*case.flat()[:2], ahead + 0.01)
@@ -284,9 +283,10 @@ def test_measurements_of_another_size_are_refused(device, rendered):
         compiled.answer(0.0, tie, np.zeros(device), np.zeros(rendered), 0.0)
 
 
-def test_the_compiled_control_is_what_runs():
-    scene = load_scene("five_bar")
-    assert isinstance(control_for(scene), CompiledControl)
-    assert control_for(scene).compiled
-    assert type(control_for(scene, compiled=False)) is ControlArchitecture
-    assert not control_for(scene, compiled=False).compiled
+def test_a_kernel_answers_unless_answer_is_overridden():
+    class Other(ControlArchitecture):
+        """Nothing of its own."""
+
+    assert not ControlArchitecture.answers_in_python
+    assert not Other.answers_in_python
+    assert ReadableControl.answers_in_python

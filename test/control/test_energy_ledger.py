@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
+from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.account_kernels import (
     account_for_motion,
     account_for_springs,
     queue_wrench,
 )
-from hapticmech_ros.control.build import control_for
 from hapticmech_ros.control.controller_side import ControllerSide
 from hapticmech_ros.control.four_channel import FourChannel
 from hapticmech_ros.scene.controller import (
@@ -27,7 +27,7 @@ class Ledger(ControllerSide):
 
     def __init__(self):
         scene = load_scene("five_bar")
-        super().__init__(control_for(scene), PERIOD, scene.connection, delay=0)
+        super().__init__(ControlArchitecture(scene), PERIOD, scene.connection, delay=0)
 
     def acts(self, wrench):
         queue_wrench(self.account, self.queue, wrench, np.empty(6))

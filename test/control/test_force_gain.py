@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.control.prediction import InFlight, foreseen
 from hapticmech_ros.control.rendering_model import rendering_model
+from oracles.control import ReadableControl
+from oracles.local_model import local_model
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.4, 1.0])
@@ -19,7 +21,7 @@ def test_it_is_the_answer_to_the_other_wrench(name, time, beta):
     scene = load_scene(name)
     stiffened = scene.controller.joint_constraint.model_copy(update={"feedforward": beta})
     gains = scene.controller.model_copy(update={"joint_constraint": stiffened})
-    control = ControlArchitecture(scene.model_copy(update={"controller": gains}))
+    control = ReadableControl(scene.model_copy(update={"controller": gains}))
     sample = Session(scene).tick()
     model, pose = rendering_model(sample.analysis), sample.point.pose
     tie = engage(0.0, pose, pose)
@@ -34,7 +36,7 @@ def test_it_is_the_answer_to_the_other_wrench(name, time, beta):
         seen = PointMeasurement(pose, twist, np.zeros(6))
         return control.compute(time, tie, measured(hand), seen, model).device
 
-    gains = control.local_model(time, tie, model)
+    gains = local_model(control, time, tie, model)
     then, now = flat_device(measured(first)), flat_device(measured(second))
     found = corrected(answer(first), gains.numbers, then, now)
     assert np.abs(found - answer(second)).max() < 1e-13

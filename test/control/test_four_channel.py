@@ -10,9 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hapticmech_ros.control.four_channel import FourChannel
-from hapticmech_ros.control.impedance import impedance_wrench
 from hapticmech_ros.scene.controller import ForceChannelGains, PositionChannelGains
 from hapticmech_ros.scene.gain_rule import BORNE
+from oracles.control.four_channel import channel_wrenches
+from oracles.control.impedance import impedance_wrench
 
 MASS, STIFFNESS, DAMPING, WALL = 0.5, 200.0, 6.0, 400.0
 GAINS = PositionChannelGains(stiffness=STIFFNESS, damping=DAMPING)
@@ -30,8 +31,8 @@ def accelerations(state, push, contact):
     """Return (ẍ_h, ẍ_e) of a device and a mechanism of equal mass, joined by the channels."""
     x_h, v_h, x_e, v_e = state
     channels = FourChannel(GAINS, ForceChannelGains())
-    out = channels.wrenches(
-        FREE, along_x(x_h - x_e), along_x(v_h - v_e), along_x(push), along_x(contact)
+    out = channel_wrenches(
+        channels, FREE, along_x(x_h - x_e), along_x(v_h - v_e), along_x(push), along_x(contact)
     )
     return (push + out.device[0]) / MASS, (contact + out.mechanism[0]) / MASS
 
@@ -94,18 +95,18 @@ def test_the_device_side_leaves_rigid_directions_to_the_joint_constraint():
     share = np.outer(n, dual) / (n @ dual)
     channels = FourChannel(GAINS, ForceChannelGains())
     error, rate, hand, contact = rng.normal(size=(4, 6))
-    out = channels.wrenches(share, error, rate, hand, contact)
+    out = channel_wrenches(channels, share, error, rate, hand, contact)
     # What is left of the coupling has no component along n: its pairing with n's dual is zero.
     assert abs(dual @ (out.device - contact)) < 1e-12 * np.linalg.norm(out.device) * 10.0
     # The mechanism is pulled in full: its joints take what they constrain.
-    free = channels.wrenches(FREE, error, rate, hand, contact)
+    free = channel_wrenches(channels, FREE, error, rate, hand, contact)
     assert np.array_equal(out.mechanism, free.mechanism)
 
 
 def test_force_channels_scale_what_they_carry():
     channels = FourChannel(GAINS, ForceChannelGains(contact=0.25, hand=0.5))
     hand, contact = np.arange(1.0, 7.0), np.arange(7.0, 13.0)
-    out = channels.wrenches(FREE, np.zeros(6), np.zeros(6), hand, contact)
+    out = channel_wrenches(channels, FREE, np.zeros(6), np.zeros(6), hand, contact)
     assert np.array_equal(out.device, 0.25 * contact)
     assert np.array_equal(out.mechanism, 0.5 * hand)
 
@@ -115,8 +116,10 @@ def test_channels_can_be_cut_and_forces_fed_back():
     error, rate, hand, contact = rng.normal(size=(4, 6))
     position = PositionChannelGains(to_mechanism=0.0, to_device=0.5)
     force = ForceChannelGains(contact=0.0, hand=0.25, mechanism_feedback=0.5)
-    out = FourChannel(position, force).wrenches(FREE, error, rate, hand, contact)
-    whole = FourChannel(PositionChannelGains(), force).wrenches(FREE, error, rate, hand, contact)
+    out = channel_wrenches(FourChannel(position, force), FREE, error, rate, hand, contact)
+    whole = channel_wrenches(
+        FourChannel(PositionChannelGains(), force), FREE, error, rate, hand, contact
+    )
     assert np.array_equal(out.mechanism, 0.25 * hand + 0.5 * contact)
     assert np.array_equal(out.device, 0.5 * whole.device)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.control.impedance import impedance_wrench
+from oracles.control.impedance import impedance_wrench
 
 # Products of 6 x 6 matrices with entries up to about 10: a few hundred rounding errors.
 ROUNDING = 1e-12

@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from hapticmech_ros.control import control_for
-from hapticmech_ros.control.architecture import ControlArchitecture
+from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.controller_side import ControllerSide, Reading
 from hapticmech_ros.control.lateness import jitter_allowance, loop_lateness
 from hapticmech_ros.control.loop_delay import (
@@ -22,6 +21,7 @@ from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.scene.controller import Connection
+from oracles.control import ReadableControl
 
 
 def over(connection, local=True, name="five_bar"):
@@ -53,10 +53,10 @@ def test_the_rule_softens_springs_that_cross_a_declared_network(tmp_path):
 
 def answers_at_once(connection):
     scene = over(connection)
-    side = ControllerSide(control_for(scene), scene.simulation.period, connection)
+    side = ControllerSide(ControlArchitecture(scene), scene.simulation.period, connection)
     reading = Reading(0.0, 0, np.eye(19)[6], np.zeros(OPERATIONAL_MODEL.size), 0.0, 0.001)
     reading.rendered[OPERATIONAL_MODEL.slice("quaternion").stop - 1] = 1.0
-    engagement = side.control.engage_flat(0.0, reading.device, reading.rendered, 0.0)
+    engagement = side.control.engage(0.0, reading.device, reading.rendered, 0.0)
     return side.tick(reading, engagement, corrects=True) is not None
 
 
@@ -120,10 +120,10 @@ def test_gains_made_for_a_delay_are_softer_only_where_they_cross_it():
     assert made_for(late, scene.device, period, 0.0).joint_constraint == late.joint_constraint
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-def test_gains_pass_to_another_delay_without_a_bump(compiled):
+@pytest.mark.parametrize("kind", [ControlArchitecture, ReadableControl])
+def test_gains_pass_to_another_delay_without_a_bump(kind):
     scene = over(Connection())
-    control = control_for(scene, compiled)
+    control = kind(scene)
     near = control.channels.held_stiffness[0]
     control.tune(1.0, scene.controller, 0.05)
     assert control.aim == (scene.controller, 0.05)

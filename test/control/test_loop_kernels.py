@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.control import control_for
+from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.control.passivity import PassivityController
 from hapticmech_ros.control.pose_kernels import displacement
@@ -25,7 +25,7 @@ class Compared(Session):
 
     def __init__(self, scene, delay=1):
         super().__init__(scene, command_delay=delay)
-        self.readable = ReadableLoop(scene, control_for(scene), delay)
+        self.readable = ReadableLoop(scene, ControlArchitecture(scene), delay)
         self.readable.envelope.place(self.device.published[:3])
         self.ticks, self.most, self.apart, self.energies_apart = 0, 0.0, 0.0, 0.0
 

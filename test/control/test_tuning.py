@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.control import control_for
+from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.gain_passage import Passage, blended
 from hapticmech_ros.control.tuning import TUNED, tuned
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Controller
+from oracles.control import ReadableControl
 
 
 def test_gains_are_found_by_name():
@@ -59,11 +60,11 @@ def test_what_is_no_number_is_new():
     assert blended(joint, other, 0.25).stiffness == 1500.0
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-def test_a_session_takes_other_gains_without_a_bump(compiled):
+@pytest.mark.parametrize("kind", [ControlArchitecture, ReadableControl])
+def test_a_session_takes_other_gains_without_a_bump(kind):
     """Pushed against its joints: a spring half as stiff gives way slowly, from the same force."""
     scene = load_scene("five_bar")
-    sessions = [Session(scene, control=control_for(scene, compiled)) for _ in range(2)]
+    sessions = [Session(scene, control=kind(scene)) for _ in range(2)]
     for _ in range(1000):
         for session in sessions:
             session.tick()

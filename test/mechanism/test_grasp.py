@@ -17,7 +17,6 @@ from hapticmech_ros.mechanism.grasp import (
     grasp_written,
     grasped,
 )
-from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.simulation import Simulator
@@ -26,6 +25,7 @@ from oracles.closed_form import inverse_inertia
 from oracles.generator import closed_chain, random_mechanism
 from oracles.mechanism.mechanism import ReadableMechanism
 from oracles.mechanism.stepping import ReadableSimulator
+from oracles.operational import analyser_of
 from oracles.running import with_start
 
 SAMPLES = [
@@ -62,7 +62,7 @@ def test_x_at_any_place_is_that_of_a_scene_which_has_the_point_there(sample, kin
     for link, origin in places(sample):
         mechanism.grasp(grasped(mechanism.scene, "", link, origin))
         terms = mechanism.evaluate(sample.q, v, active)
-        analyser = Analyser(mechanism)
+        analyser = analyser_of(mechanism)
         own = Terms(mechanism, terms, analyser.analyse(terms))
         # D, W and J of a mechanism made anew, by the readable implementation, and X from them by
         # another formula: nothing is carried over from the place before.

@@ -19,6 +19,7 @@ from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition, pair_of, sample_pair
 from oracles.mechanism.stepping import ReadableSimulator
+from oracles.operational import ReadableAnalyser
 from oracles.planar_linkages import chain
 
 # As in test_terms.py; articulated inertias about the world's origin lose a digit more.
@@ -137,7 +138,7 @@ def test_points_are_analysed_alike(number, kind):
     assert pair.mechanism.chosen(pair.mechanism.initially_active).is_sparse
     state = pair.q, pair.v, pair.mechanism.initially_active
     seen = Analyser(pair.mechanism).observe(*state).model
-    expected = Analyser(pair.readable).observe(*state).model
+    expected = ReadableAnalyser(pair.readable).observe(*state).model
     magnified = ROUNDING * number
     # s, X, a_0, and where the point is: P_c and Π turn with rounding where s repeats.
     for part in PARTS:

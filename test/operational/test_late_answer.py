@@ -12,6 +12,7 @@ from hapticmech_ros.scene import scene_from_document, shipped_scenes
 from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition, falling, pair_of, sample_pair
+from oracles.operational import analyser_of
 from oracles.running import with_start
 
 # As in test_seeing_a_point: sums in another order, and what conditions take.
@@ -46,10 +47,16 @@ def rates(pair, active):
 
 def late(mechanism, pair, active, lateness=LATENESS, name=""):
     """Return terms, analysis and late answer of one implementation."""
-    analyser, v = Analyser(mechanism, name, lateness), rates(pair, active)
-    terms = mechanism.evaluate(pair.q, v, active)
+    return answered(mechanism, pair.q, rates(pair, active), active, lateness, name)
+
+
+def answered(mechanism, q, v, active, lateness, name=""):
+    """Return terms, analysis and late answer at a state."""
+    analyser, terms = analyser_of(mechanism, name, lateness), mechanism.evaluate(q, v, active)
     found = analyser.analyse(terms)
-    return terms, found, analyser.late(terms, pair.q, v, active, found)
+    if isinstance(analyser, Analyser):
+        return terms, found, analyser.late(terms, found)
+    return terms, found, analyser.late(terms, q, v, active, found)
 
 
 @pytest.mark.parametrize("pair", list(pairs()))
@@ -139,14 +146,12 @@ def test_the_answer_of_now_is_the_acceleration_of_then(name):
     steps, twists = (10, 20, 40), {}
     for number in range(steps[-1] + 2):
         twists[number] = simulator.evaluate(state).points[0].twist
-        if number == 0:
-            begun = state
         state = simulator.step(state, held)
     for count in steps:
         lateness = count * simulator.period
         then = (twists[count + 1] - twists[count - 1]) / (2.0 * simulator.period)
         analyser = Analyser(simulator.mechanism, point, lateness)
-        answer = analyser.late(first, begun.q, begun.v, begun.active, analyser.analyse(first))
+        answer = analyser.late(first, analyser.analyse(first))
         now = answer.inverse_inertia @ wrench + answer.free_acceleration
         errors.append(np.linalg.norm((then - now)[rows]) / np.linalg.norm(then[rows]))
     assert np.log2(np.divide(errors[1:], errors[:-1])) == pytest.approx(2.0, abs=0.15)
@@ -167,10 +172,7 @@ def test_where_closures_will_not_be_known_the_state_is_taken_as_it_is():
     active = pair.readable.initially_active
     torn = pair.v + np.array([2.0, -1.0, 0.5, 3.0])
     for mechanism in (pair.readable, pair.mechanism):
-        analyser = Analyser(mechanism, lateness=LATENESS)
-        terms = mechanism.evaluate(pair.q, torn, active)
-        found = analyser.analyse(terms)
-        answer = analyser.late(terms, pair.q, torn, active, found)
+        terms, found, answer = answered(mechanism, pair.q, torn, active, LATENESS)
         own, _ = terms.acceleration(np.zeros(mechanism.nv))
         elements = pair.readable.elements
         pair.readable.evaluate(pair.q, torn, active)

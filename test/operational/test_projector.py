@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from hapticmech_ros.operational.projector import balanced_share, constraint_projector, rigidity
-from hapticmech_ros.operational.spectrum import Spectrum, spectrum
+from hapticmech_ros.operational.spectrum import Spectrum
 from oracles.analysed import sample_terms, terms_of
 from oracles.differences import relative
 from oracles.generator import random_mechanism
+from oracles.operational.projector import balanced_share, constraint_projector, rigidity
+from oracles.operational.spectrum import spectrum
 from oracles.planar_linkages import five_bar, five_bar_bent
 
 S_ON, S_OFF = 0.02, 0.05

@@ -12,6 +12,7 @@ from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document, shipped_scenes
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition, falling, pair_of, sample_pair
+from oracles.operational import ReadableAnalyser
 from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, chain
 
 # Sums of some ten products in another order, and what D's condition (up to 1e3) takes.
@@ -41,7 +42,10 @@ def test_both_see_the_same(pair):
         magnified = ROUNDING * condition(terms.space)
         free = pair.readable.evaluate(pair.q, pair.v, (False,) * len(active))
         for name in pair.readable.point_names:
-            readable, compiled = Analyser(pair.readable, name), Analyser(pair.mechanism, name)
+            readable, compiled = (
+                ReadableAnalyser(pair.readable, name),
+                Analyser(pair.mechanism, name),
+            )
             one, other = seen(readable, pair, active), seen(compiled, pair, active)
             alone = readable.analyse(free)
             inertia, falls = np.abs(alone.inverse_inertia).max(), falling(terms, readable.index)

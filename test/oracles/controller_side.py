@@ -17,7 +17,7 @@ from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.scene.controller import Connection
 from oracles.delay_line import DelayLine
 from oracles.energy_ledger import EnergyLedger
-from oracles.local_model import NO_MODEL, LocalModel
+from oracles.local_model import NO_MODEL, LocalModel, local_model
 from oracles.mechanism_port import MechanismPort
 
 _NO_WRENCH = np.zeros(6)
@@ -159,7 +159,7 @@ class ControllerSide:
         self.ledger.answered(wrenches[5], projector, gains, control.channels, self._period)
         model = NO_MODEL
         if corrects and with_model and control.gains.local:
-            model = control.local_model(reading.time, engagement, seen_model)
+            model = local_model(control, reading.time, engagement, seen_model)
         given = self.ledger.entry.to_mechanism
         return Answer(wrenches, model, seen.device, seen.stamp_ns, given)
 

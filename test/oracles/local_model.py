@@ -12,14 +12,61 @@ long as X has not changed in it and no limit is met.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.local_model import NO_MODEL, LocalModel
+from hapticmech_ros.control import ControlArchitecture, Engagement, RenderingModel
+from hapticmech_ros.control.force_gain import force_gain
 from hapticmech_ros.layout import DEVICE_SAMPLE
 
 TWIST, FORCE = DEVICE_SAMPLE.slice("twist"), DEVICE_SAMPLE.slice("hand_wrench")
+
+
+_NOTHING = np.zeros((6, 6))
+_NOTHING.flags.writeable = False
+
+
+class LocalModel(NamedTuple):
+    """How a command depends on the device, (6, 6) each, world axes.
+
+    Attributes:
+        force: G, N and N m of the device per N and N m of the hand.
+        stiffness: K, N/m, N, N, N m/rad.
+        damping: B, N s/m, N s, N s, N m s/rad.
+    """
+
+    force: Array
+    stiffness: Array
+    damping: Array
+
+    @property
+    def numbers(self) -> Array:
+        """All of it (108,), row by row."""
+        return np.concatenate(self).ravel()
+
+
+NO_MODEL = LocalModel(_NOTHING, _NOTHING, _NOTHING)
+
+
+def local_model(
+    control: ControlArchitecture, time: float, engagement: Engagement, model: RenderingModel
+) -> LocalModel:
+    """Return how a control's answer depends on the device, as let through at ``time`` (s)."""
+    joint, force = control.gains.joint_constraint, control.gains.force_channel
+    ramp = engagement.ramp(time, control.ramp_of(engagement))
+    through = ramp * np.outer(control.task, control.task)
+    gain = spring = damper = NO_MODEL.force
+    if force.local:
+        x, share = model.inverse_inertia, model.balanced_share
+        feedback = force.device_feedback
+        gain = force_gain(control.device_inertia, x, share, joint.feedforward, feedback)
+        gain = through * gain
+    if joint.local:
+        projector = through * model.constraint_projector
+        spring, damper = joint.stiffness * projector, joint.damping * projector
+    return LocalModel(gain, spring, damper)
 
 
 def corrected(command: Array, model: LocalModel, answered: Array, now: Array) -> Array:

@@ -43,9 +43,7 @@ def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
     v = np.array([0.3, -0.2, 0.1, 0.4])
     expected = analyse(mechanism, q, v=v)
     terms = mechanism.evaluate(q, v, mechanism.initially_active)
-    late = Analyser(mechanism, lateness=LATENESS).late(
-        terms, q, v, mechanism.initially_active, expected
-    )
+    late = Analyser(mechanism, lateness=LATENESS).late(terms, expected)
     renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)
     counts = peer.listen("analysis/handle/constraint_count", UInt8)
     matrices = peer.listen("analysis/handle/inverse_inertia", Float64MultiArray)
@@ -102,7 +100,7 @@ def test_an_open_loop_is_analysed_as_a_chain(domain: int, peer: Peer) -> None:
     v, opened = np.zeros(4), (False,)
     terms = mechanism.evaluate(q, v, opened)
     analyser = Analyser(mechanism, lateness=LATENESS)
-    expected = analyser.late(terms, q, v, opened, analyser.analyse(terms))
+    expected = analyser.late(terms, analyser.analyse(terms))
     renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)
     with running("nullspace_analyser", domain):
         states = peer.publisher("mechanism/state", Float64MultiArray)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.control import control_for
+from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
 from hapticmech_ros.scene import document_of, load_scene, scene_from_document, shipped_scenes
 
@@ -51,7 +51,7 @@ def test_the_loop_bears_twice_the_rule_s_gains(period, local, delay, mass):
     joint = made.controller.joint_constraint
     assert joint.stiffness <= 2000.0
     late = 1 + round(2.0 * delay / period)
-    control = control_for(made, compiled=False)
+    control = ControlArchitecture(made)
     spring, damper = ([[2.0 * gain / mass]] for gain in (joint.stiffness, joint.damping))
     nothing = np.zeros((1, 1)), np.zeros((1, 1))
     acting = np.array(spring), np.array(damper)

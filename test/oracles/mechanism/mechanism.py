@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import lapack
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
@@ -18,7 +19,7 @@ from hapticmech_ros.mechanism.inertia import (
     cholesky_of_upper,
     singular_joint,
 )
-from hapticmech_ros.mechanism.lapack import dgesdd, dtrsv
+from hapticmech_ros.mechanism.lapack import dtrsv
 from hapticmech_ros.mechanism.multibody import MultibodyModel
 from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,
@@ -110,7 +111,7 @@ def constraint_space(
     if jacobian.shape[0] == 0:
         return ReadableSpace(factor, np.zeros((nv, 0)), np.zeros(0), np.zeros((0, 0)))
     scaled = solve_lower(factor, (jacobian / row_lengths[:, None]).T)
-    left, sigma, right, info = dgesdd(scaled, full_matrices=0)
+    left, sigma, right, info = lapack.dgesdd(scaled, full_matrices=0)
     if info != 0:
         raise HapticMechError(f"SVD of the loop closures did not converge (LAPACK info {info})")
     drift = DRIFT_FACTOR * float(np.abs(residual / row_lengths).max())

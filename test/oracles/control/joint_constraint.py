@@ -2,7 +2,7 @@
 
     u_jc = -(k P_c e + b P_c ė), limited in force and torque as a whole
 
-P_c is smooth (see operational/projector.py), so u_jc has no step when a constraint comes or goes.
+P_c is smooth (see operational/results.py), so u_jc has no step when a constraint comes or goes.
 Its spring does store 1/2 k eᵀ P_c e, so switching a direction on with an error there adds energy,
 which :mod:`~hapticmech_ros.control.account_kernels` accounts for.
 """

@@ -1,0 +1,85 @@
+"""Fig. 3: the three controllers joined, from measurements to the wrenches of both sides."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control import (
+    ControlArchitecture,
+    ControlOutput,
+    DeviceMeasurement,
+    Engagement,
+    PointMeasurement,
+    RenderingModel,
+)
+from hapticmech_ros.control.engagement import pose_error
+from hapticmech_ros.control.flat import device_of, flat_rendered, model_of
+from hapticmech_ros.control.prediction import InFlight, point_ahead
+from hapticmech_ros.saturation import limited
+from oracles.control.four_channel import channel_wrenches
+from oracles.control.impedance import impedance_wrench
+from oracles.control.joint_constraint import joint_constraint_wrench
+
+
+class ReadableControl(ControlArchitecture):
+    """The controllers of a scene; arguments and results as of the class that it is an oracle of."""
+
+    def answer(
+        self,
+        time: float,
+        engagement: Engagement,
+        device: Array,
+        rendered: Array,
+        ahead: float,
+        in_flight: InFlight | None = None,
+    ) -> Array:
+        """Return the wrenches for measurements, (6, 6): rows as in :class:`ControlOutput`."""
+        point = point_ahead(rendered, ahead, in_flight)
+        found = self.compute(time, engagement, device_of(device), point, model_of(rendered))
+        return found.rows()
+
+    def compute(
+        self,
+        time: float,
+        engagement: Engagement,
+        device: DeviceMeasurement,
+        point: PointMeasurement,
+        model: RenderingModel,
+        in_flight: InFlight | None = None,
+    ) -> ControlOutput:
+        """Return the wrenches for measurements at ``time`` (s)."""
+        self.pass_on_to(time)
+        if in_flight is not None:
+            point = point_ahead(flat_rendered(model, point), 0.0, in_flight)
+        gains, task = self.gains, self.task
+        error = task * pose_error(point.pose, engagement.mapped(device.pose))
+        error_rate = task * (device.twist - point.twist)
+        hand = task * device.hand_wrench
+        contact = task * point.contact_wrench
+        force = gains.force_channel
+        impedance = task * impedance_wrench(
+            self.device_inertia,
+            model.inverse_inertia,
+            model.balanced_share,
+            model.free_acceleration,
+            hand + force.contact * contact,
+            gains.joint_constraint.feedforward,
+            np.zeros(6),
+            force.device_feedback * hand,
+        )
+        constraint = joint_constraint_wrench(
+            gains.joint_constraint, model.constraint_projector, error, error_rate
+        )
+        share = model.balanced_share
+        channels = channel_wrenches(self.channels, share, error, error_rate, hand, contact)
+        ramp = engagement.ramp(time, self.ramp_of(engagement))
+        total = ramp * (impedance + constraint + channels.device)
+        return ControlOutput(
+            device=self.joined(time, engagement, limited(total, *self.limits)),
+            mechanism=limited(ramp * channels.mechanism, *self.limits),
+            impedance=ramp * impedance,
+            joint_constraint=ramp * constraint,
+            four_channel=ramp * channels.device,
+            error=error,
+        )
