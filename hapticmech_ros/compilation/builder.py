@@ -36,7 +36,7 @@ from hapticmech_ros.errors import HapticMechError
 # Import every kernel, directly or not.
 _HOMES = ("mechanism.stepping", "operational.compiled", "control.compiled")
 _MORE_HOMES = (
-    *("device.compiled", "wire.readings", "contact.stepping"),
+    *("device.impedance_device", "wire.readings", "contact.stepping"),
     "session.session",
 )
 # Of the C library, which every process has.
