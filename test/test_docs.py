@@ -40,21 +40,35 @@ def test_the_table_of_parameters_is_the_codes() -> None:
     assert parameter_table() in (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8")
 
 
-def test_the_readme_program_runs(tmp_path: Path) -> None:
-    (program,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    script = tmp_path / "program.py"
+def output_of(page: str, folder: Path) -> str:
+    """Run the only program of a page; return what it prints."""
+    (program,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    script = folder / "program.py"
     script.write_text(program, encoding="utf-8")
     run = subprocess.run(
         [sys.executable, script],
         capture_output=True,
         text=True,
         timeout=60,
-        cwd=tmp_path,
+        cwd=folder,
         check=False,
     )
     assert run.returncode == 0, run.stderr
-    assert "rank: 2" in run.stdout
-    assert "3.0 s: 2 constraint(s)" in run.stdout
+    return run.stdout
+
+
+def test_the_readme_program_runs(tmp_path: Path) -> None:
+    printed = output_of(README, tmp_path)
+    assert "rank: 2" in printed
+    assert "3.0 s: 2 constraint(s)" in printed
+
+
+def test_the_program_of_the_page_on_devices_runs(tmp_path: Path) -> None:
+    """It has a hand of one's own, and a device."""
+    page = (ROOT / "docs" / "devices.md").read_text(encoding="utf-8")
+    hand, device = output_of(page, tmp_path).splitlines()
+    assert float(re.findall(r"hand: (.*) mm", hand)[0]) > 1.0
+    assert device == "device: 4.0 mm"
 
 
 def test_every_command_that_the_readme_names_exists() -> None:
