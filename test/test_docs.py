@@ -66,6 +66,15 @@ def test_the_readme_program_runs(tmp_path: Path) -> None:
     assert "3.0 s: 2 constraint(s)" in printed
 
 
+def test_the_program_of_the_page_on_devices_runs(tmp_path: Path) -> None:
+    """It has a hand of one's own, and a device."""
+    page = (ROOT / "docs" / "devices.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    hand, device = output_of(program, tmp_path).splitlines()
+    assert float(re.findall(r"hand: (.*) mm", hand)[0]) > 1.0
+    assert device == "device: 4.0 mm"
+
+
 def test_programs_of_sessions_run_and_name_fields_that_there_are(tmp_path: Path) -> None:
     text = (ROOT / "docs" / "sessions.md").read_text(encoding="utf-8")
     one, long = re.findall(r"```python\n(.*?)```", text, re.DOTALL)

@@ -5,11 +5,13 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.device import ImpedanceDevice, grip_of, hand_law
+from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice, device_for
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.mechanism import Origin
 from oracles.control import ReadableControl
+from oracles.device.hand import hand_law
+from oracles.devices import readable_device_for
 
 PUSH = np.array([0.4, -0.2, 0.1, 0.0, 0.01, 0.02])
 UNEVEN = Connection(delay=0.004, jitter=0.5, loss=0.1, seed=2)
@@ -200,22 +202,92 @@ def test_a_law_of_ones_own_is_asked_for_each_sample_with_the_gains_of_the_time()
     assert seen[-1][1] == 50.0 != seen[0][1]
 
 
-def test_a_device_with_a_hand_in_python_takes_the_place_of_the_scenes():
-    scene = load_scene("five_bar")
-    hand, period = scene.hand, scene.simulation.period
-    law, calls = hand_law(hand), []
+def own_hand(scene, calls):
+    """Return the scene's device, and its hand's law as one of one's own."""
+    law = hand_law(scene.hand)
 
     def own_law(elapsed, pose, twist, held):
         calls.append(elapsed)
         return law(elapsed, pose, twist, held)
 
-    planar = scene.task_space == "planar"
-    body = ImpedanceDevice(scene.device, period, planar, own_law, grip_of(hand))
+    return device_for(scene, law=own_law)
+
+
+@pytest.mark.parametrize(
+    "scene", [load_scene("five_bar"), connected("spatial_arm")], ids=lambda scene: scene.name
+)
+def test_a_hand_in_python_takes_the_place_of_the_scenes(scene):
+    calls = []
     expected = Session(scene).run(400, hand_wrench=PUSH)
-    run = Session(scene, device=body).run(400, hand_wrench=PUSH)
-    assert len(calls) > 400
+    run = Session(scene, device=own_hand(scene, calls)).run(400, hand_wrench=PUSH)
+    # Once in every substep, and at the end of every period, from the hand's start on.
+    held = 400 - round(scene.hand.start_delay / scene.simulation.period)
+    assert len(calls) >= held * (scene.device.substeps + 1)
     assert np.abs(run["device_position"] - expected["device_position"]).max() < 1e-12
     assert np.abs(run["on_hand"] - expected["on_hand"]).max() < 1e-9
+
+
+class Lent:
+    """A device of one's own: nothing but what a session asks of it, around the readable one."""
+
+    def __init__(self, scene):
+        self._device = readable_device_for(scene)
+        self.at_rest, self.step = self._device.at_rest, self._device.step
+        self.compensation, self.sensed = self._device.compensation, self._device.sensed
+
+
+@pytest.mark.parametrize("name", ["five_bar", "spatial_arm"])
+def test_a_device_in_python_takes_the_place_of_the_scenes(name):
+    scene = load_scene(name)
+    expected = Session(scene).run(400, hand_wrench=PUSH)
+    session = Session(scene, device=Lent(scene))
+    run = session.run(400, hand_wrench=PUSH)
+    assert np.abs(run["device_position"] - expected["device_position"]).max() < 1e-12
+    assert np.abs(run["on_hand"] - expected["on_hand"]).max() < 1e-9
+    assert session.compensation.shape == (6,)
+
+
+class Doubled(ImpedanceDevice):
+    """A scene's device that obeys twice the command."""
+
+    def step(self, state, command, held, ticks, push=NO_WRENCH):
+        return super().step(state, 2.0 * command, held, ticks, push)
+
+
+def test_what_a_subclass_of_the_device_does_is_done():
+    scene = load_scene("five_bar")
+    device = Doubled(scene.device, scene.simulation.period, True, scene.hand)
+    run = Session(scene, device=device).run(400)
+    moving = run["on_hand"][:-1]
+    assert np.abs(moving).max() > 0.1
+    assert np.array_equal(run["device_applied"][1:], 2.0 * moving)
+
+
+def test_states_of_a_device_of_ones_own_are_handed_back_to_it():
+    scene = load_scene("two_link")
+
+    class Marked(DeviceState):
+        __slots__ = ("mark",)
+
+    class Marking(Lent):
+        def __init__(self, scene):
+            super().__init__(scene)
+            self.at_rest, self.step = self._begin, self._next
+
+        def _begin(self, *arguments, **keys):
+            state = Marked(self._device.at_rest(*arguments, **keys).flat)
+            state.mark = 0
+            return state
+
+        def _next(self, state, *arguments):
+            after = Marked(self._device.step(state, *arguments).flat)
+            after.mark = state.mark + 1
+            return after
+
+    session = Session(scene, device=Marking(scene))
+    samples = [session.tick() for _ in range(5)]
+    assert [sample.device.mark for sample in samples] == list(range(5))
+    assert session.device.mark == 5
 
 
 def test_a_run_of_no_ticks_changes_nothing():

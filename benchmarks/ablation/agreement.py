@@ -13,7 +13,7 @@ from hapticmech_ros.control import PointMeasurement
 from hapticmech_ros.control.engagement import engage
 from hapticmech_ros.control.flat import flat_rendered
 from hapticmech_ros.control.lateness import loop_lateness
-from hapticmech_ros.device import DeviceState, device_for
+from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene
@@ -80,7 +80,7 @@ class _Readable:
         mechanism, lateness = self._simulator.mechanism, loop_lateness(scene)
         self._analyser = oracle("operational").ReadableAnalyser(mechanism, lateness=lateness)
         self._control = oracle("control").ReadableControl(scene)
-        self._device = device_for(scene, compiled=False)
+        self._device = oracle("devices").readable_device_for(scene)
         self._index = self._analyser.index
         self._held: DeviceState | None = None
         self._loop = oracle("rendering_loop").RenderingLoop(scene, self._control)

@@ -17,7 +17,7 @@ nor one that has come to a limit cycle.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -172,4 +172,4 @@ class MassHeldDevice(ImpedanceDevice):
         """Advance one period; see :meth:`ImpedanceDevice.step`."""
         new = super().step(state, command, None, ticks, push)
         inert = -self._own * (new.twist - state.twist) / self.period
-        return replace(new, hand_wrench=inert, reported=inert)
+        return new.replaced(hand_wrench=inert, reported=inert)

@@ -37,7 +37,7 @@ from hapticmech_ros.errors import HapticMechError
 # Import every kernel, directly or not.
 _HOMES = ("mechanism.stepping", "operational.analysis", "control.architecture")
 _MORE_HOMES = (
-    *("device.compiled", "wire.readings", "contact.stepping"),
+    *("device.impedance_device", "wire.readings", "contact.stepping"),
     "session.session",
 )
 # Of the C library, which every process has.

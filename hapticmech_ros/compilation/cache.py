@@ -62,6 +62,7 @@ _SOURCES = (
     "device/device_layout.py",
     "device/hand_kernels.py",
     "device/resistance_kernels.py",
+    "device/driver_kernels.py",
     "device/kernels.py",
     "device/safety_layout.py",
     "device/safety_kernels.py",

@@ -1,11 +1,11 @@
 """The simulated impedance device and the hand that holds it."""
 
 from hapticmech_ros.device.build import device_for
-from hapticmech_ros.device.driver import NO_WRENCH
 from hapticmech_ros.device.grip import Grip, grip_of
-from hapticmech_ros.device.hand import HandLaw, hand_law, no_hand
+from hapticmech_ros.device.hand import HandLaw
 from hapticmech_ros.device.impedance_device import ImpedanceDevice
-from hapticmech_ros.device.state import DeviceState
+from hapticmech_ros.device.protocol import SimulatedDevice
+from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 
 __all__ = [
     "NO_WRENCH",
@@ -13,8 +13,7 @@ __all__ = [
     "Grip",
     "HandLaw",
     "ImpedanceDevice",
+    "SimulatedDevice",
     "device_for",
     "grip_of",
-    "hand_law",
-    "no_hand",
 ]

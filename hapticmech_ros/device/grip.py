@@ -14,7 +14,10 @@ OPEN = -1
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """Windows of time in which a hand holds.
+    """Windows of time in which a hand holds, numbered by how many switches are passed.
+
+    In window 0 the hand is where it could take hold first; in a later one, where the device was
+    when that window began.
 
     Attributes:
         start: s since it could take hold.
@@ -29,21 +32,6 @@ class Grip:
     holds_first: bool = True
     mass: float = 0.0
     inertia: float = 0.0
-
-    def window(self, elapsed: float) -> int:
-        """Return the number of switches passed if it holds then, else ``OPEN``.
-
-        In window 0 the hand is where it could take hold first; in a later one, where the device
-        was when that window began.
-
-        Args:
-            elapsed: s since it could take hold.
-        """
-        moving = elapsed - self.start
-        if moving < -START_TOLERANCE:
-            return OPEN
-        passed = sum(moving - time >= -START_TOLERANCE for time in self.switches)
-        return passed if (passed % 2 == 0) == self.holds_first else OPEN
 
 
 ALWAYS = Grip()

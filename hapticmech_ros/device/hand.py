@@ -1,6 +1,7 @@
-"""The hand that holds the device: pushes, or a spring and damper to a moving target.
+"""The scene's hand as numbers that kernels read, and the law of a hand of one's own.
 
-When it holds, and its own mass, are in :mod:`~hapticmech_ros.device.grip`.
+What the laws compute is in :mod:`~hapticmech_ros.device.hand_kernels`; when a hand holds, and its
+own mass, in :mod:`~hapticmech_ros.device.grip`.
 """
 
 from __future__ import annotations
@@ -11,35 +12,46 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.device.grip import START_TOLERANCE
-from hapticmech_ros.scene.hand import (
-    ConstantWrenchHand,
-    Hand,
-    ScriptedHand,
-    TargetHand,
-    Tremor,
-)
+from hapticmech_ros.device import hand_kernels as laws
+from hapticmech_ros.device.grip import Grip
+from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, ScriptedHand, TargetHand
 from hapticmech_ros.scene.script import read_script
 
-# (elapsed s, pose, twist, pose when the hand took hold) -> wrench on the device, world axes.
+# The law of a hand of one's own: (elapsed s since the hand could take hold, pose, twist (6,), pose
+# when it took hold) -> F_h (6,) on the device, N and N m. All in the world and along its axes.
 HandLaw = Callable[[float, pin.SE3, Array, pin.SE3], Array]
 
 
-def hand_law(hand: Hand) -> HandLaw:
-    """Return the law of a scene's hand.
+def hand_numbers(hand: Hand | None, grip: Grip) -> Array:
+    """Return a hand as :mod:`~hapticmech_ros.device.hand_kernels` reads it.
 
-    The law takes s since engagement, the device's pose and twist, and its pose when the hand took
-    hold; it returns F_h (6,), by the hand on the device, world axes, N and N m. Before the hand's
-    ``start_delay`` it is zero. What the hand's own mass takes of it is not in it.
+    Args:
+        hand: of the scene; None for one without a law among them.
+        grip: when it holds.
+
+    Raises:
+        InvalidInputError: a script that cannot be read.
     """
-    law = _steady(hand)
-    return law if hand.tremor is None else _trembling(law, hand.tremor, hand.start_delay)
-
-
-def no_hand(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
-    """Return the wrench (6,) of a hand that is not there: zero."""
-    del elapsed, pose, twist, held
-    return np.zeros(6)
+    head = np.zeros(laws.TIMES)
+    head[laws.KIND], head[laws.START] = laws.NOBODY, grip.start
+    head[laws.HOLDS_FIRST], head[laws.SWITCHES] = grip.holds_first, len(grip.switches)
+    rows = np.empty(0)
+    if isinstance(hand, ConstantWrenchHand):
+        head[laws.KIND] = laws.CONSTANT
+        head[laws.STIFFNESS : laws.DAMPING] = (*hand.force, *hand.torque)
+    elif isinstance(hand, ScriptedHand):
+        head[laws.KIND] = laws.STAIRS if hand.interpolation == "held" else laws.SCRIPT
+        rows = read_script(hand.file)
+    elif hand is not None:
+        head[laws.KIND] = laws.SPRING
+        head[laws.STIFFNESS : laws.TREMBLING] = np.concatenate(spring_gains(hand))
+        rows = np.column_stack(_target_table(hand))
+    tremor = None if hand is None else hand.tremor
+    if tremor is not None:
+        head[laws.SPEED] = 2.0 * np.pi * tremor.frequency
+        head[laws.TREMBLING : laws.SWAY] = (*tremor.force, *tremor.torque)
+        head[laws.SWAY : laws.SPEED] = (*tremor.xyz, *tremor.rotation)
+    return np.concatenate((head, grip.switches, rows.ravel()))
 
 
 def spring_gains(hand: TargetHand) -> tuple[Array, Array]:
@@ -49,7 +61,7 @@ def spring_gains(hand: TargetHand) -> tuple[Array, Array]:
     return stiffness, damping
 
 
-def target_table(hand: TargetHand) -> tuple[Array, Array]:
+def _target_table(hand: TargetHand) -> tuple[Array, Array]:
     """Return times (n,), s, the first one 0, and offsets (n, 6) of the target, m and rad."""
     times = np.array([waypoint.time for waypoint in hand.waypoints])
     offsets = np.array([waypoint.xyz + waypoint.rotation for waypoint in hand.waypoints])
@@ -57,100 +69,3 @@ def target_table(hand: TargetHand) -> tuple[Array, Array]:
         times = np.concatenate(([0.0], times))
         offsets = np.vstack((np.zeros(6), offsets))
     return times, offsets
-
-
-def _steady(hand: Hand) -> HandLaw:
-    """Return the law without what tremor pushes."""
-    if isinstance(hand, ConstantWrenchHand):
-        return _constant(hand)
-    return _scripted(hand) if isinstance(hand, ScriptedHand) else _spring_damper(hand)
-
-
-def _constant(hand: ConstantWrenchHand) -> HandLaw:
-    pushing = np.array(hand.force + hand.torque)
-    idle = np.zeros(6)
-    pushing.flags.writeable = idle.flags.writeable = False
-
-    def law(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
-        del pose, twist, held
-        return pushing if elapsed - hand.start_delay >= -START_TOLERANCE else idle
-
-    return law
-
-
-def _scripted(hand: ScriptedHand) -> HandLaw:
-    rows = read_script(hand.file)
-    times, wrenches = rows[:, 0], rows[:, 1:]
-
-    def law(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
-        del pose, twist, held
-        moving = elapsed - hand.start_delay
-        if moving < -START_TOLERANCE:
-            return np.zeros(6)
-        # What is on a row's time but for rounding has reached it.
-        at = int(np.searchsorted(times, moving + START_TOLERANCE, side="right")) - 1
-        if at < 0:
-            return np.zeros(6)
-        if hand.interpolation == "held" or at == times.size - 1:
-            return np.array(wrenches[at])
-        share = (moving - times[at]) / (times[at + 1] - times[at])
-        return np.asarray(wrenches[at] + share * (wrenches[at + 1] - wrenches[at]))
-
-    return law
-
-
-def _trembling(law: HandLaw, tremor: Tremor, start: float) -> HandLaw:
-    """Return a law with A sin(2 π f t) added, t since the start."""
-    amplitude = np.array(tremor.force + tremor.torque)
-
-    def trembling(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
-        steady, moving = law(elapsed, pose, twist, held), elapsed - start
-        if moving < -START_TOLERANCE:
-            return steady
-        phase = 2.0 * np.pi * tremor.frequency * max(moving, 0.0)
-        return np.asarray(steady + np.sin(phase) * amplitude)
-
-    return trembling
-
-
-def _spring_damper(hand: TargetHand) -> HandLaw:
-    stiffness, damping = spring_gains(hand)
-    times, offsets = target_table(hand)
-    idle = np.zeros(6)
-
-    def law(elapsed: float, pose: pin.SE3, twist: Array, held: pin.SE3) -> Array:
-        moving = elapsed - hand.start_delay
-        if moving < -START_TOLERANCE:
-            return idle
-        offset, rate = _target(times, offsets, max(moving, 0.0))
-        if hand.tremor is not None:
-            offset, rate = _swayed(offset, rate, hand.tremor, max(moving, 0.0))
-        goal = held.translation + offset[:3]
-        turned = pin.exp3(offset[3:]) @ held.rotation
-        # Left Jacobian of exp: from the rate of a rotation vector to angular velocity, world axes.
-        rate = np.concatenate((rate[:3], pin.Jexp3(-offset[3:]) @ rate[3:]))
-        stretch = np.concatenate((goal - pose.translation, pin.log3(turned @ pose.rotation.T)))
-        return np.asarray(stiffness * stretch + damping * (rate - twist))
-
-    return law
-
-
-def _swayed(offset: Array, rate: Array, tremor: Tremor, time: float) -> tuple[Array, Array]:
-    """Return offset and rate of the target with a tremor's displacement added."""
-    speed = 2.0 * np.pi * tremor.frequency
-    amplitude = np.array(tremor.xyz + tremor.rotation)
-    sine, cosine = np.sin(speed * time), np.cos(speed * time)
-    return offset + sine * amplitude, rate + speed * cosine * amplitude
-
-
-def _target(times: Array, offsets: Array, time: float) -> tuple[Array, Array]:
-    """Return offset and rate of the target: minimum-jerk moves from waypoint to waypoint."""
-    if time >= times[-1]:
-        return offsets[-1], np.zeros(6)
-    index = int(np.searchsorted(times, time, side="right")) - 1
-    span = times[index + 1] - times[index]
-    u = (time - times[index]) / span
-    way = offsets[index + 1] - offsets[index]
-    share = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-    speed = 30.0 * u**2 * (1.0 - u) ** 2 / span
-    return offsets[index] + share * way, speed * way

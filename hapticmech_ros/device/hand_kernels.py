@@ -1,4 +1,7 @@
-"""The hand's laws inside kernels; :mod:`~hapticmech_ros.device.hand` says what they compute.
+"""The hand's laws: a push, or a spring and damper to a target; a wrench by a script; tremor.
+
+A target goes from waypoint to waypoint with minimum jerk, from where the hand took hold. What the
+hand's own mass takes of its wrench is not in these. Before its start the hand's wrench is zero.
 
 A hand is one array:
 

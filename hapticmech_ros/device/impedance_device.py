@@ -1,73 +1,79 @@
 """Simulated impedance-type device: a rigid body between hand and actuators, sampled and held.
 
-    (Λ_d + Λ_a) ẍ = F_s + F_o + u + w - b ẋ - f
-
-u follows the command, limited by the actuators and held over a sample period (zero-order hold),
-with the actuators' lag; F_o, by others than the hand, is held as well. The hand's own law F_s acts
-all through the period, and its own mass Λ_a while it holds. w is weight, f end stops and Coulomb
-friction (:mod:`~hapticmech_ros.device.resistance`). F_h, between device and hand, is F_s - Λ_a ẍ.
+:mod:`~hapticmech_ros.device.kernels` says what moves it.
 """
 
 from __future__ import annotations
 
 import math
-from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.device.driver import NO_WRENCH, DeviceDriver
-from hapticmech_ros.device.grip import ALWAYS, OPEN, Grip
-from hapticmech_ros.device.hand import HandLaw, no_hand
-from hapticmech_ros.device.resistance import Resistance
-from hapticmech_ros.device.state import DeviceState
-from hapticmech_ros.saturation import limited
-from hapticmech_ros.scene.device import Device
+from hapticmech_ros.device import driver_kernels, kernels
+from hapticmech_ros.device.device_layout import DEVICE_MODEL, DEVICE_STATE
+from hapticmech_ros.device.grip import ALWAYS, OPEN, Grip, grip_of
+from hapticmech_ros.device.hand import HandLaw, hand_numbers
+from hapticmech_ros.device.state import NO_WRENCH, DeviceState
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene.device import Device, ForceSensor
+from hapticmech_ros.scene.hand import Hand
+
+_PUSH, _HELD = DEVICE_MODEL.slice("push"), DEVICE_MODEL.slice("held")
+_OWN, _REPORTED = DEVICE_STATE.slice("own"), DEVICE_STATE.slice("hand_wrench")
+# Where the reported wrench of the hand is from.
+_SENSORS: dict[ForceSensor, float] = {
+    "measured": driver_kernels.MEASURED,
+    "estimated": driver_kernels.ESTIMATED,
+    "absent": driver_kernels.ABSENT,
+}
 
 
 class ImpedanceDevice:
     """Steps a device of the scene by one sample period at a time.
 
+    Besides constants it holds what acts: one for each thread.
+
     Args:
         device: of the scene.
         period: s.
         planar: whether it moves in x, y and about z only.
-        law: of the hand.
-        grip: when it holds.
+        hand: of the scene; None if there is none.
+        law: of a hand of one's own, in place of that one's; called at every substep in which it
+            holds, and at the ends of periods.
+        grip: when the hand holds, and its mass; of ``hand``, or always and none, if left out.
 
     Attributes:
-        compiled: whether a kernel computes; see :func:`~hapticmech_ros.device.build.device_for`.
+        device: as given.
+        period: s.
+        data: a :data:`~hapticmech_ros.device.device_layout.DEVICE_MODEL`, and the hand.
+        held: the device when the hand could take hold; None before.
     """
-
-    compiled: ClassVar[bool] = False
 
     def __init__(
         self,
         device: Device,
         period: float,
         planar: bool,
-        law: HandLaw = no_hand,
-        grip: Grip = ALWAYS,
+        hand: Hand | None = None,
+        law: HandLaw | None = None,
+        grip: Grip | None = None,
     ) -> None:
-        self.device = device
-        self.period = period
+        if grip is None:
+            grip = ALWAYS if hand is None else grip_of(hand)
+        self.device, self.period = device, period
         self._law = law
-        self._grip = grip
-        self._step = period / device.substeps
-        self._damping = np.array([device.damping] * 3 + [device.angular_damping] * 3)
-        task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
-        # Change of the twist per wrench and step, in the directions that the scene has.
-        body = np.array([device.mass] * 3 + [device.inertia] * 3)
-        self._arm = np.array([grip.mass] * 3 + [grip.inertia] * 3)
-        self._gain = self._step * task / body
-        self._held_gain = self._step * task / (body + self._arm)
-        self._lag = _lag(device.actuator_bandwidth, self._step)
-        self._resistance = Resistance(device, self._step)
-        self._driver = DeviceDriver(device, period, task)
-        self._ideal = device.position_resolution == 0.0 and device.angle_resolution == 0.0
-        cut_off = 2.0 * np.pi * device.velocity_filter * period
-        self._filter_gain = cut_off / (1.0 + cut_off)
+        numbers = hand_numbers(None if law is not None else hand, grip)
+        self.data: Array = np.concatenate((np.zeros(DEVICE_MODEL.size), numbers))
+        for name, value in _constants(device, period, planar, grip).items():
+            self.data[DEVICE_MODEL.slice(name)] = value
+        self.held: DeviceState | None = None
+
+    @property
+    def plain(self) -> bool:
+        """Whether kernels alone move it: not a subclass, and without a law in Python."""
+        return type(self) is ImpedanceDevice and self._law is None
 
     def at_rest(
         self, pose: pin.SE3, held: bool = False, home: pin.SE3 | None = None
@@ -79,25 +85,26 @@ class ImpedanceDevice:
             held: whether the hand can take hold now.
             home: pose about which the workspace is; ``pose`` if left out.
         """
-        window = self._grip.window(0.0) if held else OPEN
-        own = self._hand_wrench(0.0, pose, NO_WRENCH, pose, window)
-        reported = NO_WRENCH if self._driver.senses_itself else own
-        still, measured = np.zeros(6), self._quantised(pose)
-        home = pose if home is None else home
-        return DeviceState(
-            pose, still, measured, still, own, np.zeros(6), reported, home, pose, window
-        )
+        state = DeviceState.resting(pose).replaced(home=pose if home is None else home)
+        kernels.stand(self.data, held, state.flat)
+        if self._law is not None and state.window != OPEN:
+            self._push(self._law, 0.0, state)
+            if self._senses:
+                state.flat[_REPORTED] = state.hand_wrench
+        return state
 
     def compensation(self, state: DeviceState) -> Array:
         """Return what the driver adds to a command over the next period (6,)."""
-        return self._driver.added(state)
+        added = np.empty(6)
+        kernels.compensation(self.data, state.measured_twist, added)
+        return added
 
     def sensed(self, push: Array) -> Array:
         """Return what a force sensor, if any, reads of others' ``push`` (6,) besides the hand's.
 
         An estimate has it in it already, later.
         """
-        return NO_WRENCH if self._driver.senses_itself else push
+        return push if self._senses else NO_WRENCH
 
     def step(
         self,
@@ -116,88 +123,97 @@ class ImpedanceDevice:
             held: state in which the hand could take hold; None if nobody is there.
             ticks: whole periods since then, until ``state``.
             push: (6,) by others than the hand, on the device, world axes.
+
+        Raises:
+            InvalidInputError: a hand of one's own gave no wrench (6,).
         """
-        asked = self._driver.asked(state, command)
-        actuators = limited(asked, self.device.force_limit, self.device.torque_limit)
-        step, push = self._step, self._weighed(push)
-        pose, twist, applied = state.pose, state.twist, state.applied
-        window, anchor, before = OPEN, state.anchor, state.twist
-        for index in range(self.device.substeps):
-            elapsed = ticks * self.period + index * step
-            old = state.window if index == 0 else window
-            window, anchor = self._taken(elapsed, pose, held, old, anchor)
-            own = self._hand_wrench(elapsed, pose, twist, anchor, window)
-            given, applied = self._given(applied, actuators)
-            gain = self._gain if window == OPEN else self._held_gain
-            force = push + own + given - self._damping * twist
-            before = twist
-            twist = self._resistance.resisted(state.home, pose, twist + gain * force, gain)
-            pose = pin.SE3(
-                pin.exp3(step * twist[3:]) @ pose.rotation, pose.translation + step * twist[:3]
-            )
-        elapsed, carried = (ticks + 1) * self.period, window != OPEN
-        window, anchor = self._taken(elapsed, pose, held, window, anchor)
-        own = self._hand_wrench(elapsed, pose, twist, anchor, window)
-        if self._arm.any() and carried and window != OPEN:
-            own = own - self._arm * ((twist - before) / step)
-        measured = self._quantised(pose)
-        estimated = twist if self._ideal else self._estimated(state, measured)
-        reported = own
-        if self._driver.senses_itself:
-            reported = self._driver.reported(state, estimated, asked)
-        home = state.home
-        return DeviceState(
-            pose, twist, measured, estimated, own, applied, reported, home, anchor, window
-        )
-
-    def _taken(
-        self, elapsed: float, pose: pin.SE3, held: DeviceState | None, window: int, anchor: pin.SE3
-    ) -> tuple[int, pin.SE3]:
-        """Return the window of the grip at a time (s), and the pose in which it was taken."""
         if held is None:
-            return OPEN, anchor
-        now = self._grip.window(elapsed)
-        if now == 0:
-            return now, held.pose
-        return now, pose if now not in (OPEN, window) else anchor
+            ticks = -1
+        elif held is not self.held:
+            self.take_hold(held)
+        self.data[_PUSH] = push
+        flat = np.empty(DEVICE_STATE.size)
+        obeys, asked = command is not None, NO_WRENCH if command is None else command
+        asked = np.ascontiguousarray(asked, dtype=float)
+        if self._law is None:
+            kernels.advance(self.data, state.flat, asked, obeys, ticks, flat)
+        else:
+            kernels.begin(self.data, state.flat, asked, obeys, ticks, flat)
+            self._advance_by(self._law, state, ticks, flat)
+        return DeviceState(flat)
 
-    def _hand_wrench(
-        self, elapsed: float, pose: pin.SE3, twist: Array, anchor: pin.SE3, window: int
-    ) -> Array:
-        return NO_WRENCH if window == OPEN else self._law(elapsed, pose, twist, anchor)
+    def take_hold(self, held: DeviceState) -> None:
+        """Say where the device was when the hand could take hold."""
+        pose = held.pose
+        self.data[_HELD] = np.concatenate((pose.translation, pose.rotation.ravel()))
+        self.held = held
 
-    def _given(self, applied: Array, asked: Array) -> tuple[Array, Array]:
-        """Return the actuators' wrench over a substep, its mean, and at the substep's end."""
-        left, mean = self._lag
-        if mean == 0.0:
-            return asked, asked
-        behind = applied - asked
-        return asked + mean * behind, asked + left * behind
+    @property
+    def _senses(self) -> bool:
+        return self.device.force_sensor == "measured"
 
-    def _weighed(self, push: Array) -> Array:
-        weight = self._driver.weight
-        return push if weight is None else push + weight
+    def _advance_by(self, law: HandLaw, state: DeviceState, ticks: int, flat: Array) -> None:
+        """Advance a period that has begun, with the hand's wrench by a law in Python."""
+        before, now, held = np.empty(6), DeviceState(flat), False
+        self._push(law, kernels.time_of(self.data, ticks, 0), now)
+        for index in range(self.device.substeps):
+            held = kernels.advance_substep(self.data, ticks, index, flat, before)
+            self._push(law, kernels.time_of(self.data, ticks, index + 1), now)
+        kernels.finish(self.data, state.flat, held, before, flat)
 
-    def _quantised(self, pose: pin.SE3) -> pin.SE3:
-        if self._ideal:
-            return pose
-        translation, rotation = pose.translation, pose.rotation
-        if self.device.position_resolution > 0.0:
-            step = self.device.position_resolution
-            translation = step * np.round(translation / step)
-        if self.device.angle_resolution > 0.0:
-            step = self.device.angle_resolution
-            rotation = pin.exp3(step * np.round(pin.log3(rotation) / step))
-        return pin.SE3(rotation, translation)
+    def _push(self, law: HandLaw, elapsed: float, state: DeviceState) -> None:
+        """Put the hand's wrench by its law into a state, zero unless it holds."""
+        if state.window == OPEN:
+            state.flat[_OWN] = 0.0
+            return
+        # Of its own: the law may keep what it is given, and the state's is written anew.
+        wrench = np.asarray(law(elapsed, state.pose, state.twist.copy(), state.anchor), dtype=float)
+        if wrench.shape != (6,):
+            raise InvalidInputError("shape of the hand's wrench", wrench.shape, "must be (6,)")
+        state.flat[_OWN] = wrench
 
-    def _estimated(self, before: DeviceState, now: pin.SE3) -> Array:
-        """Return the twist from encoder differences, low-passed."""
-        old = before.measured_pose
-        difference = np.concatenate(
-            (now.translation - old.translation, pin.log3(now.rotation @ old.rotation.T))
-        )
-        change = difference / self.period - before.measured_twist
-        return np.asarray(before.measured_twist + self._filter_gain * change)
+
+def _constants(device: Device, period: float, planar: bool, grip: Grip) -> dict[str, object]:
+    """Return what is constant of a device, by names of :data:`DEVICE_MODEL`."""
+    task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
+    step = period / device.substeps
+    body = np.array([device.mass] * 3 + [device.inertia] * 3)
+    arm = np.array([grip.mass] * 3 + [grip.inertia] * 3)
+    left, mean = _lag(device.actuator_bandwidth, step)
+    cut_off = 2.0 * np.pi * device.velocity_filter * period
+    weight = task * np.array((*device.gravity_load, 0.0, 0.0, 0.0))
+    space, known = device.workspace, device.compensation
+    return {
+        "step": step,
+        "period": period,
+        "substeps": device.substeps,
+        "filter_gain": cut_off / (1.0 + cut_off),
+        "force_limit": device.force_limit,
+        "torque_limit": device.torque_limit,
+        "position_step": device.position_resolution,
+        "angle_step": device.angle_resolution,
+        "lag": left,
+        "lag_mean": mean,
+        "friction": device.coulomb_friction,
+        "angular_friction": device.angular_coulomb_friction,
+        "stop": (space.radius, space.stiffness, space.damping),
+        "angular_stop": (space.angle, space.angular_stiffness, space.angular_damping),
+        "damping": [device.damping] * 3 + [device.angular_damping] * 3,
+        "gain": step * task / body,
+        "held_gain": step * task / (body + arm),
+        "arm": arm,
+        "weight": weight,
+        "task": task,
+        "acts": device.acts,
+        "compensated": known.friction,
+        "dead_zone": known.dead_zone,
+        "angular_dead_zone": known.angular_dead_zone,
+        "lifts": known.gravity and weight.any(),
+        "senses_itself": _SENSORS[device.force_sensor],
+        "observer_share": -math.expm1(-2.0 * math.pi * device.observer_bandwidth * period),
+        "actuator_share": _lag(device.actuator_bandwidth, period)[1],
+        "inertia": body,
+    }
 
 
 def _lag(bandwidth: float, step: float) -> tuple[float, float]:

@@ -1,4 +1,12 @@
-"""A period of the simulated device and of its driver in one kernel.
+"""A period of the simulated device in one kernel, or a kernel for each of its substeps.
+
+    (Λ_d + Λ_a) ẍ = F_s + F_o + u + w - b ẋ - f
+
+u follows the command, limited by the actuators and held over a sample period (zero-order hold),
+with the actuators' lag; F_o, by others than the hand, is held as well. The hand's own law F_s acts
+all through the period, and its own mass Λ_a while it holds. w is weight, f end stops and Coulomb
+friction (:mod:`~hapticmech_ros.device.resistance_kernels`). F_h, between device and hand, is
+F_s - Λ_a ẍ.
 
 What the device is, and what acts on it, is one array, ``data``, and its state another one; they are
 laid out as :mod:`~hapticmech_ros.device.device_layout` says. Behind the device in ``data`` is its
@@ -12,10 +20,16 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.device.device_layout import DEVICE_MODEL, DEVICE_STATE
+from hapticmech_ros.device.driver_kernels import (
+    MEASURED,
+    SENSES_ITSELF,
+    command_device,
+    compensate,
+    estimate_hand,
+)
 from hapticmech_ros.device.grip import OPEN
 from hapticmech_ros.device.hand_kernels import WORK_SIZE, grip_window, hand_wrench
 from hapticmech_ros.device.resistance_kernels import rub, stop
-from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.rotation_kernels import (
     exp3,
     log3,
@@ -23,27 +37,18 @@ from hapticmech_ros.rotation_kernels import (
     multiply_transposed,
     quaternion_of,
 )
-from hapticmech_ros.saturation_kernels import limit
 
 STEP, PERIOD, SUBSTEPS, FILTER = DEVICE_MODEL.starts("step", "period", "substeps", "filter_gain")
-MOST_FORCE, MOST_TORQUE, POSITION_STEP, ANGLE_STEP = DEVICE_MODEL.starts(
-    "force_limit", "torque_limit", "position_step", "angle_step"
+POSITION_STEP, ANGLE_STEP, LAG, LAG_MEAN = DEVICE_MODEL.starts(
+    "position_step", "angle_step", "lag", "lag_mean"
 )
-LAG, LAG_MEAN, FRICTION, TURN_FRICTION, STOP, TURN_STOP = DEVICE_MODEL.starts(
-    "lag", "lag_mean", "friction", "angular_friction", "stop", "angular_stop"
+FRICTION, TURN_FRICTION, STOP, TURN_STOP = DEVICE_MODEL.starts(
+    "friction", "angular_friction", "stop", "angular_stop"
 )
-DAMPING, GAIN, HELD_GAIN, ARM, COMMAND, WEIGHT, PUSH, HELD = DEVICE_MODEL.starts(
-    *("damping", "gain", "held_gain", "arm", "command", "weight", "push", "held")
-)
-TASK, ACTS, COMPENSATED, DEAD_ZONE, ANGULAR_DEAD_ZONE, LIFTS = DEVICE_MODEL.starts(
-    *("task", "acts", "compensated", "dead_zone", "angular_dead_zone", "lifts")
-)
-SENSES_ITSELF, OBSERVER_SHARE, ACTUATOR_SHARE, INERTIA = DEVICE_MODEL.starts(
-    "senses_itself", "observer_share", "actuator_share", "inertia"
+DAMPING, GAIN, HELD_GAIN, ARM, COMMAND, WEIGHT, PUSH, HELD, TASK = DEVICE_MODEL.starts(
+    *("damping", "gain", "held_gain", "arm", "command", "weight", "push", "held", "task")
 )
 HAND = DEVICE_MODEL.size
-# Of what a device reports of its hand's wrench.
-MEASURED, ESTIMATED, ABSENT = 0.0, 1.0, 2.0
 SPEED, REPORTED, APPLIED, BODY, SEEN = DEVICE_STATE.starts(
     "twist", "hand_wrench", "applied", "body", "seen"
 )
@@ -101,19 +106,34 @@ def _give(data: Array, asked: Array, applied: Array, given: Array) -> None:
 
 
 @inner
-def _hold(data: Array, elapsed: float, out: Array, work: Array) -> None:
-    """Fill the hand's wrench at a time (s), the window in which it holds, and from where."""
-    hand, body, anchor = data[HAND:], out[BODY:SEEN], out[ANCHOR:WINDOW]
-    window = grip_window(hand, elapsed)
+def time_of(data: Array, ticks: int, index: int) -> float:
+    """Return s since the hand could take hold, ``index`` substeps into a period."""
+    elapsed: float = (ticks + 1) * data[PERIOD]
+    if index < data[SUBSTEPS]:
+        elapsed = ticks * data[PERIOD] + index * data[STEP]
+    return elapsed
+
+
+@inner
+def _take(data: Array, ticks: int, index: int, out: Array) -> None:
+    """Fill the window in which the hand holds, and from where."""
+    window = OPEN if ticks < 0 else grip_window(data[HAND:], time_of(data, ticks, index))
+    anchor = out[ANCHOR:WINDOW]
     if window == 0:
         put(anchor, data[HELD:TASK])
     elif window > 0 and window != out[WINDOW]:
-        put(anchor, body[:12])
+        put(anchor, out[BODY : BODY + 12])
     out[WINDOW] = window
-    if window == OPEN:
+
+
+@inner
+def _push(data: Array, ticks: int, index: int, out: Array, work: Array) -> None:
+    """Fill the wrench of the scene's hand, if it holds."""
+    if out[WINDOW] == OPEN:
         out[OWN:] = 0.0
     else:
-        hand_wrench(hand, elapsed, body, anchor, out[OWN:], work)
+        body, anchor = out[BODY:SEEN], out[ANCHOR:WINDOW]
+        hand_wrench(data[HAND:], time_of(data, ticks, index), body, anchor, out[OWN:], work)
 
 
 @inner
@@ -159,108 +179,77 @@ def _measure(data: Array, before: Array, out: Array, work: Array) -> None:
 
 
 @inner
-def _add_friction(
-    share: float, dead_zone: float, coulomb: float, damping: float, rate: Array, given: Array
-) -> None:
-    """Fill a share of friction's force or torque (3,) at a rate (3,), none in the dead zone."""
-    speed = np.sqrt(dot(rate, rate))
-    known = min(max(speed / dead_zone - 1.0, 0.0), 1.0)
-    for i in range(3):
-        given[i] = 0.0
-        if known > 0.0:
-            given[i] = share * (known * (coulomb / speed + damping) * rate[i])
+def _begin(data: Array, state: Array, ticks: int, out: Array) -> None:
+    """Begin a period: ``out`` is where ``state`` is, and the hand takes hold if it is time to."""
+    put(out[BODY:SEEN], state[BODY:SEEN])
+    put(out[HOME:OWN], state[HOME:OWN])
+    put(out[APPLIED:PUBLISHED_SIZE], state[APPLIED:PUBLISHED_SIZE])
+    _take(data, ticks, 0, out)
 
 
 @inner
-def compensate(data: Array, twist: Array, added: Array) -> None:
-    """Fill what the driver adds (6,) to a command, at a measured twist (6,)."""
-    added[:] = 0.0
-    if data[COMPENSATED] > 0.0:
-        share, turning = data[COMPENSATED], data[ANGULAR_DEAD_ZONE]
-        friction, damping = data[FRICTION], data[DAMPING]
-        _add_friction(share, data[DEAD_ZONE], friction, damping, twist[:3], added[:3])
-        friction, damping = data[TURN_FRICTION], data[DAMPING + 3]
-        _add_friction(share, turning, friction, damping, twist[3:], added[3:])
+def _advance_substep(
+    data: Array, ticks: int, index: int, out: Array, before: Array, work: Array
+) -> bool:
+    """Move ``out`` on by substep ``index``, at the end of which the hand lets go or takes hold.
+
+    ``before`` (6,) is filled with the twist at its start. Return whether the hand held.
+    """
+    force, given, rest = work[:6], work[6:12], work[12:]
+    body, own = out[BODY:SEEN], out[OWN:]
+    _give(data, data[COMMAND:WEIGHT], out[APPLIED:PUBLISHED_SIZE], given)
     for i in range(6):
-        added[i] = data[TASK + i] * (added[i] - data[LIFTS] * data[WEIGHT + i])
+        force[i] = data[PUSH + i] + data[WEIGHT + i] + own[i] + given[i]
+    put(before, body[12:])
+    held: bool = out[WINDOW] != OPEN
+    start = HELD_GAIN if held else GAIN
+    _move(data, data[start : start + 6], force, out[HOME:ANCHOR], body, rest)
+    _take(data, ticks, index + 1, out)
+    return held
 
 
 @inner
-def _estimate_hand(data: Array, before: Array, asked: Array, out: Array) -> None:
-    """Fill what is reported of the hand without a sensor; see :mod:`.force_observer`.
+def _finish(data: Array, state: Array, held: bool, before: Array, out: Array, work: Array) -> None:
+    """Fill what is measured at the end of a period.
 
     Args:
         data: the device.
-        before: its state at the period's start.
-        asked: (6,) of the actuators.
-        out: its state at the end.
+        state: at the period's start.
+        held: whether the hand held in the last substep.
+        before: (6,) twist at the start of that.
+        out: at its end; of the hand's wrench its own mass takes its part away.
+        work: (36,) scratch.
     """
-    reported = out[REPORTED:APPLIED]
-    if data[SENSES_ITSELF] == ABSENT:
-        reported[:] = 0.0
-        return
-    mean, known = local(6), local(6)
-    known[:] = 0.0
-    for i in range(6):
-        mean[i] = 0.5 * (before[SPEED + i] + out[SPEED + i])
-    if data[COMPENSATED] > 0.0:
-        share, turning = data[COMPENSATED], data[ANGULAR_DEAD_ZONE]
-        _add_friction(share, data[DEAD_ZONE], data[FRICTION], 0.0, mean[:3], known[:3])
-        _add_friction(share, turning, data[TURN_FRICTION], 0.0, mean[3:], known[3:])
-    for i in range(6):
-        given = asked[i] + data[ACTUATOR_SHARE] * (before[APPLIED + i] - asked[i])
-        change = data[INERTIA + i] * (out[SPEED + i] - before[SPEED + i]) / data[PERIOD]
-        pushed = change - given - data[TASK + i] * data[WEIGHT + i]
-        resisted = data[DAMPING + i] * mean[i] + known[i]
-        estimate = before[REPORTED + i]
-        behind = data[TASK + i] * (pushed + resisted) - estimate
-        reported[i] = estimate + data[OBSERVER_SHARE] * behind
+    body, own = out[BODY:SEEN], out[OWN:]
+    if data[ARM] + data[ARM + 3] > 0.0 and held and out[WINDOW] != OPEN:
+        for i in range(6):
+            own[i] -= data[ARM + i] * ((body[12 + i] - before[i]) / data[STEP])
+    put(out[REPORTED:APPLIED], own)
+    _measure(data, state, out, work)
+    if data[SENSES_ITSELF] != MEASURED:
+        estimate_hand(data, state, out)
 
 
 @inner
 def move_device(data: Array, state: Array, ticks: int, out: Array) -> None:
     """Fill ``out`` with the state one period after ``state``; see :func:`advance`."""
-    scratch = local(24 + WORK_SIZE)
-    force, asked, given = scratch[:6], scratch[6:12], scratch[12:18]
-    before, work = scratch[18:24], scratch[24:]
-    own, applied, body = out[OWN:], out[APPLIED:PUBLISHED_SIZE], out[BODY:SEEN]
-    put(body, state[BODY:SEEN])
-    put(out[HOME:OWN], state[HOME:OWN])
-    put(applied, state[APPLIED:PUBLISHED_SIZE])
-    put(asked, data[COMMAND:WEIGHT])
-    limit(asked[:3], data[MOST_FORCE])
-    limit(asked[3:], data[MOST_TORQUE])
-    own[:] = 0.0
-    if ticks < 0:
-        out[WINDOW] = OPEN
+    scratch, held = local(6 + WORK_SIZE), False
+    before, work = scratch[:6], scratch[6:]
+    _begin(data, state, ticks, out)
+    _push(data, ticks, 0, out, work)
     for index in range(int(data[SUBSTEPS])):
-        if ticks >= 0:
-            _hold(data, ticks * data[PERIOD] + index * data[STEP], out, work)
-        _give(data, asked, applied, given)
-        for i in range(6):
-            force[i] = data[PUSH + i] + data[WEIGHT + i] + own[i] + given[i]
-        put(before, body[12:])
-        start = GAIN if out[WINDOW] == OPEN else HELD_GAIN
-        _move(data, data[start : start + 6], force, out[HOME:ANCHOR], body, work)
-    if ticks >= 0:
-        carried = out[WINDOW] != OPEN
-        _hold(data, (ticks + 1) * data[PERIOD], out, work)
-        if data[ARM] + data[ARM + 3] > 0.0 and carried and out[WINDOW] != OPEN:
-            for i in range(6):
-                own[i] -= data[ARM + i] * ((body[12 + i] - before[i]) / data[STEP])
-    put(out[REPORTED:APPLIED], own)
-    _measure(data, state, out, work)
-    if data[SENSES_ITSELF] != MEASURED:
-        _estimate_hand(data, state, asked, out)
+        held = _advance_substep(data, ticks, index, out, before, work)
+        _push(data, ticks, index + 1, out, work)
+    _finish(data, state, held, before, out, work)
 
 
 @inner
-def command_device(data: Array, state: Array, command: Array) -> None:
-    """Ask the actuators for a command (6,) and for what the driver adds at a state."""
-    compensate(data, state[SPEED:REPORTED], data[COMMAND:WEIGHT])
-    for i in range(6):
-        asked = command[i] + data[COMMAND + i]
-        data[COMMAND + i] = data[ACTS + i] * asked
+def _command(data: Array, state: Array, command: Array, obeys: bool) -> None:
+    """Ask the actuators for a command (6,) and what is added to it, or for nothing."""
+    if obeys:
+        command_device(data, state, command)
+    else:
+        data[COMMAND:WEIGHT] = 0.0
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], boolean, int64, float64[::1])")
@@ -275,11 +264,52 @@ def advance(data: Array, state: Array, command: Array, obeys: bool, ticks: int, 
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
         out: (83,) to fill.
     """
-    if obeys:
-        command_device(data, state, command)
-    else:
-        data[COMMAND:WEIGHT] = 0.0
+    _command(data, state, command, obeys)
     move_device(data, state, ticks, out)
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], boolean, int64, float64[::1])")
+def begin(data: Array, state: Array, command: Array, obeys: bool, ticks: int, out: Array) -> None:
+    """Begin a period, arguments as of :func:`advance`, whose hand is not the scene's.
+
+    Before each of the substeps that follow, and before :func:`finish`, the hand's wrench is to be
+    put into ``out``: zero unless it holds.
+    """
+    _command(data, state, command, obeys)
+    _begin(data, state, ticks, out)
+
+
+@kernel("boolean(float64[::1], int64, int64, float64[::1], float64[::1])")
+def advance_substep(data: Array, ticks: int, index: int, out: Array, before: Array) -> bool:
+    """Move ``out`` on by substep ``index``; return whether the hand held.
+
+    ``before`` (6,) is filled with the twist at its start.
+    """
+    return _advance_substep(data, ticks, index, out, before, local(WORK_SIZE))
+
+
+@kernel("void(float64[::1], float64[::1], boolean, float64[::1], float64[::1])")
+def finish(data: Array, state: Array, held: bool, before: Array, out: Array) -> None:
+    """End a period that began at ``state``: fill what is measured; see :func:`advance_substep`."""
+    _finish(data, state, held, before, out, local(WORK_SIZE))
+
+
+@kernel("void(float64[::1], boolean, float64[::1])")
+def stand(data: Array, holds: bool, out: Array) -> None:
+    """Fill a device that stands still.
+
+    Args:
+        data: the device.
+        holds: whether the hand can take hold now.
+        out: (83,) zero but for where it is, its home and its anchor.
+    """
+    work = local(WORK_SIZE)
+    out[WINDOW] = grip_window(data[HAND:], 0.0) if holds else OPEN
+    _push(data, 0, 0, out, work)
+    _quantise(data, out[BODY:SEEN], out[:3], out[SEEN:HOME], work)
+    quaternion_of(shaped(out[SEEN:HOME], (3, 3)), out[3:SPEED])
+    if data[SENSES_ITSELF] == MEASURED:
+        put(out[REPORTED:APPLIED], out[OWN:])
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1])")

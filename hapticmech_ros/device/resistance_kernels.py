@@ -1,4 +1,16 @@
-"""End stops and Coulomb friction in kernels; :mod:`~hapticmech_ros.device.resistance` says what.
+"""What resists a device's motion besides viscous damping: end stops, then Coulomb friction.
+
+Both are implicit in the speed at the end of a step h, so that neither adds energy at any stiffness
+or friction; g = h / m, or h / I of rotation.
+
+End stop, along the way out n, where d is the distance beyond the limit: the force
+f = k (d + h v⁺) + b v⁺, if positive, gives
+
+    v⁺ = (v - g k d) / (1 + g (b + h k))
+
+Coulomb friction takes up to g F_c of the speed, never more than there is:
+
+    v⁺ = max(1 - g F_c / |v|, 0) v
 
 A stop is three numbers: limit (m or rad, 0 for none), stiffness and damping.
 """

@@ -2,57 +2,150 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.device.device_layout import DEVICE_STATE
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.quaternions import quaternion_of
 
+NO_WRENCH = np.zeros(6)
+NO_WRENCH.flags.writeable = False
+# Where in the array its parts are: poses, and what is numbers.
+_PLACES = {
+    part: DEVICE_STATE.start(name)
+    for part, name in (("pose", "body"), ("home", "home"), ("anchor", "anchor"))
+}
+_POSITION, _QUATERNION, _SEEN = (
+    DEVICE_STATE.slice(name) for name in ("position", "quaternion", "seen")
+)
+_PUBLISHED = DEVICE_STATE.slice("position", "applied")
+_NUMBERS = {
+    part: DEVICE_STATE.slice(name)
+    for part, name in (
+        ("twist", "body_twist"),
+        ("measured_twist", "twist"),
+        ("hand_wrench", "own"),
+        ("applied", "applied"),
+        ("reported", "hand_wrench"),
+        ("window", "window"),
+    )
+}
+_TWIST, _MEASURED_TWIST, _OWN, _APPLIED, _REPORTED, _WINDOW = _NUMBERS.values()
 
-@dataclass(frozen=True, slots=True)
+
 class DeviceState:
     """True state of the device, what its encoders said last, and what acts on it.
 
-    Attributes:
-        pose: of the point held, in the world.
-        twist: (6,) of the point held, world axes.
-        measured_pose: pose rounded to encoder steps.
-        measured_twist: twist as estimated from the encoders; the true one if they are ideal.
-        hand_wrench: (6,) F_h by the hand, as a sensor between it and the device would read it;
-            zero if nobody holds.
-        applied: (6,) by the actuators until now.
-        reported: (6,) what the device says of F_h: measured, estimated or zero.
-        home: pose about which the workspace is.
-        anchor: pose of the point held when the hand took hold.
-        window: in which the hand holds; see :class:`~hapticmech_ros.device.grip.Grip`.
+    It is one array, which kernels work on; its parts are views of it, or made when asked for.
+
+    Args:
+        flat: (83,) a :data:`~hapticmech_ros.device.device_layout.DEVICE_STATE`, which it keeps.
     """
 
-    pose: pin.SE3
-    twist: Array
-    measured_pose: pin.SE3
-    measured_twist: Array
-    hand_wrench: Array
-    applied: Array
-    reported: Array
-    home: pin.SE3
-    anchor: pin.SE3
-    window: int
+    __slots__ = ("flat",)
+    flat: Array
+
+    def __init__(self, flat: Array) -> None:
+        self.flat = flat
+
+    @classmethod
+    def resting(cls, pose: pin.SE3) -> DeviceState:
+        """Return a state at rest at a pose, ideal encoders, with nothing that acts and no hand."""
+        state = cls(np.zeros(DEVICE_STATE.size))
+        return state.replaced(pose=pose, measured_pose=pose, home=pose, anchor=pose, window=-1)
+
+    def replaced(self, **parts: Any) -> DeviceState:
+        """Return a copy of the same kind with other parts.
+
+        Args:
+            parts: by the names of the properties, in their shapes; all but ``published``.
+
+        Raises:
+            InvalidInputError: a state has no such part.
+        """
+        flat = self.flat.copy()
+        for name, value in parts.items():
+            if name in _PLACES:
+                start = _PLACES[name]
+                flat[start : start + 3] = value.translation
+                flat[start + 3 : start + 12] = value.rotation.ravel()
+            elif name == "measured_pose":
+                flat[_POSITION], flat[_SEEN] = value.translation, value.rotation.ravel()
+                flat[_QUATERNION] = quaternion_of(value.rotation)
+            elif name in _NUMBERS:
+                flat[_NUMBERS[name]] = value
+            else:
+                known = ", ".join((*_PLACES, "measured_pose", *_NUMBERS))
+                raise InvalidInputError("part of a state", name, f"must be one of {known}")
+        return type(self)(flat)
 
     def without_force(self) -> DeviceState:
         """Return the same state once the actuators are at zero."""
-        return replace(self, applied=np.zeros(6))
+        return self.replaced(applied=NO_WRENCH)
+
+    @property
+    def pose(self) -> pin.SE3:
+        """Pose of the point held, in the world."""
+        return self._pose_at("pose")
+
+    @property
+    def twist(self) -> Array:
+        """(6,) twist of the point held, world axes."""
+        return self.flat[_TWIST]
+
+    @property
+    def measured_pose(self) -> pin.SE3:
+        """Pose rounded to encoder steps."""
+        return pin.SE3(self.flat[_SEEN].reshape(3, 3), self.flat[_POSITION])
+
+    @property
+    def measured_twist(self) -> Array:
+        """(6,) twist as estimated from the encoders; the true one if they are ideal."""
+        return self.flat[_MEASURED_TWIST]
+
+    @property
+    def hand_wrench(self) -> Array:
+        """(6,) F_h by the hand, as a sensor between it and the device would read it.
+
+        Zero if nobody holds.
+        """
+        return self.flat[_OWN]
+
+    @property
+    def applied(self) -> Array:
+        """(6,) by the actuators until now."""
+        return self.flat[_APPLIED]
+
+    @property
+    def reported(self) -> Array:
+        """(6,) what the device says of F_h: measured, estimated or zero."""
+        return self.flat[_REPORTED]
+
+    @property
+    def home(self) -> pin.SE3:
+        """Pose about which the workspace is."""
+        return self._pose_at("home")
+
+    @property
+    def anchor(self) -> pin.SE3:
+        """Pose of the point held when the hand took hold."""
+        return self._pose_at("anchor")
+
+    @property
+    def window(self) -> int:
+        """In which the hand holds; see :class:`~hapticmech_ros.device.grip.Grip`."""
+        return int(self.flat[_WINDOW][0])
 
     @property
     def published(self) -> Array:
         """What is published of it, (25,): measured position, quaternion, twist and F_h, applied."""
-        return np.concatenate(
-            (
-                self.measured_pose.translation,
-                quaternion_of(self.measured_pose.rotation),
-                self.measured_twist,
-                self.reported,
-                self.applied,
-            )
-        )
+        return self.flat[_PUBLISHED]
+
+    def _pose_at(self, name: str) -> pin.SE3:
+        start = _PLACES[name]
+        rotation = self.flat[start + 3 : start + 12].reshape(3, 3)
+        return pin.SE3(rotation, self.flat[start : start + 3])

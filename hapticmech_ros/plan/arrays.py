@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.device.compiled_state import CompiledState
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.packed import PARTS, views_of
 from hapticmech_ros.mechanism.kernels.step_kernels import work_size
@@ -58,4 +56,4 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
     yield "what the controllers need of the point", np.empty(OPERATIONAL_MODEL.size)
     yield "what they need of the device", np.empty(DEVICE_SAMPLE.size)
     held = run.device.at_rest(terms.points[run.analyser.index].pose)
-    yield "state of the device", cast(CompiledState, held).flat
+    yield "state of the device", held.flat

@@ -13,11 +13,14 @@ from hapticmech_ros.control.controller_side import ControllerSide
 from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.loop_layout import ANSWER, SETTINGS
-from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
-from hapticmech_ros.device.compiled import CompiledDevice
-from hapticmech_ros.device.compiled_state import CompiledState
-from hapticmech_ros.device.device_layout import DEVICE_MODEL, DEVICE_STATE
-from hapticmech_ros.device.impedance_device import ImpedanceDevice
+from hapticmech_ros.device import (
+    NO_WRENCH,
+    DeviceState,
+    ImpedanceDevice,
+    SimulatedDevice,
+    device_for,
+)
+from hapticmech_ros.device.device_layout import DEVICE_MODEL
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.chosen import Chosen
@@ -53,7 +56,6 @@ from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import nanoseconds
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
-_PUBLISHED = DEVICE_STATE.slice("position", "applied")
 _MEASURED, _FORCE = DEVICE_SAMPLE.slice("position", "twist"), DEVICE_SAMPLE.slice("hand_wrench")
 _WRENCHES = ANSWER.slice("wrenches")
 _NO_RECORDS, _NOBODY = np.zeros((0, 0)), np.zeros((0, 10))
@@ -68,7 +70,7 @@ class SessionLoop:
         point: str = "",
         command_delay: int = 1,
         control: ControlArchitecture | None = None,
-        device: ImpedanceDevice | None = None,
+        device: SimulatedDevice | None = None,
     ) -> None:
         if command_delay < 0:
             raise InvalidInputError("command_delay", command_delay, "must be 0 or more periods")
@@ -78,7 +80,8 @@ class SessionLoop:
         self._lateness = loop_lateness(scene, command_delay)
         self._analyser = Analyser(self.simulator.mechanism, point, self._lateness)
         self._control = ControlArchitecture(scene) if control is None else control
-        self._device = device_for(scene) if device is None else device
+        self._device: SimulatedDevice = device_for(scene) if device is None else device
+        self._simulated = isinstance(self._device, ImpedanceDevice) and self._device.plain
         state = self.simulator.initial_state()
         start = self.simulator.evaluate(state).points[self._analyser.index].pose
         self._held: DeviceState = self._device.at_rest(start, held=True)
@@ -113,7 +116,7 @@ class SessionLoop:
     def device(self) -> DeviceState:
         """State of the device at the next tick."""
         if self._device_state is None:
-            self._device_state = CompiledState(self._parts.state.copy())
+            self._device_state = DeviceState(self._parts.state.copy())
         return self._device_state
 
     @property
@@ -136,14 +139,10 @@ class SessionLoop:
         channels, passivity = side.channels, device.passivity
         nothing, nowhere = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
         body = np.zeros(DEVICE_MODEL.size)
-        if isinstance(self._device, CompiledDevice):
+        if isinstance(self._device, ImpedanceDevice):
             self._device.take_hold(self._held)
             body = self._device.data
-        state = np.zeros(DEVICE_STATE.size)
-        if isinstance(self._held, CompiledState):
-            state = self._held.flat
-        else:
-            state[_PUBLISHED] = self._held.published
+        state = self._held.flat
         law = (0.0, 0.0, 0.0) if channels is None else channels[0].law
         sizes = {
             "index": self._analyser.index,
@@ -221,7 +220,7 @@ class SessionLoop:
         """Do ticks, as many in a call of the kernel as nothing interrupts."""
         clock, control = self._clock, self._control
         clock[EVERY], clock[RECORDED] = every, 0
-        plain = not control.answers_in_python and isinstance(self._device, CompiledDevice)
+        plain = not control.answers_in_python and self._simulated
         alone = self.simulator.steps_alone
         done = 0
         while done < ticks:
@@ -267,7 +266,7 @@ class SessionLoop:
     def _tick_in_parts(self, inputs: Array, rows: Array) -> None:
         """Do a tick in which something is done in Python."""
         data, time, control = self._parts, self.time, self._control
-        simulated = isinstance(self._device, CompiledDevice)
+        simulated = self._simulated
         if not simulated:
             self._sense_otherwise(inputs[0])
         state = self.mechanism
@@ -303,7 +302,7 @@ class SessionLoop:
         data.sample[:] = state.published[: DEVICE_SAMPLE.size]
         data.sample[_FORCE] = state.reported + device.sensed(data.push)
         data.added[:] = device.compensation(state)
-        data.state[_PUBLISHED] = state.published
+        data.state[:] = state.flat
 
     def _observe_otherwise(self) -> None:
         """Analyse where the kernel could not, or raise what is wrong."""

@@ -17,7 +17,6 @@ from hapticmech_ros.control import Engagement
 from hapticmech_ros.control.controller_side import ControllerSide, LedgerEntry
 from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.control.passivity import PassivityController
-from hapticmech_ros.device.device_layout import DEVICE_STATE
 from hapticmech_ros.device.safety import SafetyEnvelope
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
@@ -35,7 +34,6 @@ from hapticmech_ros.session.tick_kernels import (
 )
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
-_PUBLISHED = DEVICE_STATE.slice("position", "applied")
 _MEASURED, _FORCE = DEVICE_SAMPLE.slice("position", "twist"), DEVICE_SAMPLE.slice("hand_wrench")
 _WRENCHES = ANSWER.slice("wrenches")
 _NO_RECORDS, _NOBODY = np.zeros((0, 0)), np.zeros((0, 10))

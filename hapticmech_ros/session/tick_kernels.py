@@ -21,18 +21,16 @@ from hapticmech_ros.control.account_kernels import (
 from hapticmech_ros.control.channel_kernels import TAG, receive, send
 from hapticmech_ros.control.device_side_kernels import ACTUATORS
 from hapticmech_ros.control.render_kernels import act
-from hapticmech_ros.device.kernels import (
+from hapticmech_ros.device.driver_kernels import (
     APPLIED,
-    BODY,
     MEASURED,
     REPORTED,
-    SEEN,
     SENSES_ITSELF,
     SPEED,
     command_device,
     compensate,
-    move_device,
 )
+from hapticmech_ros.device.kernels import BODY, SEEN, move_device
 from hapticmech_ros.device.kernels import PUSH as PUSHED
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.packed import unpack

@@ -1,23 +1,11 @@
-"""The compiled device against the readable one: same motion, same measurements, same wrenches."""
-
-from dataclasses import fields
+"""The device against the readable one: same motion, same measurements, same wrenches."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.device import (
-    NO_WRENCH,
-    Grip,
-    ImpedanceDevice,
-    device_for,
-    grip_of,
-    hand_law,
-    no_hand,
-)
-from hapticmech_ros.device.compiled import CompiledDevice
-from hapticmech_ros.device.compiled_state import CompiledState
+from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice, device_for
 from hapticmech_ros.scene.device import Compensation, Device, Workspace
 from hapticmech_ros.scene.hand import (
     ArmHand,
@@ -26,8 +14,15 @@ from hapticmech_ros.scene.hand import (
     Tremor,
     Waypoint,
 )
+from oracles.devices import body_of, readable_device_for
 
-PERIOD = 1e-3
+# Of a state, by the names of its properties.
+PARTS = (
+    *("pose", "twist", "measured_pose", "measured_twist", "hand_wrench", "applied", "reported"),
+    *("home", "anchor", "window"),
+)
+# By one kernel, and by kernels around a hand's law in Python.
+OURS = ("kernel", "own hand")
 # Sums of some ten products, each rounded to 1e-16, in another order. Stepping from the same state
 # leaves no more than that; spring and damper enlarge it by k h / m, less than 1.
 ROUNDING = 1e-12
@@ -109,24 +104,21 @@ DEVICES = {
 }
 
 
-def pair(device, hand, planar=False):
-    law, grip = (no_hand, Grip()) if hand is None else (hand_law(hand), grip_of(hand))
-    return (
-        ImpedanceDevice(device, PERIOD, planar, law, grip),
-        CompiledDevice(device, PERIOD, planar, hand),
-    )
+def pair(device, hand, planar=False, kind="kernel"):
+    return tuple(body_of(one, device, hand, planar) for one in ("readable", kind))
 
 
 def compare(found, expected, bound=ROUNDING):
-    for field in fields(expected):
-        one, other = getattr(found, field.name), getattr(expected, field.name)
-        if isinstance(other, pin.SE3):
-            one, other = one.homogeneous, other.homogeneous
-        one, other = np.asarray(one), np.asarray(other)
+    for name in PARTS:
+        one, other = (numbers(getattr(state, name)) for state in (found, expected))
         assert one.shape == other.shape
-        assert np.abs(one - other).max() < bound * max(np.abs(other).max(), 1.0), field.name
+        assert np.abs(one - other).max() < bound * max(np.abs(other).max(), 1.0), name
     apart = np.abs(found.published - expected.published).max()
     assert apart < bound * max(np.abs(expected.published).max(), 1.0)
+
+
+def numbers(part):
+    return part.homogeneous if isinstance(part, pin.SE3) else np.asarray(part)
 
 
 def random_pose(rng, planar, angle):
@@ -135,11 +127,12 @@ def random_pose(rng, planar, angle):
     return pin.SE3(pin.exp3(angle * axis / np.linalg.norm(axis)), position)
 
 
+@pytest.mark.parametrize("kind", OURS)
 @pytest.mark.parametrize("planar", [False, True])
 @pytest.mark.parametrize("hand", HANDS)
 @pytest.mark.parametrize("device", DEVICES)
-def test_a_period_is_the_same_from_random_states(device, hand, planar):
-    readable, compiled = pair(DEVICES[device], HANDS[hand], planar)
+def test_a_period_is_the_same_from_random_states(device, hand, planar, kind):
+    readable, compiled = pair(DEVICES[device], HANDS[hand], planar, kind)
     rng = np.random.default_rng(7)
     task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
     limits = DEVICES[device].force_limit, DEVICES[device].torque_limit
@@ -160,7 +153,7 @@ def test_a_period_is_the_same_from_random_states(device, hand, planar):
         push = rng.normal(size=6) if rng.random() < 0.5 else NO_WRENCH
         ticks = int(rng.integers(900))
         expected = readable.step(state, command, held, ticks, push)
-        found = compiled.step(CompiledState.of(state), command, held, ticks, push)
+        found = compiled.step(state, command, held, ticks, push)
         compare(found, expected)
         sizes = np.linalg.norm(command.reshape(2, 3), axis=1)
         limited += bool((sizes > limits).any())
@@ -169,10 +162,11 @@ def test_a_period_is_the_same_from_random_states(device, hand, planar):
     assert 20 < held_by_nobody < 100
 
 
+@pytest.mark.parametrize("kind", OURS)
 @pytest.mark.parametrize("hand", ["pushing", "spring", "at_once", "arm", "tapping"])
 @pytest.mark.parametrize("device", ["ideal", "positions", "weak", "rough", "heavy", "small"])
-def test_a_second_is_the_same(device, hand):
-    readable, compiled = pair(DEVICES[device], HANDS[hand])
+def test_a_second_is_the_same(device, hand, kind):
+    readable, compiled = pair(DEVICES[device], HANDS[hand], kind=kind)
     pose = random_pose(np.random.default_rng(1), False, 0.4)
     states = [body.at_rest(pose, held=True) for body in (readable, compiled)]
     starts = list(states)
@@ -208,17 +202,34 @@ def test_the_hand_has_the_state_in_which_it_took_hold():
     rng = np.random.default_rng(4)
     state = readable.at_rest(random_pose(rng, False, 1.0))
     one, other = (readable.at_rest(random_pose(rng, False, 1.0)) for _ in range(2))
-    for held in (one, other, None, one, CompiledState.of(other), other):
+    for held in (one, other, None, one, other.replaced(), other):
         found = compiled.step(state, NO_WRENCH, held, 5)
         compare(found, readable.step(state, NO_WRENCH, held, 5))
 
 
-def test_states_of_the_readable_device_are_taken_and_kept():
-    readable, compiled = pair(DEVICES["quantised"], SPRING)
-    state = readable.at_rest(random_pose(np.random.default_rng(6), False, 1.0))
-    state = readable.step(state, np.ones(6), state, 400, np.ones(6))
-    compare(CompiledState.of(state), state, 1e-16)
-    compare(compiled.step(state, np.ones(6), None, 0), readable.step(state, np.ones(6), None, 0))
+def test_parts_of_a_state_are_kept_to_the_bit_and_each_is_its_own():
+    rng = np.random.default_rng(6)
+    poses = {
+        name: random_pose(rng, False, 1.0) for name in ("pose", "measured_pose", "home", "anchor")
+    }
+    sixes = ("twist", "measured_twist", "hand_wrench", "applied", "reported")
+    parts = {**poses, **{name: rng.normal(size=6) for name in sixes}, "window": 3}
+    assert set(parts) == set(PARTS)
+    old = DeviceState.resting(pin.SE3.Identity())
+    whole = old.replaced(**parts)
+    for name, given in parts.items():
+        alone = old.replaced(**{name: given})
+        for other in PARTS:
+            expected = given if other == name else getattr(old, other)
+            for state, value in ((alone, expected), (whole, parts[other])):
+                assert np.array_equal(*map(numbers, (getattr(state, other), value))), other
+    place = pin.XYZQUATToSE3(whole.published[:7]).homogeneous
+    assert np.abs(place - poses["measured_pose"].homogeneous).max() < 1e-15
+    assert np.array_equal(whole.published[:3], poses["measured_pose"].translation)
+    rest = np.concatenate([parts[name] for name in ("measured_twist", "reported", "applied")])
+    assert np.array_equal(whole.published[7:], rest)
+    assert np.array_equal(whole.without_force().applied, np.zeros(6))
+    assert np.array_equal(whole.applied, parts["applied"])
 
 
 def test_a_step_leaves_earlier_states_alone():
@@ -245,11 +256,11 @@ def test_same_bits_on_every_run():
 def test_arrays_that_cannot_be_written_are_taken():
     _, compiled = pair(DEVICES["ideal"], None)
     start = compiled.at_rest(pin.SE3.Identity())
-    command = np.ones(6)
+    command = np.arange(1.0, 7.0) / 10.0
     expected = compiled.step(start, command, None, 0, command).flat
     command.flags.writeable = False
     assert np.array_equal(compiled.step(start, command, None, 0, command).flat, expected)
-    apart = np.ones(12)[::2]
+    apart = np.column_stack((command, np.full(6, 7.0)))[:, 0]
     assert np.array_equal(compiled.step(start, apart, None, 0, apart).flat, expected)
 
 
@@ -263,14 +274,12 @@ def test_a_planar_device_stays_in_the_plane_to_the_bit():
     assert state.twist[0] > 0.0
 
 
-def test_the_compiled_device_is_what_runs():
+def test_a_scene_has_its_device_and_its_hand():
     scene = load_scene("spatial_arm")
-    assert device_for(scene).compiled
-    readable = device_for(scene, compiled=False)
-    assert type(readable) is ImpedanceDevice
+    assert type(device_for(scene)) is ImpedanceDevice
     pose = random_pose(np.random.default_rng(8), False, 1.0)
     for with_hand in (True, False):
-        bodies = [device_for(scene, with_hand, compiled) for compiled in (False, True)]
+        bodies = [make(scene, with_hand) for make in (readable_device_for, device_for)]
         starts = [body.at_rest(pose, held=True) for body in bodies]
         ends = [body.step(s, NO_WRENCH, s, 700) for body, s in zip(bodies, starts, strict=True)]
         compare(ends[1], ends[0])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.device.force_observer import ForceObserver
 from hapticmech_ros.scene.device import Compensation, Device
+from oracles.device.force_observer import ForceObserver
 from oracles.devices import KINDS, PERIOD, body_of, run
 
 PUSH = np.array([0.4, -0.2, 0.1, 1e-3, 0.0, -2e-3])

@@ -7,6 +7,7 @@ from hapticmech_ros.device import Grip, grip_of
 from hapticmech_ros.device.grip import OPEN
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, SpringDamperHand, Waypoint
+from oracles.device.grip import window_of
 from oracles.devices import KINDS, NOTHING, PERIOD, body_of, run
 
 DEVICE = Device(mass=0.2, inertia=4e-4, damping=0.3, angular_damping=1e-3)
@@ -20,11 +21,22 @@ def arm(**keys):
 def test_windows_alternate_and_count_the_switches_passed():
     grip = Grip(start=0.5, switches=(1.0, 2.0, 3.0))
     times = (0.0, 0.4999, 0.5, 1.4999, 1.5, 2.4999, 2.5, 3.4999, 3.5, 90.0)
-    assert [grip.window(time) for time in times] == [OPEN, OPEN, 0, 0, OPEN, OPEN, 2, 2, OPEN, OPEN]
+    assert [window_of(grip, time) for time in times] == [
+        OPEN,
+        OPEN,
+        0,
+        0,
+        OPEN,
+        OPEN,
+        2,
+        2,
+        OPEN,
+        OPEN,
+    ]
     late = Grip(switches=(1.0, 2.0), holds_first=False)
-    assert [late.window(time) for time in (0.0, 1.0, 1.5, 2.0)] == [OPEN, 1, 1, OPEN]
+    assert [window_of(late, time) for time in (0.0, 1.0, 1.5, 2.0)] == [OPEN, 1, 1, OPEN]
     # Sums of periods that round below the time count as there.
-    assert Grip(switches=(0.3,)).window(0.3 - 1e-16) == OPEN
+    assert window_of(Grip(switches=(0.3,)), 0.3 - 1e-16) == OPEN
 
 
 def test_a_hand_whose_first_switch_is_a_grab_does_not_hold_before():

@@ -4,9 +4,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.device import ImpedanceDevice, hand_law
+from hapticmech_ros.device import ImpedanceDevice
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ConstantWrenchHand, SpringDamperHand, Waypoint
+from oracles.device.hand import hand_law
 
 HELD = pin.SE3(pin.exp3(np.array([0.2, 0.1, -0.4])), np.array([0.3, 0.0, 0.1]))
 STILL = np.zeros(6)
@@ -112,7 +113,7 @@ def test_a_held_device_settles_at_the_last_waypoint():
         waypoints=(Waypoint(time=0.5, xyz=(0.02, -0.01, 0.03), rotation=(0.3, -0.2, 0.5)),),
         start_delay=0.1,
     )
-    body = ImpedanceDevice(Device(mass=0.3, inertia=3e-4), 1e-3, False, hand_law(hand))
+    body = ImpedanceDevice(Device(mass=0.3, inertia=3e-4), 1e-3, False, hand)
     state = start = body.at_rest(HELD, held=True)
     for tick in range(2500):
         state = body.step(state, np.zeros(6), start, tick)

@@ -1,13 +1,12 @@
 """The simulated device against what a rigid body does; its actuators and its encoders."""
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.device import ImpedanceDevice, no_hand
+from hapticmech_ros.device import ImpedanceDevice
 from hapticmech_ros.scene.device import Device
+from oracles.device.hand import no_hand
 
 PERIOD = 1e-3
 START = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
@@ -21,9 +20,9 @@ def pushing(wrench):
 
 def run(device, ticks, hand=no_hand, command=NO_COMMAND, twist=None):
     """Return the states at 0, 1, ..., ``ticks`` periods."""
-    body = ImpedanceDevice(device, PERIOD, False, hand)
+    body = ImpedanceDevice(device, PERIOD, False, law=hand)
     start = body.at_rest(START, held=True)
-    states = [start if twist is None else replace(start, twist=np.array(twist, dtype=float))]
+    states = [start if twist is None else start.replaced(twist=twist)]
     for tick in range(ticks):
         states.append(body.step(states[-1], command, start, tick))
     return states
@@ -183,7 +182,7 @@ def test_a_planar_device_never_leaves_the_plane():
 
 def test_others_push_besides_the_hand_and_are_no_part_of_its_wrench():
     own, others = np.array([0.3, 0, 0, 0, 0.01, 0]), np.array([-0.1, 0.2, 0, 0.01, 0, 0])
-    body = ImpedanceDevice(Device(), PERIOD, False, pushing(own))
+    body = ImpedanceDevice(Device(), PERIOD, False, law=pushing(own))
     start = body.at_rest(START, held=True)
     state = body.step(start, NO_COMMAND, start, 0, others)
     expected = run(Device(), 1, pushing(own + others))[-1]

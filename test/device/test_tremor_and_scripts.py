@@ -4,7 +4,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.device import hand_law
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import (
@@ -14,6 +13,7 @@ from hapticmech_ros.scene.hand import (
     Tremor,
     Waypoint,
 )
+from oracles.device.hand import hand_law
 from oracles.devices import KINDS, PERIOD, START, body_of, run
 
 HEADING = "time,fx,fy,fz,tx,ty,tz\n"

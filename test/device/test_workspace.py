@@ -95,7 +95,7 @@ def test_it_pushes_back_and_never_pulls(kind):
 
 
 def test_a_workspace_is_about_home_wherever_rest_begins_anew():
-    body = body_of("compiled", BOXED)
+    body = body_of("kernel", BOXED)
     elsewhere = pin.SE3(START.rotation, START.translation + np.array([0.0, 0.015, 0.0]))
     again = body.at_rest(elsewhere, home=body.at_rest(START).home)
     end = run(body, 3000, push=np.array([0.0, 4.0, 0.0, 0.0, 0.0, 0.0]), start=again)[-1]

@@ -1,23 +1,34 @@
-"""Both implementations of a device, and runs of them."""
+"""Devices held by a scene's hand, of each kind, and runs of them."""
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.device import Grip, ImpedanceDevice, grip_of, hand_law, no_hand
-from hapticmech_ros.device.compiled import CompiledDevice
+from hapticmech_ros.device import Grip, ImpedanceDevice, grip_of
+from oracles.device.hand import hand_law, no_hand
+from oracles.device.impedance_device import ReadableDevice
 
 PERIOD = 1e-3
 START = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
 NOTHING = np.zeros(6)
-KINDS = ("readable", "compiled")
+# In plain NumPy; by one kernel; and by kernels around a hand's law in Python.
+KINDS = ("readable", "kernel", "own hand")
 
 
 def body_of(kind, device, hand=None, planar=False, period=PERIOD):
     """Return a device of a scene, held by a scene's hand."""
-    if kind == "compiled":
-        return CompiledDevice(device, period, planar, hand)
+    if kind == "kernel":
+        return ImpedanceDevice(device, period, planar, hand)
     law, grip = (no_hand, Grip()) if hand is None else (hand_law(hand), grip_of(hand))
-    return ImpedanceDevice(device, period, planar, law, grip)
+    if kind == "own hand":
+        return ImpedanceDevice(device, period, planar, law=law, grip=grip)
+    return ReadableDevice(device, period, planar, law, grip)
+
+
+def readable_device_for(scene, with_hand=True):
+    """Return the readable device of a scene."""
+    hand = scene.hand if with_hand else None
+    period, planar = scene.simulation.period, scene.task_space == "planar"
+    return body_of("readable", scene.device, hand, planar, period)
 
 
 def run(body, ticks, command=NOTHING, push=NOTHING, start=None):

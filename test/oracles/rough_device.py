@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice
+from hapticmech_ros.device import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.document import Scene
+from oracles.device.impedance_device import ReadableDevice
 
 
-class RoughDevice(ImpedanceDevice):
+class RoughDevice(ReadableDevice):
     """A scene's device with Coulomb friction along x, y and z, held by nobody.
 
         Λ_d ẍ = F_o + u - D ẋ - f,      |f_i| ≤ f_c, against the motion, or what it takes to stick
@@ -40,7 +39,7 @@ class RoughDevice(ImpedanceDevice):
         ticks: int,
         push: Array = NO_WRENCH,
     ) -> DeviceState:
-        """Advance one period; see :meth:`ImpedanceDevice.step`."""
+        """Advance one period; see :meth:`ReadableDevice.step`."""
         smooth = super().step(state, command, None, ticks, push)
         pose, twist = state.pose, state.twist
         for _ in range(self.device.substeps):
@@ -52,5 +51,4 @@ class RoughDevice(ImpedanceDevice):
             pose = pin.SE3(turned, pose.translation + self._step * twist[:3])
         measured = self._quantised(pose)
         seen = twist if self._ideal else self._estimated(state, measured)
-        moved = {"pose": pose, "twist": twist, "measured_pose": measured, "measured_twist": seen}
-        return replace(smooth, **moved)
+        return smooth.replaced(pose=pose, twist=twist, measured_pose=measured, measured_twist=seen)

@@ -8,6 +8,7 @@ from hapticmech_ros.control import DeviceMeasurement
 from hapticmech_ros.device import NO_WRENCH, device_for
 from hapticmech_ros.wire.device_wire import DeviceWriter
 from hapticmech_ros.wire.layouts import DeviceSample, pack_device
+from oracles.devices import readable_device_for
 
 STAMP = 1_700_000_000_123_456_789
 
@@ -15,8 +16,8 @@ STAMP = 1_700_000_000_123_456_789
 def test_what_is_written_is_what_is_packed_with_pushes_added():
     rng = np.random.default_rng(0)
     writer = DeviceWriter()
-    for compiled in (False, True):
-        body = device_for(load_scene("spatial_arm"), compiled=compiled)
+    for make in (readable_device_for, device_for):
+        body = make(load_scene("spatial_arm"))
         pose = pin.SE3(pin.exp3(np.array([0.3, -2.0, 0.5])), np.array([0.1, 0.2, 0.3]))
         state = start = body.at_rest(pose, held=True)
         for ticks in range(600, 605):

@@ -7,15 +7,10 @@ import math
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.device.force_observer import ForceObserver
-from hapticmech_ros.device.state import DeviceState
+from hapticmech_ros.device import NO_WRENCH, DeviceState
 from hapticmech_ros.saturation import limited
-from hapticmech_ros.scene.device import Device, ForceSensor
-
-NO_WRENCH = np.zeros(6)
-NO_WRENCH.flags.writeable = False
-# Where the reported wrench of the hand is from, as kernels number it.
-SENSORS: tuple[ForceSensor, ...] = ("measured", "estimated", "absent")
+from hapticmech_ros.scene.device import Device
+from oracles.device.force_observer import ForceObserver
 
 
 class DeviceDriver:
@@ -48,24 +43,6 @@ class DeviceDriver:
             bandwidth=device.observer_bandwidth,
             period=period,
         )
-
-    def constants(self) -> dict[str, object]:
-        """Return what kernels need of it, by names of ``DEVICE_MODEL``."""
-        device, known, observer = self._device, self._device.compensation, self._observer
-        lag = self._lag
-        return {
-            "weight": 0.0 if self.weight is None else self.weight,
-            "task": self._task,
-            "acts": device.acts,
-            "compensated": known.friction,
-            "dead_zone": known.dead_zone,
-            "angular_dead_zone": known.angular_dead_zone,
-            "lifts": known.gravity and self.weight is not None,
-            "senses_itself": SENSORS.index(device.force_sensor),
-            "observer_share": observer.share,
-            "actuator_share": -math.expm1(-lag) / lag if lag > 0.0 else 0.0,
-            "inertia": observer.inertia,
-        }
 
     def asked(self, state: DeviceState, command: Array | None) -> Array:
         """Return what actuators are asked for over a period, (6,), before saturation.

@@ -39,11 +39,6 @@ class EndStop:
     stiffness: float
     damping: float
 
-    @property
-    def numbers(self) -> tuple[float, float, float]:
-        """Limit, stiffness and damping."""
-        return self.limit, self.stiffness, self.damping
-
     def stopped(self, away: Array, rate: Array, gain: float, step: float) -> Array:
         """Return the rate (3,) after a step.
 
