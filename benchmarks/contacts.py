@@ -12,9 +12,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from hapticmech_ros.bench.speed.contender import initial_state
-from hapticmech_ros.bench.speed.mujoco_model import MujocoScene
 
+from benchmarks.speed.contender import initial_state
+from benchmarks.speed.mujoco_peer import MujocoScene
 from hapticmech_ros.scene import Scene, document_of, load_scene, scene_from_document
 from hapticmech_ros.simulation import Simulator
 
