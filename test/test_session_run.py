@@ -144,6 +144,15 @@ def test_what_cannot_be_run_is_refused_and_nothing_has_moved(given, words):
     assert session.time == 0.0
 
 
+@pytest.mark.parametrize("name", ["external_wrench", "hand_wrench"])
+@pytest.mark.parametrize("given", [1.0, np.zeros(3), np.zeros((1, 6))])
+def test_a_tick_takes_wrenches_of_six_numbers_only(name, given):
+    session = Session(load_scene("two_link"))
+    with pytest.raises(InvalidInputError, match=rf"shape of {name}: must be \(6,\)"):
+        session.tick(**{name: given})
+    assert session.time == 0.0
+
+
 def test_an_unknown_field_names_those_that_there_are():
     with pytest.raises(KeyError, match="must be one of time, q, v"):
         Session(load_scene("two_link")).run(1)["speed"]

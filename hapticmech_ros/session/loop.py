@@ -56,9 +56,8 @@ from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import nanoseconds
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
-_MEASURED, _FORCE = DEVICE_SAMPLE.slice("position", "twist"), DEVICE_SAMPLE.slice("hand_wrench")
-_WRENCHES = ANSWER.slice("wrenches")
-_NO_RECORDS, _NOBODY = np.zeros((0, 0)), np.zeros((0, 10))
+_FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
+_NOBODY = np.zeros((0, 10))
 
 
 class SessionLoop:

@@ -19,7 +19,7 @@ from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.control.passivity import PassivityController
 from hapticmech_ros.device.safety import SafetyEnvelope
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.mechanism.grasp import grasped
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import Observation
@@ -28,15 +28,10 @@ from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.loop import SessionLoop
 from hapticmech_ros.session.run import Run
 from hapticmech_ros.session.sample import Sample
-from hapticmech_ros.session.tick_kernels import (
-    RECORDED,
-    TICK,
-)
+from hapticmech_ros.session.tick_kernels import RECORDED, TICK
 
-_MODEL_SIZE = OPERATIONAL_MODEL.size
-_MEASURED, _FORCE = DEVICE_SAMPLE.slice("position", "twist"), DEVICE_SAMPLE.slice("hand_wrench")
-_WRENCHES = ANSWER.slice("wrenches")
-_NO_RECORDS, _NOBODY = np.zeros((0, 0)), np.zeros((0, 10))
+_FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
+_NO_RECORDS = np.zeros((0, 0))
 
 
 class Session(SessionLoop):
@@ -101,13 +96,13 @@ class Session(SessionLoop):
 
         Raises:
             ClosureError: a closed loop came apart.
-            InvalidInputError: the state is no longer finite.
+            InvalidInputError: the state is no longer finite, or a wrench of another shape.
         """
         inputs = np.zeros((1, 12))
         if external_wrench is not None:
-            inputs[0, :6] = external_wrench
+            inputs[0, :6] = _wrench("external_wrench", external_wrench)
         if hand_wrench is not None:
-            inputs[0, 6:] = hand_wrench
+            inputs[0, 6:] = _wrench("hand_wrench", hand_wrench)
         time, device, data, state = self.time, self.device, self._parts, self._mechanism_state
         mechanism = self._left() if state is None else state
         self._go(1, inputs, _NO_RECORDS, 0)
@@ -187,8 +182,8 @@ class Session(SessionLoop):
     def grasp(self, frame: str, origin: Origin | None = None) -> None:
         """Hold the mechanism elsewhere from the next tick on, without a bump.
 
-        The device's wrench is carried on and fades over the scene's ``engagement_ramp``, in which
-        the new grasp closes; see :mod:`~hapticmech_ros.control.engagement`. What the hand did to
+        The device's wrench is carried on and fades over the scene's ``grasp_ramp``, in which the
+        new grasp closes; see :mod:`~hapticmech_ros.control.engagement`. What the hand did to
         the mechanism at the old place ends at once.
 
         Args:
@@ -223,6 +218,17 @@ class Session(SessionLoop):
             rule = f"must be ({needed} or more, {width}) of float64 in C order"
             raise InvalidInputError("shape of into", into.shape, rule)
         return np.asarray(into)
+
+
+def _wrench(name: str, given: Array) -> Array:
+    """Return a wrench (6,) as it was given.
+
+    Raises:
+        InvalidInputError: an array of another shape.
+    """
+    if np.shape(given) != (6,):
+        raise InvalidInputError(f"shape of {name}", np.shape(given), "must be (6,)")
+    return given
 
 
 def _inputs(ticks: int, external: Array | None, push: Array | None) -> Array:
