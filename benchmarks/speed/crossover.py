@@ -46,12 +46,12 @@ def compare(name: str, scene: Scene) -> Crossing:
     active = both[0].mechanism.initially_active
     starts = [simulator.initial_state() for simulator in both]
     mechanism = both[0].mechanism
-    usual = mechanism.chosen(active)
+    usual = mechanism.active_set(active)
     banded = sparse(usual.dense, starts[0].q)
     if banded is None:
         raise HapticMechError(f"{name}: no sparse factorisation where it starts")
-    for simulator, chosen in zip(both, (usual.dense, banded), strict=True):
-        simulator.mechanism.take(active, chosen)
+    for simulator, active_set in zip(both, (usual.dense, banded), strict=True):
+        simulator.mechanism.take(active, active_set)
     times: list[list[float]] = [[], []]
     for _ in range(TURNS):
         ends = []

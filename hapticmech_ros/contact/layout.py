@@ -27,7 +27,7 @@ PUSH_VALUES = 10
 SHAPE_A, SHAPE_B, JOINT_A, JOINT_B, NEEDS_SEARCH = 0, 1, 2, 3, 4
 # Columns of a pair's law: k, N/m; d, N s/m; μ; χ, s/m.
 STIFFNESS, DAMPING, COULOMB, DISSIPATION = 0, 1, 2, 3
-# Of the counts: points in the last substep, in the one before, and those that lack room.
+# Of the counts: points in the last substep, in the one before, and those that found no place in the workspace.
 NOW, BEFORE, FOUND, COUNTS = 0, 1, 2, 3
 # Of the settings: how far ahead in a step depths are taken, the period, s, and the share of their
 # size by which shapes are apart that a period leaves alone.
@@ -36,7 +36,7 @@ AHEAD, PERIOD, FAR_SHARE, SETTINGS = 0, 1, 2, 3
 # the mechanism as it moves and as the integrator counts it, J; and the work since the period began.
 SWEEPS, OFF, HELD, WORK, COUNTED, TOTAL_WORK, REPORT_VALUES = 0, 1, 2, 3, 4, 5, 6
 # Room for so many points at first; a scene where more touch gets more.
-FIRST_ROOM = 16
+FIRST_WORKSPACE = 16
 
 
 @structure
@@ -80,7 +80,7 @@ class Contacts(Structure):
         begun: (nq + nv,) state at the period's start.
         pushes: (l + links, 10) what contacts do to links, then what else pushes on them.
         frames: (4 p, 9) normal and tangents of points.
-        room: for the solver's matrices.
+        workspace: for the solver's matrices.
     """
 
     __slots__ = ()
@@ -118,13 +118,13 @@ class Contacts(Structure):
     begun = Part(30, 1)
     pushes = Part(31, 2)
     frames = Part(32, 2)
-    room = Part(33, 1)
+    workspace = Part(33, 1)
     origins = Part(34, 2)
 
 
 PARTS = {name: part for name, part in vars(Contacts).items() if isinstance(part, Part)}
 
 
-def room_size(points: int, nv: int) -> int:
-    """Return the length of the room that the solver needs for so many points."""
+def workspace_size(points: int, nv: int) -> int:
+    """Return the length of the workspace that the solver needs for so many points."""
     return 3 * points * (nv + 6 * points)

@@ -21,14 +21,14 @@ from hapticmech_ros.contact.layout import (
     Contacts,
 )
 from hapticmech_ros.contact.shape_kernels import compose, put_point
-from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.data import Data
 
 
 @inner
-def place_shapes(contacts: Contacts, space: Packed) -> None:
-    """Fill ``axes`` and ``poses`` at the configuration that ``space`` was filled at."""
-    axes, seen, values = contacts.axes, space.joint_jacobian, contacts.shape_values
-    shapes, poses, places = contacts.shapes, contacts.poses, space.places
+def place_shapes(contacts: Contacts, data: Data) -> None:
+    """Fill ``axes`` and ``poses`` at the configuration that ``data`` was filled at."""
+    axes, seen, values = contacts.axes, data.joint_jacobian, contacts.shape_values
+    shapes, poses, places = contacts.shapes, contacts.poses, data.places
     for rate in range(axes.shape[0]):
         for i in range(6):
             axes[rate, i] = seen[rate, i]

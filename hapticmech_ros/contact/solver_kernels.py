@@ -46,10 +46,10 @@ from hapticmech_ros.contact.newton_kernels import (
     put_velocity,
 )
 from hapticmech_ros.contact.rate_kernels import add_later, contact_frame, contact_row
+from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.metric_kernels import free_part, to_metric
-from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.small_matrices import dot, dot_rows
-from hapticmech_ros.mechanism.kernels.tables import Tables
 
 # Of the friction that a point's own rates ask for, so much is left out: where it does nothing to
 # them it is nothing.
@@ -179,8 +179,8 @@ def _fill_scales(
 
 @inner
 def contact_forces(
-    tables: Tables,
-    space: Packed,
+    model: Model,
+    data: Data,
     contacts: Contacts,
     later: Array,
     rates: Array,
@@ -190,8 +190,8 @@ def contact_forces(
     """Replace ``forces`` of the first n points, first guesses, by the solution; fill ``report``.
 
     Args:
-        tables: the mechanism's.
-        space: filled at the step's start.
+        model: the mechanism's.
+        data: filled at the step's start.
         contacts: with ``points`` and ``owners``, ``axes`` and ``poses`` at the step's start, and
             ``free``.
         later: (nv, 6) joint axes at the step's end, as twists about the world's origin.
@@ -199,11 +199,11 @@ def contact_forces(
         step: h, s.
         n: number of points.
     """
-    nv, size = tables.nv, 3 * n
-    room, frames = contacts.room, shaped(contacts.frames, (n, 3, 3))
-    rows = shaped(room, (size, nv))
-    coupling = shaped(room[size * nv :], (size, size))
-    slopes = shaped(room[size * (nv + size) :], (size, size))
+    nv, size = model.nv, 3 * n
+    workspace, frames = contacts.workspace, shaped(contacts.frames, (n, 3, 3))
+    rows = shaped(workspace, (size, nv))
+    coupling = shaped(workspace[size * nv :], (size, size))
+    slopes = shaped(workspace[size * (nv + size) :], (size, size))
     now, velocity, impulse, apart = local(3 * n), local(3 * n), local(3 * n), local(3 * n)
     points, owners, forces = contacts.points, contacts.owners, contacts.forces
     for c in range(n):
@@ -213,8 +213,8 @@ def contact_forces(
             row, k = rows[3 * c + d], 3 * c + d
             now[k] = dot(row, rates)
             impulse[k] = step * dot(frames[c, d], forces[c])
-            to_metric(tables, space, row)
-            free_part(tables, space, row)
+            to_metric(model, data, row)
+            free_part(model, data, row)
     for i in range(3 * n):
         for j in range(i + 1):
             coupling[i, j] = dot_rows(rows, i, j)

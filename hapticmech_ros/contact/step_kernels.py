@@ -27,9 +27,10 @@ from hapticmech_ros.contact.near_kernels import near_pairs, needs_search, place_
 from hapticmech_ros.contact.solver_kernels import contact_forces
 from hapticmech_ros.contact.touch_kernels import touching_points
 from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
-from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.run_kernels import (
     NEEDS_CARE,
     RATES_NOT_FINITE,
@@ -39,7 +40,6 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_kernels import Work, find_rates, start_step
-from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.kernels.tree_kernels import place_tree
 
 # Points are looked for this many steps ahead: forces begin half a step before surfaces meet.
@@ -48,17 +48,17 @@ STEPS_AHEAD = 1.5
 SLACK = 1e-3
 # What a call begins with: a period; a substep; or one whose nearest points have been searched for.
 WHOLE, EACH, SEARCHED = 0, 1, 2
-# Why a call ended early: nearest points have to be searched for; the solver has too little room.
+# Why a call ended early: nearest points have to be searched for; the solver has too small a workspace.
 # Within a period: shapes may come near.
-SEARCH, MORE_ROOM, NEAR = 20, 21, 22
+SEARCH, MORE_WORKSPACE, NEAR = 20, 21, 22
 
 
 @inner
 def _untouched(
-    tables: Tables,
+    model: Model,
     start: Array,
     end: Array,
-    stage_space: Packed,
+    stage_space: Data,
     parts: Work,
     contacts: Contacts,
     plan: Array,
@@ -70,9 +70,9 @@ def _untouched(
     the end, or of a failure, are in ``end``.
     """
     q0, v0, account, begun = parts.q0, parts.v0, parts.account, contacts.begun
-    substeps, stages, first = plan[0], plan[1], unpack(start, tables)
+    substeps, stages, first = plan[0], plan[1], unpack(start, model)
     if plan[2] == 0:
-        code = factor(tables, q0, first)
+        code = factor(model, q0, first)
         if code < 0:
             return code
     span, share = STEPS_AHEAD * contacts.settings[PERIOD], contacts.settings[FAR_SHARE]
@@ -82,14 +82,14 @@ def _untouched(
     put(begun[: q0.size], q0)
     put(begun[q0.size :], v0)
     work_in, lost, done = account[0], account[1], account[5]
-    one, other, code, odd = first, unpack(end, tables), SETTLED, False
+    one, other, code, odd = first, unpack(end, model), SETTLED, False
     for step in range(substeps):
         odd = step % 2 == 1
         if step > 0:
             begin_next(parts)
             one, other = other, one
         code = step_once(
-            tables, one, True, stage_space, other, parts, parts.held, pushes, stages, False
+            model, one, True, stage_space, other, parts, parts.held, pushes, stages, False
         )
         if code != SETTLED:
             break
@@ -107,20 +107,20 @@ def _untouched(
     put(v0, begun[q0.size :])
     account[0], account[1], account[5] = work_in, lost, done
     if substeps > 1:
-        code = factor(tables, q0, first)
+        code = factor(model, q0, first)
         if code < 0:
             return code
     return NEAR
 
 
 @inner
-def _approach(tables: Tables, first: Packed, parts: Work, contacts: Contacts, pushes: Array) -> int:
+def _approach(model: Model, first: Data, parts: Work, contacts: Contacts, pushes: Array) -> int:
     """Place the shapes, and look which of them are near; SETTLED, SEARCH, or how that failed."""
     start_step(parts)
     if not np.isfinite(dot(parts.v, parts.v)):
         return RATES_NOT_FINITE
-    find_rates(tables, first, parts, 0.0, pushes, tables.result)
-    free, result, v0, step = contacts.free, tables.result, parts.v0, parts.settings[0]
+    find_rates(model, first, parts, 0.0, pushes, model.result)
+    free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings[0]
     for c in range(free.size):
         free[c] = v0[c] + step * result[c]
     place_shapes(contacts, first)
@@ -166,11 +166,11 @@ def _guess(contacts: Contacts, count: int) -> None:
 
 @inner
 def _substep(
-    tables: Tables,
-    first: Packed,
+    model: Model,
+    first: Data,
     known: bool,
-    stage_space: Packed,
-    last: Packed,
+    stage_space: Data,
+    last: Data,
     parts: Work,
     contacts: Contacts,
     stages: int,
@@ -183,16 +183,16 @@ def _substep(
     if not searched:
         _remember(contacts)
         if not known:
-            code = factor(tables, q0, first)
+            code = factor(model, q0, first)
             if code < 0:
                 return code
-        code = _approach(tables, first, parts, contacts, pushes)
+        code = _approach(model, first, parts, contacts, pushes)
         if code != SETTLED:
             return code
     count, counts, report = touching_points(contacts), contacts.counts, contacts.report
-    if 3 * count * (tables.nv + 6 * count) > contacts.room.size:
+    if 3 * count * (model.nv + 6 * count) > contacts.workspace.size:
         counts[FOUND] = count
-        return MORE_ROOM
+        return MORE_WORKSPACE
     counts[NOW] = count
     for i in range(REPORT_VALUES):
         if i != TOTAL_WORK:
@@ -202,14 +202,14 @@ def _substep(
         change, free = contacts.change, contacts.free
         for c in range(change.size):
             change[c] = 0.5 * step * (v0[c] + free[c])
-        move(tables, q0, change, contacts.q)
-        place_tree(tables, contacts.q, stage_space)
+        move(model, q0, change, contacts.q)
+        place_tree(model, contacts.q, stage_space)
         later = stage_space.joint_jacobian
-        contact_forces(tables, first, contacts, later, v0, step, count)
+        contact_forces(model, first, contacts, later, v0, step, count)
         contact_effects(contacts, first.places, count)
         pushes = contacts.pushes[: links + pushed]
     code = step_once(
-        tables, first, True, stage_space, last, parts, parts.held, pushes, stages, False
+        model, first, True, stage_space, last, parts, parts.held, pushes, stages, False
     )
     if code == SETTLED:
         parts.account[0] -= report[COUNTED]
@@ -230,16 +230,16 @@ def advance_touching(
     plan: Array,
 ) -> int:
     """Do a period, or what is left of one; see :func:`advance_period`."""
-    tables, parts = Tables(numbers, values), Work(numbers, work)
+    model, parts = Model(numbers, values), Work(numbers, work)
     contacts = Contacts(contact_numbers, contact_values)
-    first, last, stage_space = unpack(start, tables), unpack(end, tables), unpack(scratch, tables)
+    first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
     substeps, stages, known, pushed = plan[0], plan[1], plan[2] != 0, plan[4]
     searched = plan[3] == SEARCHED
     if plan[3] == WHOLE:
         links = contacts.carriers.size
         contacts.report[TOTAL_WORK] = 0.0
         pushes = contacts.pushes[links : links + pushed]
-        code = _untouched(tables, start, end, stage_space, parts, contacts, plan, pushes)
+        code = _untouched(model, start, end, stage_space, parts, contacts, plan, pushes)
         if code != NEAR:
             return code
         known = True
@@ -248,7 +248,7 @@ def advance_touching(
             begin_next(parts)
             first, last, known, searched = last, first, True, False
         code = _substep(
-            tables, first, known, stage_space, last, parts, contacts, stages, searched, pushed
+            model, first, known, stage_space, last, parts, contacts, stages, searched, pushed
         )
         if code != SETTLED:
             # Terms at this substep's start are where they are looked for, or those of the failure.
@@ -279,7 +279,7 @@ def advance_period(
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.fold``.
+        values: the others; see ``model.pack``.
         start: packed terms at the start: to read where they are known, else to fill.
         end: packed terms, to fill at the end.
         scratch: packed terms of stages.
@@ -293,7 +293,7 @@ def advance_period(
 
     Returns:
         0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of
-        the pairs near has to be filled, MORE_ROOM, where the room for ``counts[FOUND]`` points is
+        the pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``counts[FOUND]`` points is
         missing, or NEEDS_CARE and UNDECIDED, of which ``run_kernels.advance`` tells and where
         points and forces are those of this substep: ``q0`` and ``v0`` are its start then, and
         ``start`` has the terms there unless it is UNDECIDED. Or how a substep failed. Account 5 is

@@ -26,18 +26,18 @@ from hapticmech_ros.contact.layout import (
     WORK,
     Contacts,
 )
+from hapticmech_ros.contact.model_arrays import contacts_of, shape_model, with_workspace
 from hapticmech_ros.contact.step_kernels import (
     EACH,
-    MORE_ROOM,
+    MORE_WORKSPACE,
     SEARCH,
     SEARCHED,
     WHOLE,
     advance_period,
 )
-from hapticmech_ros.contact.tables import contacts_of, shape_tables, with_room
 from hapticmech_ros.contact.touching import Touching, nothing_touching
+from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
-from hapticmech_ros.mechanism.kernels.chosen import Chosen
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import Pushes, Start, Stepped, check_pushes, plan_of
 from hapticmech_ros.mechanism.schemes import SCHEMES
@@ -77,7 +77,7 @@ class ContactStepper:
         self._mechanism = mechanism
         self._substeps = plan.substeps
         self._stepper = Stepper(mechanism, plan)
-        shapes = shape_tables(scene.shapes, mechanism.tree)
+        shapes = shape_model(scene.shapes, mechanism.tree)
         self._links = sorted({shape.link for shape in scene.shapes} - {"world"})
         places = {link: mechanism.link_place(link) for link in self._links}
         # Positions move by the mean of both rates, or by the new one.
@@ -86,7 +86,7 @@ class ContactStepper:
             *contacts_of(
                 scene,
                 shapes,
-                mechanism.chosen(mechanism.initially_active).tables,
+                mechanism.active_set(mechanism.initially_active).model,
                 {link: (joint, pose.translation) for link, (joint, pose) in places.items()},
                 (ahead, plan.period, FAR),
             )
@@ -110,14 +110,14 @@ class ContactStepper:
         check_pushes(pushes, len(self._mechanism.point_names), self._mechanism.nv)
         self._begin_with(touching)
         self._push(pushes)
-        chosen, report = self._mechanism.chosen(start.active), self._contacts.report
-        took = self._call(chosen, start, pushes, self._substeps, WHOLE)
+        active_set, report = self._mechanism.active_set(start.active), self._contacts.report
+        took = self._call(active_set, start, pushes, self._substeps, WHOLE)
         if took.code == 0 and took.stepped is not None:
             return self._touched(took.stepped, report.item(TOTAL_WORK))
         now, left, work_in, lost, work = start, self._substeps, 0.0, 0.0, 0.0
         while True:
             if took.code == UNDECIDED and not took.steps:
-                took = self._call(chosen.dense, now, pushes, 1, EACH)
+                took = self._call(active_set.dense, now, pushes, 1, EACH)
             stepped, steps = took.stepped, took.steps
             if stepped is None:
                 # Of the dense factorisation nothing is undecided: the step needs care.
@@ -128,7 +128,7 @@ class ContactStepper:
             if not left:
                 stepped = stepped._replace(work_in=work_in, energy_lost=lost)
                 return self._touched(stepped, work + report.item(TOTAL_WORK))
-            took = self._call(chosen, now, pushes, left, EACH)
+            took = self._call(active_set, now, pushes, left, EACH)
 
     def _hold(self, numbers: Array, values: Array) -> None:
         """Take these arrays as the contacts'; views of their parts are found once."""
@@ -156,21 +156,23 @@ class ContactStepper:
             rows, first = self._stepper.on_links(pushes), len(self._links)
             self._contacts.pushes[first : first + len(rows)] = rows
 
-    def _call(self, chosen: Chosen, start: Start, pushes: Pushes, count: int, phase: int) -> Took:
+    def _call(
+        self, active_set: ActiveSet, start: Start, pushes: Pushes, count: int, phase: int
+    ) -> Took:
         """Do substeps by the kernel until one needs care, or cannot be done sparse."""
         stepper, plan = self._stepper, self._plan
-        known = stepper.load(start, chosen, pushes)
+        known = stepper.load(start, active_set, pushes)
         plan[0], plan[2], plan[3] = count, known is not None, phase
-        first, end = first_terms(known, chosen, count), np.empty(chosen.size)
-        constants, scratch, work = chosen.constants, chosen.scratch, stepper.work
+        first, end = first_terms(known, active_set, count), np.empty(active_set.size)
+        constants, scratch, work = active_set.constants, active_set.scratch, stepper.work
         while True:
             code = advance_period(*constants, first, end, scratch, work, *self._arrays, plan)
             if code == SEARCH:
                 self._search()
-            elif code == MORE_ROOM:
+            elif code == MORE_WORKSPACE:
                 self._make_room()
             else:
-                return stepper.took(code, chosen, start.active, end)
+                return stepper.took(code, active_set, start.active, end)
             plan[0], plan[2], plan[3] = count - int(stepper.parts.account[5]), 1, SEARCHED
 
     def _search(self) -> None:
@@ -184,7 +186,7 @@ class ContactStepper:
     def _make_room(self) -> None:
         contacts = self._contacts
         points = min(2 * int(contacts.counts[FOUND]), len(contacts.points))
-        self._hold(*with_room(*self._arrays, points))
+        self._hold(*with_workspace(*self._arrays, points))
 
     def _careful(self, start: Start, pushes: Pushes) -> Stepped:
         """Do the substep that the kernel stopped before, contacts held."""

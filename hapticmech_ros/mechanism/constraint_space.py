@@ -12,8 +12,16 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.inertia import singular_joint
+from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
-from hapticmech_ros.mechanism.kernels.chosen import Chosen
+from hapticmech_ros.mechanism.kernels.data import (
+    ERROR,
+    LEAST,
+    RANK,
+    RESOLVED_RANK,
+    Data,
+    views_of,
+)
 from hapticmech_ros.mechanism.kernels.dense_kernels import NO_SVD
 from hapticmech_ros.mechanism.kernels.factor_kernels import (
     SINGULAR,
@@ -21,14 +29,6 @@ from hapticmech_ros.mechanism.kernels.factor_kernels import (
     factor_closures,
     keep_closed,
     lift_rates,
-)
-from hapticmech_ros.mechanism.kernels.packed import (
-    ERROR,
-    LEAST,
-    RANK,
-    RESOLVED_RANK,
-    Packed,
-    views_of,
 )
 from hapticmech_ros.mechanism.lapack import dtrsm, dtrsv
 from hapticmech_ros.mechanism.model import TreeModel
@@ -39,16 +39,16 @@ class Closing:
 
     Attributes:
         tree: the mechanism's, which gives degrees of freedom names.
-        chosen: the closures that are active, and the kind of factorisation.
-        packed: see :class:`~hapticmech_ros.mechanism.kernels.packed.Packed`.
+        active_set: the closures that are active, and the kind of factorisation.
+        packed: see :class:`~hapticmech_ros.mechanism.kernels.data.Data`.
         q: (nq,) configuration.
     """
 
-    __slots__ = ("_twin", "chosen", "packed", "q", "tree")
+    __slots__ = ("_twin", "active_set", "packed", "q", "tree")
 
-    def __init__(self, tree: TreeModel, chosen: Chosen, packed: Array, q: Array) -> None:
+    def __init__(self, tree: TreeModel, active_set: ActiveSet, packed: Array, q: Array) -> None:
         self.tree = tree
-        self.chosen = chosen
+        self.active_set = active_set
         self.packed = packed
         self.q = q
         self._twin: Closing | None = None
@@ -56,16 +56,16 @@ class Closing:
     @property
     def dense(self) -> Closing:
         """The same with a dense factorisation, computed when it is asked for."""
-        if not self.chosen.is_sparse:
+        if not self.active_set.is_sparse:
             return self
         if self._twin is None:
-            self._twin = factored(self.tree, self.chosen.dense, self.q)
+            self._twin = factored(self.tree, self.active_set.dense, self.q)
         return self._twin
 
     @property
-    def parts(self) -> Packed:
+    def parts(self) -> Data:
         """Views of the array's parts."""
-        return views_of(self.packed, self.chosen.tables)
+        return views_of(self.packed, self.active_set.model)
 
     @property
     def space(self) -> ConstraintSpace:
@@ -75,7 +75,7 @@ class Closing:
     @property
     def residual(self) -> Array:
         """(m,) φ, m and rad."""
-        return self.packed[: self.chosen.m]
+        return self.packed[: self.active_set.m]
 
     @property
     def jacobian(self) -> Array:
@@ -155,7 +155,7 @@ class ConstraintSpace:
         """Return |Lᵀ change| for (nv,): the length of a change in the mass metric."""
         lifted = np.array(change, dtype=float)
         closing = self.closing
-        lift_rates(*closing.chosen.constants, closing.packed, lifted)
+        lift_rates(*closing.active_set.constants, closing.packed, lifted)
         return float(np.sqrt(lifted @ lifted))
 
     def without_closure_part(self, columns: Array) -> Array:
@@ -167,32 +167,32 @@ class ConstraintSpace:
     def correction(self, rows: Array) -> Array:
         """Return D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ rows: of all changes with W change = rows the smallest."""
         closing = self.closing
-        change = np.empty(closing.chosen.tables.nv)
+        change = np.empty(closing.active_set.model.nv)
         rows = np.ascontiguousarray(rows, dtype=float)
-        correct(*closing.chosen.constants, closing.packed, rows, change)
+        correct(*closing.active_set.constants, closing.packed, rows, change)
         return change
 
     def closed_rates(self, rates: Array) -> Array:
         """Return the rates nearest to ``rates`` in the mass metric that keep the loops closed."""
         kept = np.array(rates, dtype=float)
-        keep_closed(*self.closing.chosen.constants, self.closing.packed, kept)
+        keep_closed(*self.closing.active_set.constants, self.closing.packed, kept)
         return kept
 
 
-def factored(tree: TreeModel, chosen: Chosen, q: Array) -> Closing:
+def factored(tree: TreeModel, active_set: ActiveSet, q: Array) -> Closing:
     """Return the terms of closures at q (nq,); dense where a sparse factorisation cannot decide.
 
     Raises:
         SingularInertiaError: D is not positive definite at q.
         HapticMechError: the SVD did not converge.
     """
-    packed, position = np.empty(chosen.size), np.array(q, dtype=float)
-    code = factor_closures(*chosen.constants, position, packed)
+    packed, position = np.empty(active_set.size), np.array(q, dtype=float)
+    code = factor_closures(*active_set.constants, position, packed)
     if code == UNDECIDED:
-        return factored(tree, chosen.dense, q)
+        return factored(tree, active_set.dense, q)
     if code < 0:
         raise failure(code, tree)
-    return Closing(tree, chosen, packed, position)
+    return Closing(tree, active_set, packed, position)
 
 
 def failure(code: int, tree: TreeModel) -> HapticMechError:

@@ -86,7 +86,7 @@ class Evaluation(NamedTuple):
         result = np.empty(nv + bias.size)
         np.add(joint_force, self.effort, out=result[:nv])
         solve_motion(
-            *dense.chosen.constants,
+            *dense.active_set.constants,
             dense.packed,
             self.bias_force,
             self.passive_force,

@@ -13,11 +13,11 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
 from hapticmech_ros.mechanism.evaluation import Evaluation, PointKinematics
-from hapticmech_ros.mechanism.kernels.chosen import Chosen
+from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.closure_kernels import KINDS
 from hapticmech_ros.mechanism.kernels.layout import sparse_or_dense
+from hapticmech_ros.mechanism.kernels.model import DENSE, JOINT_COLUMNS, Constants
 from hapticmech_ros.mechanism.kernels.motion_kernels import move_frames
-from hapticmech_ros.mechanism.kernels.tables import DENSE, JOINT_COLUMNS, Constants
 from hapticmech_ros.mechanism.kernels.tree_kernels import JOINT_KINDS, joint_row
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.multibody import MultibodyModel
@@ -57,7 +57,7 @@ class Mechanism(MultibodyModel):
             axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
             placement = self.model.jointPlacements[index]
             self._joint_rows[index] = joint_row(placement, axis, self.model.inertias[index])
-        self._sets: dict[Active, Chosen] = {}
+        self._sets: dict[Active, ActiveSet] = {}
         self.needs_matrix: bool = SCHEMES[scene.simulation.integrator].implicit
         self._authored, _ = authored_state(scene, self.tree)
         self._single = [self._choose([index]) for index in range(len(self.closures))]
@@ -72,11 +72,11 @@ class Mechanism(MultibodyModel):
             frame.parentJoint,
             _in_memory(frame.placement),
         )
-        for chosen in {*self._sets.values(), *self._single}:
-            for tables in (chosen.tables, chosen.dense.tables):
-                place = tables.points[index]
-                tables.carriers[place] = self._carriers[at]
-                tables.placements[place] = self._all_placements[at]
+        for active_set in {*self._sets.values(), *self._single}:
+            for model in (active_set.model, active_set.dense.model):
+                place = model.points[index]
+                model.carriers[place] = self._carriers[at]
+                model.placements[place] = self._all_placements[at]
 
     def evaluate(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
@@ -94,12 +94,12 @@ class Mechanism(MultibodyModel):
         """
         if closing is None:
             closing = self.closing_terms(q, active)
-        nv, chosen = self.nv, closing.chosen
-        first = 3 * nv + chosen.m
+        nv, active_set = self.nv, closing.active_set
+        first = 3 * nv + active_set.m
         each = 6 * nv + 12
         terms = np.empty(first + each * len(self._point_frames))
         state = np.array(q, dtype=float), np.array(v, dtype=float)
-        move_frames(*chosen.constants, closing.packed, *state, terms, self._point_places)
+        move_frames(*active_set.constants, closing.packed, *state, terms, self._point_places)
         points = []
         for at, pose in zip(range(first, terms.size, each), self._point_poses, strict=True):
             moving = at + 6 * nv
@@ -123,7 +123,7 @@ class Mechanism(MultibodyModel):
         Raises:
             SingularInertiaError: D is not positive definite at q.
         """
-        return factored(self.tree, self.chosen(active), q)
+        return factored(self.tree, self.active_set(active), q)
 
     def distance_of(self, index: int, q: Array, v: Array) -> tuple[float, float]:
         """Return |φ| of closure ``index``, active or not, and the rate at which it grows."""
@@ -133,7 +133,7 @@ class Mechanism(MultibodyModel):
         rate = residual @ (closing.jacobian @ v)
         return distance, float(rate) / distance if distance > 0.0 else 0.0
 
-    def chosen(self, active: Active) -> Chosen:
+    def active_set(self, active: Active) -> ActiveSet:
         """Return what a set of closures fixes; found once."""
         found = self._sets.get(active)
         if found is None:
@@ -144,12 +144,12 @@ class Mechanism(MultibodyModel):
             self._sets[active] = found
         return found
 
-    def take(self, active: Active, chosen: Chosen) -> None:
+    def take(self, active: Active, active_set: ActiveSet) -> None:
         """Use this factorisation for a set of closures, be it the quicker one or not."""
-        self._sets[active] = chosen
+        self._sets[active] = active_set
 
-    def _choose(self, indices: list[int]) -> Chosen:
-        """Return the tables of some closures, with the frames that anything needs."""
+    def _choose(self, indices: list[int]) -> ActiveSet:
+        """Return the constants of some closures, with the frames that anything needs."""
         loops = [self.closures[index] for index in indices]
         springs = self.elements.springs
         used = [*self._point_frames, *(f for s in springs for f in (s.frame_a, s.frame_b))]
@@ -163,7 +163,7 @@ class Mechanism(MultibodyModel):
         lengths = [np.zeros(0), *(loop.row_lengths(self.length) for loop in loops)]
         frames = list(place)
         model = self.model
-        return Chosen(
+        return ActiveSet(
             Constants(
                 self.nq,
                 self.nv,
@@ -196,7 +196,7 @@ class Mechanism(MultibodyModel):
         )
 
     def _joint_numbers(self, joint: int) -> tuple[int, int, int, int, int]:
-        """Return a joint's row of ``Tables.joints``; the world's has no rates."""
+        """Return a joint's row of ``Model.joints``; the world's has no rates."""
         if joint == 0:
             return (0, 0, 0, 0, 0)
         model, kind = self.model, JOINT_KINDS[self.tree.joint_types[joint - 1]]
@@ -233,7 +233,7 @@ def placement_view(poses: pin.StdVec_SE3) -> Array:
 
 
 def _joint_values(joint: Joint) -> tuple[float, ...]:
-    """Return a joint's row of ``Tables.element_values``; no stop is met at infinity."""
+    """Return a joint's row of ``Model.element_values``; no stop is met at infinity."""
     own = (joint.stiffness, joint.rest, joint.friction, joint.friction_speed)
     stop = joint.limits
     if stop is None:

@@ -14,11 +14,11 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, factored, failure
+from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
-from hapticmech_ros.mechanism.kernels.chosen import Chosen
+from hapticmech_ros.mechanism.kernels.data import ERROR
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE
 from hapticmech_ros.mechanism.kernels.implicit_kernels import springs_size
-from hapticmech_ros.mechanism.kernels.packed import ERROR
 from hapticmech_ros.mechanism.kernels.run_kernels import (
     EVERYTHING,
     HEEDLESS,
@@ -99,7 +99,7 @@ class Stepper:
         scheme = SCHEMES[plan.integrator]
         self.springs = np.zeros(springs_size(nv) if scheme.implicit else 0)
         self.work = np.zeros(work_size(nq, nv, points))
-        numbers = mechanism.chosen(mechanism.initially_active).constants[0]
+        numbers = mechanism.active_set(mechanism.initially_active).constants[0]
         work = Work(numbers, self.work)
         # Found once: each look at the work makes a view.
         self.parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in PARTS})
@@ -147,8 +147,8 @@ class Stepper:
             since = done % apart if apart else 0
             count = min(total - done, apart - since) if since else total - done
             rows = samples[done // apart :] if apart and not since else _NO_SAMPLES
-            chosen = self._mechanism.chosen(now.active)
-            code, steps, stepped = self._call(chosen, now, pushes, count, rows, apart)
+            active_set = self._mechanism.active_set(now.active)
+            code, steps, stepped = self._call(active_set, now, pushes, count, rows, apart)
             if stepped is not None:
                 if steps == total:
                     return stepped
@@ -168,7 +168,7 @@ class Stepper:
     def _alone(self, code: int, start: Start, pushes: Pushes) -> Stepped:
         """Do the step that the kernel stopped before."""
         if code == UNDECIDED:
-            dense = self._mechanism.chosen(start.active).dense
+            dense = self._mechanism.active_set(start.active).dense
             took = self._call(dense, start, pushes, 1, _NO_SAMPLES, 0)
             if took.stepped is not None:
                 return took.stepped
@@ -245,15 +245,15 @@ class Stepper:
         return self._once(start, pushes, STAGES)
 
     def _once(self, start: Start, pushes: Pushes, heeded: int) -> Stepped | None:
-        chosen = self._mechanism.chosen(start.active)
-        took = self._call(chosen, start, pushes, 1, _NO_SAMPLES, 0, heeded)
+        active_set = self._mechanism.active_set(start.active)
+        took = self._call(active_set, start, pushes, 1, _NO_SAMPLES, 0, heeded)
         if took.code == UNDECIDED:
-            took = self._call(chosen.dense, start, pushes, 1, _NO_SAMPLES, 0, heeded)
+            took = self._call(active_set.dense, start, pushes, 1, _NO_SAMPLES, 0, heeded)
         return took.stepped
 
     def _call(
         self,
-        chosen: Chosen,
+        active_set: ActiveSet,
         start: Start,
         pushes: Pushes,
         count: int,
@@ -267,31 +267,31 @@ class Stepper:
             HapticMechError: a step failed.
         """
         counts = self._counts
-        known = self.load(start, chosen, pushes, heeded)
+        known = self.load(start, active_set, pushes, heeded)
         counts[0], counts[1], counts[4] = count, apart, known is not None
-        end = np.empty(chosen.size)
-        first = first_terms(known, chosen, count)
+        end = np.empty(active_set.size)
+        first = first_terms(known, active_set, count)
         code = advance(
-            *chosen.constants,
+            *active_set.constants,
             first,
             end,
-            chosen.scratch,
+            active_set.scratch,
             self.work,
             self.springs,
             self.on_links(pushes),
             samples,
             counts,
         )
-        return self.took(code, chosen, start.active, end)
+        return self.took(code, active_set, start.active, end)
 
     def load(
-        self, start: Start, chosen: Chosen, pushes: Pushes, heeded: int = EVERYTHING
+        self, start: Start, active_set: ActiveSet, pushes: Pushes, heeded: int = EVERYTHING
     ) -> Array | None:
         """Put where steps start, and what pushes, into the work; return known terms, if any.
 
         Args:
             start: where.
-            chosen: the closures, and the kind of factorisation.
+            active_set: the closures, and the kind of factorisation.
             pushes: from outside; those on links are left to :meth:`on_links`.
             heeded: see ``run_kernels``.
         """
@@ -304,14 +304,14 @@ class Stepper:
         parts.settings[8] = HEEDLESS if self._pulled else heeded
         account = parts.account
         account[0] = account[1] = account[5] = 0.0
-        return _known(start, chosen)
+        return _known(start, active_set)
 
-    def took(self, code: int, chosen: Chosen, active: Active, end: Array) -> Took:
+    def took(self, code: int, active_set: ActiveSet, active: Active, end: Array) -> Took:
         """Return what a kernel did.
 
         Args:
             code: that it returned; a positive one that is no failure of ``settle`` ended it early.
-            chosen: the closures.
+            active_set: the closures.
             active: which they are.
             end: packed terms that it filled, at the end or where it failed.
 
@@ -327,10 +327,10 @@ class Stepper:
             return Took(code, 0, None)
         if code == SETTLED:
             q, v = parts.q.copy(), parts.v.copy()
-            closing = Closing(self._mechanism.tree, chosen, end, q)
+            closing = Closing(self._mechanism.tree, active_set, end, q)
         else:
             q, v = parts.q0.copy(), parts.v0.copy()
-            closing = factored(self._mechanism.tree, chosen, q)
+            closing = factored(self._mechanism.tree, active_set, q)
         return Took(code, done, Stepped(q, v, closing.error, closing, work_in, lost))
 
     def _failure(
@@ -366,18 +366,18 @@ class Stepper:
         return np.array(rows, dtype=float)
 
 
-def _known(start: Start, chosen: Chosen) -> Array | None:
+def _known(start: Start, active_set: ActiveSet) -> Array | None:
     """Return the terms at a step's start if they are known, and of the same kind."""
     closing = start.closing if start.terms is None else start.terms.closing
     if closing is None:
         return None
-    return closing.packed if closing.chosen is chosen else None
+    return closing.packed if closing.active_set is active_set else None
 
 
-def first_terms(known: Array | None, chosen: Chosen, steps: int) -> Array:
+def first_terms(known: Array | None, active_set: ActiveSet, steps: int) -> Array:
     """Return the packed terms that a kernel begins so many steps with: known, or to be filled."""
     if known is None:
-        return np.empty(chosen.size)
+        return np.empty(active_set.size)
     # Others may hold what is known, and many steps use both arrays.
     return known if steps == 1 else known.copy()
 

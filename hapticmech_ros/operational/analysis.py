@@ -9,8 +9,8 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, failure
 from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
-from hapticmech_ros.mechanism.kernels.chosen import Chosen
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.operational.late_answer import LateAnswer
 from hapticmech_ros.operational.metric import PLANAR_ROWS, SPATIAL_ROWS, TaskMetric
@@ -69,9 +69,9 @@ class Analyser:
             HapticMechError: D is not positive definite, or an SVD did not converge.
         """
         if closing is not None:
-            return self._observe(q, v, closing.chosen, closing.packed, 1, self.lateness)
-        chosen = self.mechanism.chosen(active)
-        return self._observe(q, v, chosen, chosen.scratch, 0, self.lateness)
+            return self._observe(q, v, closing.active_set, closing.packed, 1, self.lateness)
+        active_set = self.mechanism.active_set(active)
+        return self._observe(q, v, active_set, active_set.scratch, 0, self.lateness)
 
     def analyse(self, terms: Evaluation) -> OperationalAnalysis:
         """Analyse the point from the terms of Eq. 1 at a state.
@@ -97,18 +97,18 @@ class Analyser:
 
     def _observe_terms(self, terms: Evaluation, lateness: float) -> Observation:
         known = terms.closing
-        return self._observe(known.q, terms.v, known.chosen, known.packed, 1, lateness)
+        return self._observe(known.q, terms.v, known.active_set, known.packed, 1, lateness)
 
     def _observe(
-        self, q: Array, v: Array, chosen: Chosen, packed: Array, known: int, lateness: float
+        self, q: Array, v: Array, active_set: ActiveSet, packed: Array, known: int, lateness: float
     ) -> Observation:
         mechanism, found = self.mechanism, np.empty(self.layout.size)
         self._position[:] = q
         self._rates[:] = v
-        if self._ahead.size != chosen.size:
-            self._ahead = np.empty(chosen.size)
+        if self._ahead.size != active_set.size:
+            self._ahead = np.empty(active_set.size)
         code = observe_point(
-            *chosen.constants,
+            *active_set.constants,
             packed,
             known,
             self._position,
@@ -122,7 +122,7 @@ class Analyser:
             found,
         )
         if code == UNDECIDED:
-            return self._observe(q, v, chosen.dense, chosen.dense.scratch, 0, lateness)
+            return self._observe(q, v, active_set.dense, active_set.dense.scratch, 0, lateness)
         if code == NO_SPECTRUM:
             raise HapticMechError("SVD of S did not converge")
         if code:

@@ -6,14 +6,14 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local, shaped
+from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
 from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate, correction_of
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Model
 from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
-from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
 from hapticmech_ros.mechanism.kernels.small_matrices import dot_with_row
-from hapticmech_ros.mechanism.kernels.tables import SPARSE, Tables
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 
 # Off the closures by φ, at a relative singular value σ, free rates turn by φ/σ²: by no more than
@@ -22,33 +22,33 @@ TRUSTED = 0.01
 
 
 @inner
-def _least(tables: Tables, space: Packed) -> float:
+def _least(model: Model, data: Data) -> float:
     """Return σ_r / σ_1; of R's diagonal, where the factorisation is sparse."""
-    rank = int(space.tail[1])
+    rank = int(data.tail[1])
     if rank == 0:
         return 1.0
-    if tables.path != SPARSE:
-        return float(space.sigma[rank - 1] / space.sigma[0])
+    if model.path != SPARSE:
+        return float(data.sigma[rank - 1] / data.sigma[0])
     smallest, largest = np.inf, 0.0
-    for row in range(tables.m):
-        if space.row_places[row, 1] >= 0.0:
-            pivot = abs(1.0 / space.row_places[row, 2])
+    for row in range(model.m):
+        if data.row_places[row, 1] >= 0.0:
+            pivot = abs(1.0 / data.row_places[row, 2])
             smallest, largest = min(smallest, pivot), max(largest, pivot)
     return smallest / largest
 
 
 @inner
-def _trusted(tables: Tables, space: Packed, before: Packed, length: float) -> bool:
+def _trusted(model: Model, data: Data, before: Data, length: float) -> bool:
     """Return whether closures at a foreseen configuration say what they said before."""
-    if space.tail[1] != before.tail[1]:
+    if data.tail[1] != before.tail[1]:
         return False
-    return bool(space.tail[0] <= TRUSTED * _least(tables, space) ** 2 * length)
+    return bool(data.tail[0] <= TRUSTED * _least(model, data) ** 2 * length)
 
 
 @inner
 def foresee(
-    tables: Tables,
-    space: Packed,
+    model: Model,
+    data: Data,
     q: Array,
     v: Array,
     bias: Array,
@@ -61,11 +61,11 @@ def foresee(
 ) -> None:
     """Replace v̇_0 and a_0 by those at the configuration after τ, where it can be trusted.
 
-    The tables' room to work in, what moves and forces there, is of that configuration afterwards.
+    The model's workspace, what moves and forces there, is of that configuration afterwards.
 
     Args:
-        tables: the mechanism's.
-        space: terms at the configuration.
+        model: the mechanism's.
+        data: terms at the configuration.
         q: (nq,) configuration.
         v: (nv,) rates.
         bias: (m,) Ẇv.
@@ -76,25 +76,25 @@ def foresee(
         own: (nv + m,) v̇_0 and λ.
         free: (6,) a_0.
     """
-    nv = tables.nv
+    nv = model.nv
     change, place = local(nv), local(q.size)
-    correction_of(tables, space, bias, change)
+    correction_of(model, data, bias, change)
     for c in range(nv):
         change[c] = lateness * v[c] - 0.5 * lateness * lateness * change[c]
-    move(tables, q, change, place)
-    later = unpack(ahead, tables)
-    if factor(tables, place, later) < 0 or not _trusted(tables, later, space, length):
+    move(model, q, change, place)
+    later = unpack(ahead, model)
+    if factor(model, place, later) < 0 or not _trusted(model, later, data, length):
         return
-    motions, bias_force, passive = tables.motions, tables.forces[0], tables.forces[1]
-    move_joints(tables, later, v, motions)
-    bias_force_of(tables, later, motions, bias_force)
-    closure_bias(tables, later, motions, tables.bias)
-    element_forces(tables, later, place, v, passive, tables.forces[2])
+    motions, bias_force, passive = model.motions, model.forces[0], model.forces[1]
+    move_joints(model, later, v, motions)
+    bias_force_of(model, later, motions, bias_force)
+    closure_bias(model, later, motions, model.bias)
+    element_forces(model, later, place, v, passive, model.forces[2])
     for c in range(nv):
-        passive[c] += tables.effort[c]
+        passive[c] += model.effort[c]
     jacobian, motion = shaped(local(6 * nv), (6, nv)), local(12)
-    move_point(tables, later, motions, index, jacobian, motion)
+    move_point(model, later, motions, index, jacobian, motion)
     own[:] = 0.0
-    accelerate(tables, later, bias_force, passive, tables.bias, own)
+    accelerate(model, later, bias_force, passive, model.bias, own)
     for i in range(6):
         free[i] = dot_with_row(jacobian, i, own[:nv]) + motion[6 + i]

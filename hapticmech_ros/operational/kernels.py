@@ -9,15 +9,15 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local, put, shaped
 from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate, free_part, to_metric
-from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.small_matrices import (
     dot,
     dot_rows,
     dot_with_row,
     orthogonalise,
 )
-from hapticmech_ros.mechanism.kernels.tables import Tables
 
 # Where the analysis of an operational model has X, P_c and Π, and a_0; and its length.
 SQUARES, FREE, ANALYSIS_SIZE = OPERATIONAL_MODEL.starts(
@@ -81,8 +81,8 @@ def _in_world(metric: Metric, rotation: Array, factors: Array) -> None:
 
 @inner
 def analyse_motion(
-    tables: Tables,
-    space: Packed,
+    model: Model,
+    data: Data,
     bias_force: Array,
     passive: Array,
     bias: Array,
@@ -97,8 +97,8 @@ def analyse_motion(
     """Analyse an operational point.
 
     Args:
-        tables: the mechanism's.
-        space: terms at the configuration.
+        model: the mechanism's.
+        data: terms at the configuration.
         bias_force: (nv,) h.
         passive: (nv,) forces of springs, dampers, friction and stops, and efforts.
         bias: (m,) Ẇv.
@@ -114,20 +114,20 @@ def analyse_motion(
     Returns:
         Whether the SVD of S converged.
     """
-    nv, m, t = tables.nv, tables.m, rows.size
+    nv, m, t = model.nv, model.m, rows.size
     analysis[:] = 0.0
     squares = shaped(analysis[SQUARES:], (3, 6, 6))
     free = local(nv + m)
     free[:] = 0.0
-    accelerate(tables, space, bias_force, passive, bias, free)
+    accelerate(model, data, bias_force, passive, bias, free)
     for i in range(6):
         analysis[FREE + i] = dot_with_row(jacobian, i, free) + drift[i]
     # Rows are the columns of S.
     root = shaped(local(t * nv), (t, nv))
     for i in range(t):
         put(root[i], jacobian[rows[i]])
-        to_metric(tables, space, root[i])
-        free_part(tables, space, root[i])
+        to_metric(model, data, root[i])
+        free_part(model, data, root[i])
     for i in range(t):
         for j in range(i + 1):
             product = dot_rows(root, i, j)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local, put, shaped
+from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.element_kernels import element_resistance
 from hapticmech_ros.mechanism.kernels.metric_kernels import (
     accelerate,
@@ -11,14 +12,13 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
     from_metric,
     to_metric,
 )
-from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.small_matrices import (
     cholesky,
     dot,
     dot_rows,
     solve_lower,
 )
-from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.operational.foresee_kernels import foresee
 
 # As in :mod:`~hapticmech_ros.operational.spectrum`, which kernels do not see.
@@ -27,8 +27,8 @@ LEAST_S = 1e-10
 
 @inner
 def _unit_rates(
-    tables: Tables,
-    space: Packed,
+    model: Model,
+    data: Data,
     jacobian: Array,
     rows: Array,
     s: Array,
@@ -36,14 +36,14 @@ def _unit_rates(
     rates: Array,
 ) -> None:
     """Fill ``rates`` with ζ (t, nv); zero where X has nothing."""
-    t, nv = rows.size, tables.nv
+    t, nv = rows.size, model.nv
     along = shaped(local(t * nv), (t, nv))
     rates[:] = 0.0
     for i in range(t):
         put(along[i], jacobian[rows[i]])
-        to_metric(tables, space, along[i])
-        free_part(tables, space, along[i])
-        from_metric(tables, space, along[i])
+        to_metric(model, data, along[i])
+        free_part(model, data, along[i])
+        from_metric(model, data, along[i])
     for i in range(t):
         if s[i] > LEAST_S:
             for k in range(t):
@@ -54,8 +54,8 @@ def _unit_rates(
 
 @inner
 def compensate(
-    tables: Tables,
-    space: Packed,
+    model: Model,
+    data: Data,
     q: Array,
     v: Array,
     bias_force: Array,
@@ -74,8 +74,8 @@ def compensate(
     """Fill X_τ, and turn a_0 into a_τ, of an operational point that is analysed.
 
     Args:
-        tables: the mechanism's.
-        space: terms at the configuration.
+        model: the mechanism's.
+        data: terms at the configuration.
         q: (nq,) configuration.
         v: (nv,) rates.
         bias_force: (nv,) h.
@@ -91,25 +91,25 @@ def compensate(
         ahead: as long as the terms, to work in.
         late: (42,) X_τ (6, 6) to fill, and a_0 (6,), which becomes a_τ.
     """
-    t, nv = rows.size, tables.nv
+    t, nv = rows.size, model.nv
     directions = shaped(details[t:], (2, t, t))
     rates = shaped(local(t * nv), (t, nv))
-    _unit_rates(tables, space, jacobian, rows, s, directions[0], rates)
+    _unit_rates(model, data, jacobian, rows, s, directions[0], rates)
     square = lateness * lateness
     force, resisted, shown = local(nv), shaped(local(36), (t, t)), shaped(local(36), (t, t))
     for j in range(t):
-        element_resistance(tables, space, q, v, rates[j], square, lateness, force)
+        element_resistance(model, data, q, v, rates[j], square, lateness, force)
         for i in range(t):
             resisted[i, j] = dot(rates[i], force)
             # Rows are the columns of Zᵀ, each of which is solved with L.
             shown[j, i] = directions[1, j, i] * s[i] if s[i] > LEAST_S else 0.0
         resisted[j, j] += 1.0
-    own, met = local(nv + tables.m), local(6)[:t]
+    own, met = local(nv + model.m), local(6)[:t]
     own[:] = 0.0
-    accelerate(tables, space, bias_force, passive, bias, own)
-    # From here on the tables' room to work in is of another configuration.
-    foresee(tables, space, q, v, bias, index, length, lateness, ahead, own, late[36:])
-    element_resistance(tables, space, q, v, own[:nv], square, lateness, force)
+    accelerate(model, data, bias_force, passive, bias, own)
+    # From here on the model's workspace is of another configuration.
+    foresee(model, data, q, v, bias, index, length, lateness, ahead, own, late[36:])
+    element_resistance(model, data, q, v, own[:nv], square, lateness, force)
     for i in range(t):
         met[i] = dot(rates[i], force)
     cholesky(resisted, resisted)

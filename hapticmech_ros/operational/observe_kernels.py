@@ -5,11 +5,11 @@ from __future__ import annotations
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
-from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
-from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.operational.kernels import (
     ANALYSIS_SIZE,
@@ -31,8 +31,8 @@ DETAILS = MODEL_SIZE + 42
 
 @inner
 def observe(
-    tables: Tables,
-    space: Packed,
+    model: Model,
+    data: Data,
     known: int,
     q: Array,
     v: Array,
@@ -45,30 +45,30 @@ def observe(
     observation: Array,
 ) -> int:
     """Fill an observation of an operational point; see :func:`observe_point`."""
-    nv, t = tables.nv, rows.size
+    nv, t = model.nv, rows.size
     if known == 0:
-        code = factor(tables, q, space)
+        code = factor(model, q, data)
         if code < 0:
             return code
-    motions, bias, forces = tables.motions, tables.bias, tables.forces
+    motions, bias, forces = model.motions, model.bias, model.forces
     bias_force, passive, dissipative = forces[0], forces[1], forces[2]
-    move_joints(tables, space, v, motions)
-    bias_force_of(tables, space, motions, bias_force)
-    closure_bias(tables, space, motions, bias)
-    element_forces(tables, space, q, v, passive, dissipative)
+    move_joints(model, data, v, motions)
+    bias_force_of(model, data, motions, bias_force)
+    closure_bias(model, data, motions, bias)
+    element_forces(model, data, q, v, passive, dissipative)
     for c in range(nv):
-        passive[c] += tables.effort[c]
-    model, now = observation[:MODEL_SIZE], observation[MODEL_SIZE:DETAILS]
+        passive[c] += model.effort[c]
+    rendered, now = observation[:MODEL_SIZE], observation[MODEL_SIZE:DETAILS]
     details = observation[DETAILS : DETAILS + t * (1 + 2 * t)]
     at = DETAILS + t * (1 + 2 * t)
     jacobian = shaped(observation[at:], (6, nv))
     motion = observation[at + 6 * nv : at + 6 * nv + 12]
-    move_point(tables, space, motions, index, jacobian, motion)
-    pose = space.poses[tables.points[index]]
+    move_point(model, data, motions, index, jacobian, motion)
+    pose = data.poses[model.points[index]]
     rotation = shaped(pose[:9], (3, 3)).T
     converged = analyse_motion(
-        tables,
-        space,
+        model,
+        data,
         bias_force,
         passive,
         bias,
@@ -77,24 +77,24 @@ def observe(
         rotation,
         metric,
         rows,
-        model[:ANALYSIS_SIZE],
+        rendered[:ANALYSIS_SIZE],
         details,
     )
     if not converged:
         return NO_SPECTRUM
-    put(now[:36], model[SQUARES : SQUARES + 36])
-    put(now[36:], model[FREE:ANALYSIS_SIZE])
-    place = model[ANALYSIS_SIZE:CONTACT]
+    put(now[:36], rendered[SQUARES : SQUARES + 36])
+    put(now[36:], rendered[FREE:ANALYSIS_SIZE])
+    place = rendered[ANALYSIS_SIZE:CONTACT]
     put(place[:3], pose[9:])
     quaternion_of(rotation, place[3:7])
     put(place[7:13], motion[:6])
-    model[CONTACT:] = 0.0
+    rendered[CONTACT:] = 0.0
     if delay > 0.0:
         late = local(42)
         put(late[36:], now[36:])
         compensate(
-            tables,
-            space,
+            model,
+            data,
             q,
             v,
             bias_force,
@@ -103,15 +103,15 @@ def observe(
             jacobian,
             index,
             rows,
-            model[:t],
+            rendered[:t],
             details,
             length,
             delay,
             ahead,
             late,
         )
-        put(model[SQUARES : SQUARES + 36], late[:36])
-        put(model[FREE:ANALYSIS_SIZE], late[36:])
+        put(rendered[SQUARES : SQUARES + 36], late[:36])
+        put(rendered[FREE:ANALYSIS_SIZE], late[36:])
     return 0
 
 
@@ -138,7 +138,7 @@ def observe_point(
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.fold``.
+        values: the others; see ``rendered.pack``.
         packed: terms at the configuration; filled first, unless they are known.
         known: whether they are.
         q: (nq,) configuration.
@@ -154,8 +154,6 @@ def observe_point(
     Returns:
         0; NO_SPECTRUM where the SVD of S does not converge; or a negative code.
     """
-    tables, metric = Tables(numbers, values), metric_of(constants, rows.size)
-    space = unpack(packed, tables)
-    return observe(
-        tables, space, known, q, v, index, metric, rows, length, delay, ahead, observation
-    )
+    model, metric = Model(numbers, values), metric_of(constants, rows.size)
+    data = unpack(packed, model)
+    return observe(model, data, known, q, v, index, metric, rows, length, delay, ahead, observation)

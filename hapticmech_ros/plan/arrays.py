@@ -9,7 +9,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.kernels.packed import PARTS, views_of
+from hapticmech_ros.mechanism.kernels.data import PARTS, views_of
 from hapticmech_ros.mechanism.kernels.step_kernels import work_size
 from hapticmech_ros.plan.running import Running
 
@@ -39,11 +39,13 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
     points, t = len(mechanism.point_names), run.analyser.rows.size
     yield "q", run.state.q
     yield "v", run.state.v
-    chosen = mechanism.chosen(run.state.active)
-    for name, array in zip(("constants, whole", "constants, real"), chosen.constants, strict=True):
+    active_set = mechanism.active_set(run.state.active)
+    for name, array in zip(
+        ("constants, whole", "constants, real"), active_set.constants, strict=True
+    ):
         yield name, array
-    yield "a configuration's terms (packed)", np.empty(chosen.size)
-    packed = views_of(np.empty(chosen.size), chosen.tables)
+    yield "a configuration's terms (packed)", np.empty(active_set.size)
+    packed = views_of(np.empty(active_set.size), active_set.model)
     for name in PARTS:
         if getattr(packed, name).size:
             yield f"of which {name}", getattr(packed, name)

@@ -42,18 +42,20 @@ def _configuration(run: Running) -> Choice:
 
 def _path(run: Running) -> Choice:
     mechanism = run.mechanism
-    chosen, nv = mechanism.chosen(run.state.active), mechanism.nv
-    if chosen.is_sparse:
-        why = f"{nv} rates, and a band of {chosen.tables.width} places: dense where it is in doubt"
+    active_set, nv = mechanism.active_set(run.state.active), mechanism.nv
+    if active_set.is_sparse:
+        why = (
+            f"{nv} rates, and a band of {active_set.model.width} places: dense where it is in doubt"
+        )
         return Choice("path", "sparse, linear in size", why)
     if mechanism.needs_matrix:
         return Choice("path", "dense", "the integrator needs D as a matrix")
-    return Choice("path", "dense", f"{nv} rates and {chosen.m} rows are few, or some redundant")
+    return Choice("path", "dense", f"{nv} rates and {active_set.m} rows are few, or some redundant")
 
 
 def _closure_rows(run: Running) -> Choice:
     m = run.rows.rows
-    if run.mechanism.chosen(run.state.active).is_sparse and m:
+    if run.mechanism.active_set(run.state.active).is_sparse and m:
         return Choice("rows factored by", "QR inside a band", "see path")
     if m == 0:
         return Choice("rows factored by", "nothing", "no closure is active")

@@ -23,7 +23,7 @@ from hapticmech_ros.device import (
 from hapticmech_ros.device.device_layout import DEVICE_MODEL
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.kernels.chosen import Chosen
+from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.contact_wrench import touching_wrench
 from hapticmech_ros.operational.counter import ConstraintCounter
@@ -98,7 +98,7 @@ class SessionLoop:
         self._parts = SimpleNamespace(**{name: getattr(self._data, name) for name in PARTS})
         mechanism = self.simulator.mechanism
         self.layout = run_layout(mechanism.nq, mechanism.nv)
-        self._chosen: Chosen | None = None
+        self._chosen: ActiveSet | None = None
         self._constants: tuple[Array, Array] = np.zeros(0, dtype=np.int64), np.zeros(0)
         self._packed = np.zeros((4, 0))
         # The mechanism's state now, if it is known as such; and the last one that was.
@@ -200,17 +200,17 @@ class SessionLoop:
     def _begin(self, state: MechanismState) -> None:
         """Go on from a state of the mechanism."""
         mechanism, data, clock = self.simulator.mechanism, self._parts, self._clock
-        chosen = mechanism.chosen(state.active)
-        if chosen is not self._chosen:
-            self._chosen, self._constants = chosen, chosen.constants
-            self._packed = np.zeros((4, chosen.size))
+        active_set = mechanism.active_set(state.active)
+        if active_set is not self._chosen:
+            self._chosen, self._constants = active_set, active_set.constants
+            self._packed = np.zeros((4, active_set.size))
         data.q[:] = state.q
         data.v[:] = state.v
         account = state.account
         data.totals[:4] = state.time, account.work_in, account.damping_loss, state.closure_error
         closing = self.simulator.closing(state)
         clock[AT] = 0
-        clock[KNOWN] = closing.chosen is chosen
+        clock[KNOWN] = closing.active_set is active_set
         if clock[KNOWN]:
             self._packed[0] = closing.packed
         self._mechanism_state = self._known = state
@@ -315,8 +315,8 @@ class SessionLoop:
         data, side = self._parts, self._side
         heard = data.sample if side.is_ideal else data.forth[-1]
         flying = side.in_flight() if data.locality[0] != 0.0 else None
-        model = data.observation[:_MODEL_SIZE]
-        found = self._control.answer(time, tie, heard.copy(), model.copy(), 0.0, flying)
+        rendered = data.observation[:_MODEL_SIZE]
+        found = self._control.answer(time, tie, heard.copy(), rendered.copy(), 0.0, flying)
         self._given[_WRENCHES] = found.ravel()
 
     def _move_otherwise(self) -> None:
@@ -346,9 +346,9 @@ class SessionLoop:
     def _tie(self, time: float) -> Engagement:
         """Return the tie, made anew at the start and if the mechanism is held elsewhere."""
         tie, control, data = self._engagement, self._control, self._parts
-        device, model = data.sample.copy(), data.observation[:_MODEL_SIZE].copy()
+        device, rendered = data.sample.copy(), data.observation[:_MODEL_SIZE].copy()
         if tie is None or self._carried is not None:
-            tie = control.engage(time, device, model, 0.0, self._carried)
+            tie = control.engage(time, device, rendered, 0.0, self._carried)
             self._carried = None
-        self._engagement = control.slipped(time, tie, device, model)
+        self._engagement = control.slipped(time, tie, device, rendered)
         return self._engagement

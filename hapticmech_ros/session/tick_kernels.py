@@ -33,11 +33,11 @@ from hapticmech_ros.device.driver_kernels import (
 from hapticmech_ros.device.kernels import BODY, SEEN, move_device
 from hapticmech_ros.device.kernels import PUSH as PUSHED
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.kernels.packed import unpack
+from hapticmech_ros.mechanism.kernels.data import unpack
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.run_kernels import advance_many
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
-from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.operational.counter_kernels import count_rigid
 from hapticmech_ros.operational.kernels import metric_of
 from hapticmech_ros.operational.observe_kernels import observe
@@ -70,13 +70,13 @@ def sense(data: SessionData) -> None:
 
 
 @inner
-def look(tables: Tables, data: SessionData, packed: Array, clock: Array) -> bool:
+def look(model: Model, data: SessionData, packed: Array, clock: Array) -> bool:
     """Analyse the operational point, and count joint constraints; return whether it succeeded."""
     times, rows, observation = data.times, data.rows, data.observation
     at = clock[AT]
     code = observe(
-        tables,
-        unpack(packed[at], tables),
+        model,
+        unpack(packed[at], model),
         clock[KNOWN],
         data.q,
         data.v,
@@ -111,8 +111,8 @@ def hear(data: SessionData, time: float, stamp_ns: int) -> None:
 def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> None:
     """Answer what was heard, and fill what acts on device and mechanism."""
     controller, answers, connected = data.controller, data.answers, data.connected != 0
-    model, last = data.observation[:MODEL_SIZE], answers[answers.shape[0] - 1]
-    account_for_motion(controller, model[TWIST:CONTACT], controller[PERIOD])
+    rendered, last = data.observation[:MODEL_SIZE], answers[answers.shape[0] - 1]
+    account_for_motion(controller, rendered[TWIST:CONTACT], controller[PERIOD])
     heard = data.forth[data.forth.shape[0] - 1] if connected else data.sample
     given = data.given if connected else last
     if data.heard != 0:
@@ -120,8 +120,10 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
         account_for_hand(controller, heard)
         if not answered:
             told, faded = data.told, data.faded
-            give_answer(controller, settings, faded, told, heard, model, time, 0.0, locality, given)
-        conclude(controller, settings, heard, model, time, locality, given)
+            give_answer(
+                controller, settings, faded, told, heard, rendered, time, 0.0, locality, given
+            )
+        conclude(controller, settings, heard, rendered, time, locality, given)
         if connected:
             times, tag = data.times, data.forth_state[TAG]
             law = times[3], times[4], times[5]
@@ -177,7 +179,7 @@ def move_mechanism(
     account[0] = account[1] = account[5] = 0.0
     at = clock[AT]
     code = advance_many(
-        Tables(numbers, values),
+        Model(numbers, values),
         parts,
         packed[at],
         packed[1 - at],
@@ -200,7 +202,7 @@ def move_mechanism(
     totals[0] += data.times[0]
     totals[1] += account[0]
     totals[2] += account[1]
-    totals[3] = unpack(packed[1 - at], Tables(numbers, values)).tail[0]
+    totals[3] = unpack(packed[1 - at], Model(numbers, values)).tail[0]
     return True
 
 
@@ -252,7 +254,7 @@ def run_ticks(
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.fold``.
+        values: the others; see ``rendered.pack``.
         packed: (4, ...) terms at a tick's start and at its end, which change places; those that
             the delay compensation works in, and those of a step's stages.
         work: of the step; see ``step_kernels.Work``.
@@ -268,7 +270,7 @@ def run_ticks(
     Returns:
         0, OBSERVATION_FAILED or STEP_FAILED: what is left to do of the tick then.
     """
-    tables, data = Tables(numbers, values), SessionData(whole, real)
+    model, data = Model(numbers, values), SessionData(whole, real)
     phases, every = clock[PHASES], clock[EVERY]
     times, external, push = data.times, data.external, data.push
     for done in range(clock[TICKS]):
@@ -279,7 +281,7 @@ def run_ticks(
             put(external, row[:6])
             put(push, row[6:])
             sense(data)
-        if phases & OBSERVE and not look(tables, data, packed, clock):
+        if phases & OBSERVE and not look(model, data, packed, clock):
             return OBSERVATION_FAILED
         if phases & HEAR:
             hear(data, time, stamp_ns)

@@ -1,4 +1,4 @@
-"""A period in one call, and what is left to Python: searches, room, steps that need care."""
+"""A period in one call, and what is left to Python: searches, workspace, steps that need care."""
 
 from itertools import pairwise
 
@@ -8,7 +8,7 @@ import pytest
 import hapticmech_ros.contact.stepping as contact_stepping
 from contact.test_felt import against_a_wall
 from contact.test_in_mechanisms import PUSH, ROUGH, pushed
-from hapticmech_ros.contact.layout import FIRST_ROOM, TOTAL_WORK, Contacts
+from hapticmech_ros.contact.layout import FIRST_WORKSPACE, TOTAL_WORK, Contacts
 from hapticmech_ros.mechanism.kernels.layout import sparse
 from hapticmech_ros.mechanism.kernels.run_kernels import NEEDS_CARE
 from hapticmech_ros.scene import document_of, scene_from_document
@@ -116,7 +116,7 @@ def test_more_points_than_there_is_room_for_at_first():
     document = on_floor("box", 0.0501, law={"friction": 0.5})
     document["initial_state"]["v"]["of_one"] = [0.2, 0.1, 0.0, 0.0, 0.0, 0.5]
     _, alone = run(document, 0.1)
-    assert max(state.touching.pairs.size for state in states[1:]) == 24 > FIRST_ROOM
+    assert max(state.touching.pairs.size for state in states[1:]) == 24 > FIRST_WORKSPACE
     for state, single in zip(states, alone, strict=True):
         for at in range(6):
             away = state.q[7 * at : 7 * at + 7] - single.q
@@ -157,8 +157,8 @@ def test_a_sparse_factorisation_gives_the_same_forces():
     dense, other = Simulator(scene_of), Simulator(scene_of)
     state = dense.initial_state()
     active, mechanism = state.active, other.mechanism
-    mechanism.take(active, sparse(mechanism.chosen(active), state.q))
-    assert mechanism.chosen(active).is_sparse
+    mechanism.take(active, sparse(mechanism.active_set(active), state.q))
+    assert mechanism.active_set(active).is_sparse
     one, two = state, other.initial_state()
     touched = 0
     for _ in range(300):

@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from hapticmech_ros.mechanism.kernels.data import views_of
 from hapticmech_ros.mechanism.kernels.element_kernels import element_resistance, element_slopes
-from hapticmech_ros.mechanism.kernels.packed import views_of
-from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document
 from oracles.differences import columns, relative
@@ -210,22 +210,22 @@ def test_kernels_do_the_same(seed, planar, away):
         assert apart(found.dissipative_force, expected.dissipative_force) < ROUNDING
         assert (found.effort == expected.effort).all()
         force = np.cos(np.arange(pair.v.size))
-        bound = ROUNDING * condition(expected.space)
+        bound = ROUNDING * condition(expected.data)
         for one, other in zip(found.acceleration(force), expected.acceleration(force), strict=True):
             assert apart(one, other) < bound
-        chosen = pair.mechanism.chosen(active)
+        active_set = pair.mechanism.active_set(active)
         nv = pair.v.size
         stiffness, damping = np.full((nv, nv), np.nan), np.full((nv, nv), np.nan)
-        space = views_of(found.closing.packed, chosen.tables)
-        tables = Tables(*chosen.constants)
-        element_slopes(tables, space, pair.q, pair.v, 0.02, stiffness, damping)
+        data = views_of(found.closing.packed, active_set.model)
+        model = Model(*active_set.constants)
+        element_slopes(model, data, pair.q, pair.v, 0.02, stiffness, damping)
         slopes = pair.readable.slopes(pair.q, pair.v, 0.02)
         assert apart(stiffness, slopes[0]) < ROUNDING
         assert apart(damping, slopes[1]) < ROUNDING
         elements, force = pair.readable.elements, np.full(nv, np.nan)
         resistance = elements.tangents(pair.readable.model, pair.readable.data, pair.q, pair.v)
         rates = np.sin(np.arange(nv))
-        element_resistance(tables, space, pair.q, pair.v, rates, 0.3, 0.7, force)
+        element_resistance(model, data, pair.q, pair.v, rates, 0.3, 0.7, force)
         met = (0.3 * resistance[0] + 0.7 * resistance[1]) @ rates
         assert apart(force, met, np.abs(resistance).max()) < ROUNDING
 

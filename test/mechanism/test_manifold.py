@@ -49,8 +49,8 @@ def test_every_joint_is_there():
 @pytest.mark.parametrize(("mechanism", "q", "size"), CASES)
 def test_moves_are_pinocchios(mechanism, q, size):
     theta, found = change(mechanism, size), np.empty(mechanism.nq)
-    tables = mechanism.chosen((False,) * len(mechanism.closures)).tables
-    move(tables, q, theta, found)
+    model = mechanism.active_set((False,) * len(mechanism.closures)).model
+    move(model, q, theta, found)
     expected = pin.integrate(mechanism.model, q, theta)
     apart = pin.difference(mechanism.model, expected, found)
     assert np.abs(apart).max() < ROUNDING * max(1.0, np.abs(theta).max())
@@ -63,19 +63,19 @@ def test_moves_are_pinocchios(mechanism, q, size):
 @pytest.mark.parametrize(("mechanism", "q", "size"), CASES)
 def test_a_move_in_place_is_the_same(mechanism, q, size):
     theta, found = change(mechanism, size), np.empty(mechanism.nq)
-    tables = mechanism.chosen((False,) * len(mechanism.closures)).tables
-    move(tables, q, theta, found)
+    model = mechanism.active_set((False,) * len(mechanism.closures)).model
+    move(model, q, theta, found)
     moved = q.copy()
-    move(tables, moved, theta, moved)
+    move(model, moved, theta, moved)
     assert (moved == found).all()
 
 
 @pytest.mark.parametrize(("mechanism", "q", "size"), CASES)
 def test_local_rates_are_pinocchios(mechanism, q, size):
     theta, v = change(mechanism, size), np.cos(np.arange(mechanism.nv))
-    tables = mechanism.chosen((False,) * len(mechanism.closures)).tables
+    model = mechanism.active_set((False,) * len(mechanism.closures)).model
     found = np.empty(mechanism.nv)
-    local_rates(tables, theta, v, found)
+    local_rates(model, theta, v, found)
     expected = local_rate(mechanism.model, q, theta, v)
     # Next to 2π the Jacobian is singular; at 3 rad it magnifies by about 3.
     assert np.abs(found - expected).max() < 100.0 * ROUNDING * max(1.0, np.abs(expected).max())

@@ -70,7 +70,7 @@ PAIRS += list(small_ones())
 
 def sparse(pair):
     """Return the pair's closures, all active, with a sparse factorisation."""
-    dense = pair.mechanism.chosen((True,) * len(pair.mechanism.closures)).dense
+    dense = pair.mechanism.active_set((True,) * len(pair.mechanism.closures)).dense
     found = layout.sparse(dense, pair.q)
     assert found is not None
     assert found.is_sparse
@@ -86,10 +86,10 @@ def test_the_cases_hold_what_is_promised():
 
 @pytest.mark.parametrize("pair", PAIRS)
 def test_it_is_the_dense_one(pair):
-    chosen = sparse(pair)
-    found = factored(pair.mechanism.tree, chosen, pair.q)
-    expected = factored(pair.mechanism.tree, chosen.dense, pair.q)
-    assert found.chosen is chosen
+    active_set = sparse(pair)
+    found = factored(pair.mechanism.tree, active_set, pair.q)
+    expected = factored(pair.mechanism.tree, active_set.dense, pair.q)
+    assert found.active_set is active_set
     assert found.rank == expected.rank
     assert found.error == expected.error
     magnified = ROUNDING * condition(expected.space)
@@ -104,13 +104,15 @@ def test_it_is_the_dense_one(pair):
 
 @pytest.mark.parametrize("pair", PAIRS)
 def test_accelerations_are_the_same(pair):
-    chosen = sparse(pair)
-    closings = [factored(pair.mechanism.tree, kind, pair.q) for kind in (chosen, chosen.dense)]
+    active_set = sparse(pair)
+    closings = [
+        factored(pair.mechanism.tree, kind, pair.q) for kind in (active_set, active_set.dense)
+    ]
     bias = closings[1].jacobian @ np.sin(np.arange(pair.v.size))
     zero, results = np.zeros(pair.v.size), []
     for closing in closings:
-        result = np.concatenate((np.cos(np.arange(pair.v.size)), np.zeros(chosen.m)))
-        solve_motion(*closing.chosen.constants, closing.packed, zero, zero, bias, result)
+        result = np.concatenate((np.cos(np.arange(pair.v.size)), np.zeros(active_set.m)))
+        solve_motion(*closing.active_set.constants, closing.packed, zero, zero, bias, result)
         results.append(result[: pair.v.size])
     assert apart(*results) < ROUNDING * condition(closings[1].space)
 
@@ -118,9 +120,9 @@ def test_accelerations_are_the_same(pair):
 @pytest.mark.parametrize("pair", PAIRS[::3])
 def test_what_it_does_not_have_is_the_dense_ones(pair):
     """Matrices of the mass metric, and the smallest λ."""
-    chosen = sparse(pair)
-    one = factored(pair.mechanism.tree, chosen, pair.q)
-    other = factored(pair.mechanism.tree, chosen.dense, pair.q)
+    active_set = sparse(pair)
+    one = factored(pair.mechanism.tree, active_set, pair.q)
+    other = factored(pair.mechanism.tree, active_set.dense, pair.q)
     assert (one.jacobian == other.jacobian).all()
     assert (one.space.factor == other.space.factor).all()
     assert (one.space.basis == other.space.basis).all()
@@ -135,7 +137,7 @@ def test_what_it_does_not_have_is_the_dense_ones(pair):
 @pytest.mark.parametrize("kind", ["planar_pin", "revolute"])
 def test_points_are_analysed_alike(number, kind):
     pair = windows(number, kind)
-    assert pair.mechanism.chosen(pair.mechanism.initially_active).is_sparse
+    assert pair.mechanism.active_set(pair.mechanism.initially_active).is_sparse
     state = pair.q, pair.v, pair.mechanism.initially_active
     seen = Analyser(pair.mechanism).observe(*state).model
     expected = ReadableAnalyser(pair.readable).observe(*state).model
@@ -148,7 +150,7 @@ def test_points_are_analysed_alike(number, kind):
 def test_a_step_is_the_readable_ones():
     scene = windows(15).readable.scene
     one, other = Simulator(scene), ReadableSimulator(scene)
-    assert one.mechanism.chosen(one.mechanism.initially_active).is_sparse
+    assert one.mechanism.active_set(one.mechanism.initially_active).is_sparse
     state, expected = one.initial_state(), other.initial_state()
     push = np.zeros((1, 6))
     push[0, 0] = 3.0
@@ -180,26 +182,26 @@ def test_next_to_a_singular_position_it_gives_up(angle):
     """All uprights in line: rows depend on each other, or nearly; who asks gets the dense one."""
     pair = windows(15, turn=0.0)
     level = pair.readable.integrate(pair.q, (np.pi / 2 - angle) * pair.v / np.abs(pair.v).max())
-    chosen = sparse(pair)
-    packed = np.empty(chosen.size)
-    assert factor_closures(*chosen.constants, level, packed) == UNDECIDED
+    active_set = sparse(pair)
+    packed = np.empty(active_set.size)
+    assert factor_closures(*active_set.constants, level, packed) == UNDECIDED
     closing = pair.mechanism.closing_terms(level, pair.mechanism.initially_active)
     assert isinstance(closing, Closing)
-    assert not closing.chosen.is_sparse
+    assert not closing.active_set.is_sparse
 
 
 def test_small_and_implicit_ones_are_dense():
     small = Mechanism(load_scene("five_bar"))
-    assert not small.chosen((True,)).is_sparse
+    assert not small.active_set((True,)).is_sparse
     scene = n_four_bar(40)
     assert Mechanism(scene).nv > MANY_RATES
     step = scene.simulation.model_copy(update={"integrator": "linearly_implicit"})
     implicit = Mechanism(scene.model_copy(update={"simulation": step}))
-    assert not implicit.chosen(implicit.initially_active).is_sparse
+    assert not implicit.active_set(implicit.initially_active).is_sparse
 
 
 def test_long_ones_are_sparse():
-    assert Mechanism(n_four_bar(40)).chosen((True,) * 40).is_sparse
-    chosen = long_chain(40).mechanism.chosen(())
-    assert chosen.is_sparse
-    assert chosen.tables.width == 0
+    assert Mechanism(n_four_bar(40)).active_set((True,) * 40).is_sparse
+    active_set = long_chain(40).mechanism.active_set(())
+    assert active_set.is_sparse
+    assert active_set.model.width == 0

@@ -19,7 +19,7 @@ from hapticmech_ros.contact.step_kernels import SLACK, STEPS_AHEAD
 from hapticmech_ros.contact.stepping import ContactStepper
 from hapticmech_ros.contact.touch_kernels import touching_points
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.kernels.tables import DENSE
+from hapticmech_ros.mechanism.kernels.model import DENSE
 from oracles.mechanism.stepping import ReadableSimulator
 
 
@@ -53,11 +53,11 @@ class ContactLoop:
         if count:
             halfway = pin.integrate(self._model, q, 0.5 * step * (v + contacts.free))
             later, _ = self._kinematics(halfway)
-            tables = SimpleNamespace(nv=v.size, path=DENSE, along=np.zeros(space.rank))
+            model = SimpleNamespace(nv=v.size, path=DENSE, along=np.zeros(space.rank))
             metric = SimpleNamespace(
                 factor=space.factor, basis=np.array(space.basis.T), tail=(0.0, space.rank)
             )
-            contact_forces(tables, metric, contacts, later, v, step, count)
+            contact_forces(model, metric, contacts, later, v, step, count)
             contact_effects(contacts, places, count)
             rows = contacts.pushes[: len(self._links), 4:]
             pushes = {link: row.copy() for link, row in zip(self._links, rows, strict=True)}

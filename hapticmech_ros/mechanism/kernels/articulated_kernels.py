@@ -13,16 +13,16 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, leaf, shaped
-from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.data import Data
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.small_matrices import clear, dot6
-from hapticmech_ros.mechanism.kernels.tables import Tables
 
 
 @inner
-def articulate(tables: Tables, space: Packed) -> int:
-    """Fill ``space.hinges``; return the first rate that moves no mass, or -1."""
-    joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
-    sweep, bodies = tables.sweep, space.bodies
+def articulate(model: Model, data: Data) -> int:
+    """Fill ``data.hinges``; return the first rate that moves no mass, or -1."""
+    joints, axes, hinges = model.joints, data.joint_jacobian, data.hinges
+    sweep, bodies = model.sweep, data.bodies
     clear(sweep, 36)
     carried = shaped(sweep, (joints.shape[0], 6, 6))
     for joint in range(joints.shape[0] - 1, 0, -1):
@@ -79,10 +79,10 @@ def _add_body(body: Array, inertia: Array) -> None:
 
 
 @inner
-def force_to_metric(tables: Tables, space: Packed, vector: Array) -> None:
+def force_to_metric(model: Model, data: Data, vector: Array) -> None:
     """Replace joint forces (nv,) by L⁻¹ of them."""
-    joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
-    wrenches = tables.sweep
+    joints, axes, hinges = model.joints, data.joint_jacobian, data.hinges
+    wrenches = model.sweep
     clear(wrenches, 6)
     for joint in range(joints.shape[0] - 1, 0, -1):
         wrench = wrenches[joint]
@@ -97,25 +97,25 @@ def force_to_metric(tables: Tables, space: Packed, vector: Array) -> None:
 
 
 @inner
-def rates_from_metric(tables: Tables, space: Packed, vector: Array) -> None:
+def rates_from_metric(model: Model, data: Data, vector: Array) -> None:
     """Replace ``vector`` (nv,) by joint rates L⁻ᵀ vector."""
-    _sweep_outwards(tables, space, vector, False)
+    _sweep_outwards(model, data, vector, False)
 
 
 @inner
-def rates_to_metric(tables: Tables, space: Packed, vector: Array) -> None:
+def rates_to_metric(model: Model, data: Data, vector: Array) -> None:
     """Replace joint rates (nv,) by Lᵀ of them."""
-    _sweep_outwards(tables, space, vector, True)
+    _sweep_outwards(model, data, vector, True)
 
 
 @inner
-def _sweep_outwards(tables: Tables, space: Packed, vector: Array, from_rates: bool) -> None:
+def _sweep_outwards(model: Model, data: Data, vector: Array, from_rates: bool) -> None:
     """Go from the world to the tips with twists, where v_c √d_c = y_c - U_c·twist / √d_c.
 
     ``vector`` (nv,) is v, to be replaced by y = Lᵀv, if it is said to be rates; else the reverse.
     """
-    joints, axes, hinges = tables.joints, space.joint_jacobian, space.hinges
-    twists = tables.sweep
+    joints, axes, hinges = model.joints, data.joint_jacobian, data.hinges
+    twists = model.sweep
     for i in range(6):
         twists[0, i] = 0.0
     for joint in range(1, joints.shape[0]):
@@ -135,15 +135,15 @@ def _sweep_outwards(tables: Tables, space: Packed, vector: Array, from_rates: bo
 
 @inner
 def pair_to_metric(
-    tables: Tables, space: Packed, a: int, b: int, pair: Array, scale: float, column: Array
+    model: Model, data: Data, a: int, b: int, pair: Array, scale: float, column: Array
 ) -> None:
     """Fill L⁻¹ of the joint forces of a pair (see ``pair_kernels``), times ``scale``.
 
-    ``column`` is filled at the places that ``tables.order`` gives the rates of joints a, b and
+    ``column`` is filled at the places that ``model.order`` gives the rates of joints a, b and
     those before them, and nowhere else.
     """
-    joints, axes, hinges, order = tables.joints, space.joint_jacobian, space.hinges, tables.order
-    wrenches = tables.handful
+    joints, axes, hinges, order = model.joints, data.joint_jacobian, data.hinges, model.order
+    wrenches = model.small
     for i in range(6):
         wrenches[0, i], wrenches[1, i] = scale * pair[i], scale * pair[6 + i]
     while a > 0 or b > 0:

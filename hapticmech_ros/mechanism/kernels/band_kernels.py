@@ -15,11 +15,11 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.kernels.articulated_kernels import pair_to_metric
-from hapticmech_ros.mechanism.kernels.packed import Packed
-from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.kernels.data import Data
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.tolerances import PASSING, RESOLVED, SOLVER_RANK_TOLERANCE
 
-# Columns of ``Packed.row_places``.
+# Columns of ``Data.row_places``.
 BEGIN, PIVOT, INVERSE, LAST, FIRST = range(5)
 # A smallest singular value below this share of the largest row is for the dense factorisation.
 WELL_DETERMINED = PASSING
@@ -30,18 +30,18 @@ _ROUNDS = 2
 
 
 @inner
-def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
+def factor_band(model: Model, data: Data, tolerance: float) -> int:
     """Fill ``band`` and ``row_places``; return the rank, or UNDECIDED.
 
     Args:
-        tables: the mechanism's.
-        space: with hinges and wrenches filled.
+        model: the mechanism's.
+        data: with hinges and wrenches filled.
         tolerance: share of the largest row below which what is left of a row says nothing.
     """
-    places, band, column = space.row_places, space.band, tables.turned
-    sequence, pairs, lengths, width = tables.sequence, space.pairs, tables.lengths, tables.width
+    places, band, column = data.row_places, data.band, model.turned
+    sequence, pairs, lengths, width = model.sequence, data.pairs, model.lengths, model.width
     free, hit, rank, longest, largest = 0, 0, 0, 0.0, 0.0
-    for j in range(tables.m):
+    for j in range(model.m):
         at = sequence[j]
         row, low, last, a, b = at[0], at[1], at[2], at[3], at[4]
         while hit < j and places[hit, LAST] < low:
@@ -57,7 +57,7 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
             return UNDECIDED
         for place in range(begin, last + 1):
             column[place] = 0.0
-        pair_to_metric(tables, space, a, b, pairs[row], 1.0 / lengths[row], column)
+        pair_to_metric(model, data, a, b, pairs[row], 1.0 / lengths[row], column)
         square = 0.0
         for place in range(begin, last + 1):
             square += column[place] * column[place]
@@ -91,12 +91,12 @@ def factor_band(tables: Tables, space: Packed, tolerance: float) -> int:
         places[j, PIVOT], places[j, LAST], places[j, INVERSE] = free, last, 1.0 / goal
         free += 1
         rank += 1
-    if tables.independent >= 0 and rank != tables.independent:
+    if model.independent >= 0 and rank != model.independent:
         return UNDECIDED
-    least = _least(tables, space, rank) / largest if rank > 0 else 1.0
+    least = _least(model, data, rank) / largest if rank > 0 else 1.0
     if not least > max(WELL_DETERMINED, _DOUBT * tolerance):
         return UNDECIDED
-    space.tail[2], space.tail[3] = least, rank
+    data.tail[2], data.tail[3] = least, rank
     return rank
 
 
@@ -113,9 +113,9 @@ def _reflect(places: Array, band: Array, j: int, vector: Array) -> None:
 
 
 @inner
-def turn_in(tables: Tables, space: Packed, vector: Array, turned: Array) -> None:
+def turn_in(model: Model, data: Data, vector: Array, turned: Array) -> None:
     """Fill ``turned`` (nv,), by places, with Qᵀ vector (nv,)."""
-    order, places, band = tables.order, space.row_places, space.band
+    order, places, band = model.order, data.row_places, data.band
     for row in range(order.size):
         turned[order[row]] = vector[row]
     for j in range(places.shape[0]):
@@ -124,9 +124,9 @@ def turn_in(tables: Tables, space: Packed, vector: Array, turned: Array) -> None
 
 
 @inner
-def turn_back(tables: Tables, space: Packed, turned: Array, vector: Array) -> None:
+def turn_back(model: Model, data: Data, turned: Array, vector: Array) -> None:
     """Fill ``vector`` (nv,) with Q turned (nv,); ``turned`` is used up."""
-    order, places, band = tables.order, space.row_places, space.band
+    order, places, band = model.order, data.row_places, data.band
     for j in range(places.shape[0] - 1, -1, -1):
         if places[j, PIVOT] >= 0.0:
             _reflect(places, band, j, turned)
@@ -135,9 +135,9 @@ def turn_back(tables: Tables, space: Packed, turned: Array, vector: Array) -> No
 
 
 @inner
-def clear_pivots(tables: Tables, space: Packed, turned: Array) -> None:
+def clear_pivots(model: Model, data: Data, turned: Array) -> None:
     """Put zero where the closures' directions are in a turned vector."""
-    places = space.row_places
+    places = data.row_places
     for j in range(places.shape[0]):
         pivot = int(places[j, PIVOT])
         if pivot >= 0:
@@ -145,10 +145,10 @@ def clear_pivots(tables: Tables, space: Packed, turned: Array) -> None:
 
 
 @inner
-def solve_rows(tables: Tables, space: Packed, needed: Array, scale: float, turned: Array) -> None:
+def solve_rows(model: Model, data: Data, needed: Array, scale: float, turned: Array) -> None:
     """Fill the pivots of ``turned`` (nv,) with R⁻ᵀ of ``scale`` times needed (m,) / row length."""
-    places, band, sequence = space.row_places, space.band, tables.sequence
-    lengths = tables.lengths
+    places, band, sequence = data.row_places, data.band, model.sequence
+    lengths = model.lengths
     for j in range(places.shape[0]):
         pivot = int(places[j, PIVOT])
         if pivot < 0:
@@ -170,10 +170,10 @@ def _above(places: Array, band: Array, j: int, turned: Array) -> float:
 
 
 @inner
-def _least(tables: Tables, space: Packed, rank: int) -> float:
+def _least(model: Model, data: Data, rank: int) -> float:
     """Return an estimate from above of R's smallest singular value, by inverse iteration."""
-    places, band, m = space.row_places, space.band, tables.m
-    turned, before, size = tables.turned, tables.along, np.sqrt(float(rank))
+    places, band, m = data.row_places, data.band, model.m
+    turned, before, size = model.turned, model.along, np.sqrt(float(rank))
     for j in range(m):
         before[j] = 1.0
     for _ in range(_ROUNDS):

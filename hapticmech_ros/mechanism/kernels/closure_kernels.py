@@ -27,7 +27,7 @@ KINDS = {
 
 @leaf
 def end_of_rows(closures: Array, index: int, m: int) -> int:
-    """Return the row after the last one of a closure of the tables, which have ``m``."""
+    """Return the row after the last one of a closure of the model, which have ``m``."""
     return int(m if index + 1 == closures.shape[0] else closures[index + 1, 3])
 
 

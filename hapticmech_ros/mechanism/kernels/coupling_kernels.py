@@ -7,26 +7,26 @@ from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner
-from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.kernels.model import Model
 
 
 @inner
-def gear_error(tables: Tables, a: int, b: int, q: Array) -> float:
+def gear_error(model: Model, a: int, b: int, q: Array) -> float:
     """Return φ of the joints that carry frames a and b, rad or m."""
-    joints, carriers, gear = tables.joints, tables.carriers, tables.placements[a]
+    joints, carriers, gear = model.joints, model.carriers, model.placements[a]
     return float(q[joints[carriers[a], 4]] - gear[0] * q[joints[carriers[b], 4]] - gear[1])
 
 
 @inner
-def gear_speed(tables: Tables, a: int, b: int, v: Array) -> float:
+def gear_speed(model: Model, a: int, b: int, v: Array) -> float:
     """Return φ̇, rad/s or m/s."""
-    joints, carriers, gear = tables.joints, tables.carriers, tables.placements[a]
+    joints, carriers, gear = model.joints, model.carriers, model.placements[a]
     return float(v[joints[carriers[a], 1]] - gear[0] * v[joints[carriers[b], 1]])
 
 
 @inner
-def add_gear(tables: Tables, a: int, b: int, row: Array) -> None:
+def add_gear(model: Model, a: int, b: int, row: Array) -> None:
     """Add the row of W to ``row`` (nv,)."""
-    joints, carriers = tables.joints, tables.carriers
+    joints, carriers = model.joints, model.carriers
     row[joints[carriers[a], 1]] += 1.0
-    row[joints[carriers[b], 1]] -= tables.placements[a, 0]
+    row[joints[carriers[b], 1]] -= model.placements[a, 0]

@@ -9,6 +9,7 @@ from hapticmech_ros.compilation import inner, local_whole
 from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
 from hapticmech_ros.mechanism.kernels.coupling_kernels import add_gear
+from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.many_rows import (
     FEW_ROWS,
     first_directions,
@@ -16,10 +17,9 @@ from hapticmech_ros.mechanism.kernels.many_rows import (
     solve_lower_columns,
     triangularise,
 )
-from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair
 from hapticmech_ros.mechanism.kernels.small_matrices import dot_rows, orthogonalise, solve_lower
-from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.tolerances import RESOLVED
 
 # What a kernel returns where an SVD does not converge.
@@ -27,12 +27,12 @@ NO_SVD = -1
 
 
 @inner
-def factor_dense(tables: Tables, space: Packed, tolerance: float) -> int:
+def factor_dense(model: Model, data: Data, tolerance: float) -> int:
     """Fill W, basis, σ and rows; return the rank, or NO_SVD."""
-    m, axes, jacobian, pairs = tables.m, space.joint_jacobian, space.jacobian, space.pairs
+    m, axes, jacobian, pairs = model.m, data.joint_jacobian, data.jacobian, data.pairs
     if m == 0:
         return 0
-    closures, carriers, joints = tables.closures, tables.carriers, tables.joints
+    closures, carriers, joints = model.closures, model.carriers, model.joints
     for index in range(closures.shape[0]):
         row_of = closures[index]
         kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
@@ -41,56 +41,56 @@ def factor_dense(tables: Tables, space: Packed, tolerance: float) -> int:
                 jacobian[row, c] = 0.0
             add_pair(joints, axes, carriers[a], carriers[b], pairs[row], 1.0, jacobian[row])
         if kind == COUPLING:
-            add_gear(tables, a, b, jacobian[first])
+            add_gear(model, a, b, jacobian[first])
     rank = UNDECIDED
     if m > FEW_ROWS:
-        rank = _resolve_many(tables, tolerance, space)
+        rank = _resolve_many(model, tolerance, data)
     if rank == UNDECIDED:
-        rank = _resolve_few(tables, tolerance, space)
+        rank = _resolve_few(model, tolerance, data)
     return rank
 
 
 @inner
-def _resolve_few(tables: Tables, tolerance: float, space: Packed) -> int:
+def _resolve_few(model: Model, tolerance: float, data: Data) -> int:
     """Fill basis, σ and rows by an SVD; return the rank, or NO_SVD."""
-    jacobian, factor, lengths = space.jacobian, space.factor, tables.lengths
+    jacobian, factor, lengths = data.jacobian, data.factor, model.lengths
     m, nv = jacobian.shape
-    scaled, turn = tables.scaled, tables.turn
+    scaled, turn = model.scaled, model.turn
     for i in range(m):
         for c in range(nv):
             scaled[i, c] = jacobian[i, c] / lengths[i]
         solve_lower(factor, scaled[i])
     if not orthogonalise(scaled, turn):
         return NO_SVD
-    return _keep(scaled, turn, lengths, tolerance, space)
+    return _keep(scaled, turn, lengths, tolerance, data)
 
 
 @inner
-def _resolve_many(tables: Tables, tolerance: float, space: Packed) -> int:
+def _resolve_many(model: Model, tolerance: float, data: Data) -> int:
     """Fill basis and rows as an SVD does, but for a rotation of both; σ are R's diagonal.
 
     Return the rank; NO_SVD; or UNDECIDED where more than rounding has to be cut, off the closures
     or next to a singular position: only an SVD cuts no more than needs be.
     """
-    jacobian, basis, rows, sigmas = space.jacobian, space.basis, space.rows, space.sigma
+    jacobian, basis, rows, sigmas = data.jacobian, data.basis, data.rows, data.sigma
     m, nv = jacobian.shape
-    most, lengths, sums = sigmas.size, tables.lengths, tables.sums
-    scaled, directions, inverse = tables.columns, tables.directions, tables.inverse
+    most, lengths, sums = sigmas.size, model.lengths, model.sums
+    scaled, directions, inverse = model.columns, model.directions, model.inverse
     for c in range(nv):
         for i in range(m):
             scaled[c, i] = jacobian[i, c] / lengths[i]
             if not np.isfinite(scaled[c, i]):
                 return NO_SVD
-    solve_lower_columns(space.factor, scaled)
-    order, reflectors = local_whole(m), tables.reflectors
+    solve_lower_columns(data.factor, scaled)
+    order, reflectors = local_whole(m), model.reflectors
     resolved = triangularise(scaled, most, RESOLVED, order, reflectors, sums)
     if resolved > 0 and not abs(scaled[resolved - 1, resolved - 1]) > tolerance * abs(scaled[0, 0]):
         return UNDECIDED
     if resolved > 0:
-        space.tail[2] = abs(scaled[resolved - 1, resolved - 1] / scaled[0, 0])
-    space.tail[3] = resolved
+        data.tail[2] = abs(scaled[resolved - 1, resolved - 1] / scaled[0, 0])
+    data.tail[3] = resolved
     first_directions(reflectors, resolved, nv, sums[0], directions)
-    pseudo_inverse_transposed(scaled, resolved, tables.inverting, sums, inverse)
+    pseudo_inverse_transposed(scaled, resolved, model.inverting, sums, inverse)
     for i in range(resolved):
         sigma = abs(scaled[i, i])
         sigmas[i] = sigma
@@ -102,10 +102,10 @@ def _resolve_many(tables: Tables, tolerance: float, space: Packed) -> int:
 
 
 @inner
-def _keep(scaled: Array, turn: Array, lengths: Array, tolerance: float, space: Packed) -> int:
+def _keep(scaled: Array, turn: Array, lengths: Array, tolerance: float, data: Data) -> int:
     """Keep the directions that carry force, and return their number."""
     longest = np.sqrt(dot_rows(scaled, 0, 0))
-    rank, sigma, basis, rows, tail = 0, space.sigma, space.basis, space.rows, space.tail
+    rank, sigma, basis, rows, tail = 0, data.sigma, data.basis, data.rows, data.tail
     for i in range(sigma.size):
         length = np.sqrt(dot_rows(scaled, i, i))
         if not length > RESOLVED * longest:

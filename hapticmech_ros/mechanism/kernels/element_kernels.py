@@ -6,40 +6,40 @@ import math
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner
-from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.data import Data
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair, pair_power, pull_between
-from hapticmech_ros.mechanism.kernels.tables import Tables
 
-# Columns of ``Tables.element_values``, and of ``Tables.spring_values``.
+# Columns of ``Model.element_values``, and of ``Model.spring_values``.
 STIFFNESS, REST, FRICTION, FRICTION_SPEED, LOWER, UPPER, STOP, STOP_DAMPING, DEPTH = range(9)
 PULL, PULL_DAMPING, REST_LENGTH, SHORTEST_LENGTH = range(4)
 
 
 @inner
 def element_forces(
-    tables: Tables, space: Packed, q: Array, v: Array, passive: Array, dissipative: Array
+    model: Model, data: Data, q: Array, v: Array, passive: Array, dissipative: Array
 ) -> None:
     """Fill all forces but efforts (nv,), and their dissipative part (nv,), at q (nq,) and v (nv,).
 
-    ``space`` has joint Jacobians and poses at q.
+    ``data`` has joint Jacobians and poses at q.
     """
-    damping, elements = tables.damping, tables.elements
+    damping, elements = model.damping, model.elements
     for c in range(damping.size):
         dissipative[c] = -damping[c] * v[c]
         passive[c] = dissipative[c]
     for row in range(elements.shape[0]):
-        rate, values = elements[row, 0], tables.element_values[row]
+        rate, values = elements[row, 0], model.element_values[row]
         elastic, lossy = _joint_forces(values, q[elements[row, 1]], v[rate])
         dissipative[rate] += lossy
         passive[rate] += elastic + lossy
-    if tables.springs.shape[0] == 0:
+    if model.springs.shape[0] == 0:
         return
-    pair = tables.handful[0]
-    joints, axes = tables.joints, space.joint_jacobian
-    for row in range(tables.springs.shape[0]):
-        values = tables.spring_values[row]
-        length = _stretch(tables, space, row, pair)
-        a, b = tables.carriers[tables.springs[row, 0]], tables.carriers[tables.springs[row, 1]]
+    pair = model.small[0]
+    joints, axes = model.joints, data.joint_jacobian
+    for row in range(model.springs.shape[0]):
+        values = model.spring_values[row]
+        length = _stretch(model, data, row, pair)
+        a, b = model.carriers[model.springs[row, 0]], model.carriers[model.springs[row, 1]]
         loss = values[PULL_DAMPING] * pair_power(joints, axes, a, b, pair, v)
         tension = values[PULL] * (length - values[REST_LENGTH]) + loss
         add_pair(joints, axes, a, b, pair, -loss, dissipative)
@@ -48,8 +48,8 @@ def element_forces(
 
 @inner
 def element_slopes(
-    tables: Tables,
-    space: Packed,
+    model: Model,
+    data: Data,
     q: Array,
     v: Array,
     horizon: float,
@@ -57,13 +57,13 @@ def element_slopes(
     damping: Array,
 ) -> None:
     """Fill stiffness and damping, each (nv, nv); see ``Mechanism.slopes``."""
-    for i in range(tables.nv):
-        for j in range(tables.nv):
+    for i in range(model.nv):
+        for j in range(model.nv):
             stiffness[i, j], damping[i, j] = 0.0, 0.0
-        damping[i, i] = tables.damping[i]
-    for row in range(tables.elements.shape[0]):
-        rate, values = tables.elements[row, 0], tables.element_values[row]
-        position = q[tables.elements[row, 1]]
+        damping[i, i] = model.damping[i]
+    for row in range(model.elements.shape[0]):
+        rate, values = model.elements[row, 0], model.element_values[row]
+        position = q[model.elements[row, 1]]
         stiffness[rate, rate] += values[STIFFNESS]
         relative = abs(v[rate]) / values[FRICTION_SPEED]
         share = math.tanh(relative) / relative if relative > 1e-6 else 1.0
@@ -74,17 +74,17 @@ def element_slopes(
             if deepest > 0.0:
                 stiffness[rate, rate] += values[STOP]
                 damping[rate, rate] += values[STOP_DAMPING] * min(deepest / values[DEPTH], 1.0)
-    if tables.springs.shape[0] == 0:
+    if model.springs.shape[0] == 0:
         return
-    gradient, pair = tables.turned, tables.handful[0]
-    for row in range(tables.springs.shape[0]):
-        _stretch(tables, space, row, pair)
-        a, b = tables.carriers[tables.springs[row, 0]], tables.carriers[tables.springs[row, 1]]
+    gradient, pair = model.turned, model.small[0]
+    for row in range(model.springs.shape[0]):
+        _stretch(model, data, row, pair)
+        a, b = model.carriers[model.springs[row, 0]], model.carriers[model.springs[row, 1]]
         gradient[:] = 0.0
-        add_pair(tables.joints, space.joint_jacobian, a, b, pair, 1.0, gradient)
-        pull, loss = tables.spring_values[row, PULL], tables.spring_values[row, PULL_DAMPING]
-        for i in range(tables.nv):
-            for j in range(tables.nv):
+        add_pair(model.joints, data.joint_jacobian, a, b, pair, 1.0, gradient)
+        pull, loss = model.spring_values[row, PULL], model.spring_values[row, PULL_DAMPING]
+        for i in range(model.nv):
+            for j in range(model.nv):
                 square = gradient[i] * gradient[j]
                 stiffness[i, j] += pull * square
                 damping[i, j] += loss * square
@@ -92,8 +92,8 @@ def element_slopes(
 
 @inner
 def element_resistance(
-    tables: Tables,
-    space: Packed,
+    model: Model,
+    data: Data,
     q: Array,
     v: Array,
     rates: Array,
@@ -105,11 +105,11 @@ def element_resistance(
 
     In time proportional to nv: no matrix is filled.
     """
-    for c in range(tables.nv):
-        force[c] = damped * tables.damping[c] * rates[c]
-    for row in range(tables.elements.shape[0]):
-        rate, values = tables.elements[row, 0], tables.element_values[row]
-        position = q[tables.elements[row, 1]]
+    for c in range(model.nv):
+        force[c] = damped * model.damping[c] * rates[c]
+    for row in range(model.elements.shape[0]):
+        rate, values = model.elements[row, 0], model.element_values[row]
+        position = q[model.elements[row, 1]]
         steep = 1.0 - math.tanh(v[rate] / values[FRICTION_SPEED]) ** 2
         stiffness = values[STIFFNESS]
         damping = steep * values[FRICTION] / values[FRICTION_SPEED]
@@ -121,14 +121,14 @@ def element_resistance(
                     stiffness += values[STOP]
                     damping += soft
         force[rate] += (stiff * stiffness + damped * damping) * rates[rate]
-    if tables.springs.shape[0] == 0:
+    if model.springs.shape[0] == 0:
         return
-    pair = tables.handful[0]
-    joints, axes = tables.joints, space.joint_jacobian
-    for row in range(tables.springs.shape[0]):
-        values = tables.spring_values[row]
-        _stretch(tables, space, row, pair)
-        a, b = tables.carriers[tables.springs[row, 0]], tables.carriers[tables.springs[row, 1]]
+    pair = model.small[0]
+    joints, axes = model.joints, data.joint_jacobian
+    for row in range(model.springs.shape[0]):
+        values = model.spring_values[row]
+        _stretch(model, data, row, pair)
+        a, b = model.carriers[model.springs[row, 0]], model.carriers[model.springs[row, 1]]
         gain = stiff * values[PULL] + damped * values[PULL_DAMPING]
         gain *= pair_power(joints, axes, a, b, pair, rates)
         add_pair(joints, axes, a, b, pair, gain, force)
@@ -160,12 +160,12 @@ def _contact(values: Array, side: int, position: float, rate: float) -> tuple[fl
 
 
 @inner
-def _stretch(tables: Tables, space: Packed, row: int, pair: Array) -> float:
+def _stretch(model: Model, data: Data, row: int, pair: Array) -> float:
     """Return l and fill ``pair`` (12,), whose power is l̇; 0 where the line has no direction."""
-    a, b = space.poses[tables.springs[row, 0]], space.poses[tables.springs[row, 1]]
+    a, b = data.poses[model.springs[row, 0]], data.poses[model.springs[row, 1]]
     x, y, z = a[9] - b[9], a[10] - b[10], a[11] - b[11]
     length = math.sqrt(x * x + y * y + z * z)
-    if length <= tables.spring_values[row, SHORTEST_LENGTH]:
+    if length <= model.spring_values[row, SHORTEST_LENGTH]:
         pair[:] = 0.0
     else:
         pull_between(a, b, length, pair)

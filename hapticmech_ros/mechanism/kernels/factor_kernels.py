@@ -1,8 +1,8 @@
 """Kernels of Eq. 1 at a configuration: factorisation of D and W, accelerations, projections.
 
 Every kernel takes the mechanism's constants as ``numbers`` and ``values`` (see
-:mod:`~hapticmech_ros.mechanism.kernels.tables`), and what is known of a configuration as one array
-``packed`` (see :mod:`~hapticmech_ros.mechanism.kernels.packed`).
+:mod:`~hapticmech_ros.mechanism.kernels.model`), and what is known of a configuration as one array
+``packed`` (see :mod:`~hapticmech_ros.mechanism.kernels.data`).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from hapticmech_ros.mechanism.kernels.articulated_kernels import articulate
 from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED, factor_band
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, residual_of, wrenches_of
 from hapticmech_ros.mechanism.kernels.coupling_kernels import gear_error
+from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.dense_kernels import factor_dense
 from hapticmech_ros.mechanism.kernels.metric_kernels import (
     accelerate,
@@ -20,9 +21,8 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
     correction_of,
     lift,
 )
-from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Model
 from hapticmech_ros.mechanism.kernels.small_matrices import cholesky
-from hapticmech_ros.mechanism.kernels.tables import SPARSE, Tables
 from hapticmech_ros.mechanism.kernels.tree_kernels import inertia_of, place_tree
 from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,
@@ -37,16 +37,16 @@ NOT_FINITE, SINGULAR = -2, -3
 
 
 @inner
-def factor(tables: Tables, q: Array, space: Packed) -> int:
-    """Fill ``space`` at a configuration; see :func:`factor_closures`."""
-    m, closures, poses, lengths = tables.m, tables.closures, space.poses, tables.lengths
-    residual, pairs, tail = space.residual, space.pairs, space.tail
-    place_tree(tables, q, space)
+def factor(model: Model, q: Array, data: Data) -> int:
+    """Fill ``data`` at a configuration; see :func:`factor_closures`."""
+    m, closures, poses, lengths = model.m, model.closures, data.poses, model.lengths
+    residual, pairs, tail = data.residual, data.pairs, data.tail
+    place_tree(model, q, data)
     for index in range(closures.shape[0]):
         row_of = closures[index]
         kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
         if kind == COUPLING:
-            residual[first] = gear_error(tables, a, b, q)
+            residual[first] = gear_error(model, a, b, q)
             pairs[first, :] = 0.0
             continue
         residual_of(kind, poses, a, b, first, residual)
@@ -58,15 +58,15 @@ def factor(tables: Tables, q: Array, space: Packed) -> int:
     tolerance = max(SOLVER_RANK_TOLERANCE, min(DRIFT_FACTOR * drift, DRIFT_CAP))
     tail[0], tail[1], tail[2], tail[3] = worst, 0.0, 1.0, 0.0
     rank = UNDECIDED
-    if tables.path == SPARSE:
-        bad = articulate(tables, space)
+    if model.path == SPARSE:
+        bad = articulate(model, data)
         if bad < 0:
-            rank = factor_band(tables, space, tolerance)
+            rank = factor_band(model, data, tolerance)
     else:
-        inertia_of(tables, space, space.factor)
-        bad = cholesky(space.factor, space.factor)
+        inertia_of(model, data, data.factor)
+        bad = cholesky(data.factor, data.factor)
         if bad < 0:
-            rank = factor_dense(tables, space, tolerance)
+            rank = factor_dense(model, data, tolerance)
     if bad >= 0:
         return SINGULAR - bad
     tail[1] = max(rank, 0)
@@ -79,15 +79,15 @@ def factor_closures(numbers: Array, values: Array, q: Array, packed: Array) -> i
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.fold``.
+        values: the others; see ``model.pack``.
         q: (nq,) configuration.
         packed: to fill.
 
     Returns:
         The rank r; or NO_SVD, SINGULAR and below, or UNDECIDED of a sparse factorisation.
     """
-    tables = Tables(numbers, values)
-    return factor(tables, q, unpack(packed, tables))
+    model = Model(numbers, values)
+    return factor(model, q, unpack(packed, model))
 
 
 @kernel(
@@ -104,26 +104,26 @@ def solve_motion(
     result: Array,
 ) -> None:
     """Solve Eq. 1: see :func:`accelerate`."""
-    tables = Tables(numbers, values)
-    accelerate(tables, unpack(packed, tables), bias_force, passive, bias, result)
+    model = Model(numbers, values)
+    accelerate(model, unpack(packed, model), bias_force, passive, bias, result)
 
 
 @kernel("void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1])")
 def correct(numbers: Array, values: Array, packed: Array, residual: Array, change: Array) -> None:
     """Fill ``change``: see :func:`correction_of`."""
-    tables = Tables(numbers, values)
-    correction_of(tables, unpack(packed, tables), residual, change)
+    model = Model(numbers, values)
+    correction_of(model, unpack(packed, model), residual, change)
 
 
 @kernel("void(int64[::1], float64[::1], float64[::1], float64[::1])")
 def keep_closed(numbers: Array, values: Array, packed: Array, rates: Array) -> None:
     """Replace rates: see :func:`close_rates`."""
-    tables = Tables(numbers, values)
-    close_rates(tables, unpack(packed, tables), rates)
+    model = Model(numbers, values)
+    close_rates(model, unpack(packed, model), rates)
 
 
 @kernel("void(int64[::1], float64[::1], float64[::1], float64[::1])")
 def lift_rates(numbers: Array, values: Array, packed: Array, rates: Array) -> None:
     """Replace rates: see ``metric_kernels.lift``."""
-    tables = Tables(numbers, values)
-    lift(tables, unpack(packed, tables), rates)
+    model = Model(numbers, values)
+    lift(model, unpack(packed, model), rates)

@@ -7,8 +7,9 @@ from typing import NamedTuple
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, shaped
 from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED
+from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.element_kernels import element_slopes
-from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.model import MOST_STAGES, Model
 from hapticmech_ros.mechanism.kernels.small_matrices import (
     cholesky,
     dot_with_row,
@@ -17,7 +18,6 @@ from hapticmech_ros.mechanism.kernels.small_matrices import (
     solve_lower_transposed,
 )
 from hapticmech_ros.mechanism.kernels.step_kernels import Work, follow
-from hapticmech_ros.mechanism.kernels.tables import MOST_STAGES, Tables
 
 
 class Springs(NamedTuple):
@@ -71,7 +71,7 @@ def springs_of(work: Array, nv: int) -> Springs:
 
 
 @inner
-def _linearise(tables: Tables, space: Packed, springs: Springs, reach: float) -> int:
+def _linearise(model: Model, data: Data, springs: Springs, reach: float) -> int:
     """Fill S and its factor from K and C, seen over γh; return the first bad row, or -1.
 
     The factor is computed in place: its lower triangle is read before it is written.
@@ -85,11 +85,11 @@ def _linearise(tables: Tables, space: Packed, springs: Springs, reach: float) ->
     springs.largest[0] = largest
     if largest == 0.0:
         return -1
-    rank = int(space.tail[1])
+    rank = int(data.tail[1])
     for _ in range(2):
         for i in range(nv):
-            solve_lower(space.factor, seen[i])
-            remove(space.basis, rank, seen[i], tables.along)
+            solve_lower(data.factor, seen[i])
+            remove(data.basis, rank, seen[i], model.along)
         for i in range(nv):
             for j in range(i):
                 seen[i, j], seen[j, i] = seen[j, i], seen[i, j]
@@ -99,18 +99,18 @@ def _linearise(tables: Tables, space: Packed, springs: Springs, reach: float) ->
 
 
 @inner
-def _answer(tables: Tables, space: Packed, springs: Springs) -> None:
+def _answer(model: Model, data: Data, springs: Springs) -> None:
     """Replace ``springs.force`` by x with (D + S) x + Wᵀμ = force and W x = 0."""
-    solve_lower(space.factor, springs.force)
-    remove(space.basis, int(space.tail[1]), springs.force, tables.along)
+    solve_lower(data.factor, springs.force)
+    remove(data.basis, int(data.tail[1]), springs.force, model.along)
     solve_lower(springs.factor, springs.force)
     solve_lower_transposed(springs.factor, springs.force)
-    solve_lower_transposed(space.factor, springs.force)
+    solve_lower_transposed(data.factor, springs.force)
 
 
 @inner
 def _respond(
-    tables: Tables, space: Packed, parts: Work, springs: Springs, stage: int, rates: Array
+    model: Model, data: Data, parts: Work, springs: Springs, stage: int, rates: Array
 ) -> None:
     """Fill k of θ and v at a stage, from θ̇ and v̇."""
     period, nv = parts.settings[0], rates.size
@@ -128,7 +128,7 @@ def _respond(
             force[c] = dot_with_row(springs.stiffness, c, met)
             force[c] += dot_with_row(springs.damping, c, moved)
             force[c] = dot_with_row(springs.slope, c, gain) + period * force[c]
-        _answer(tables, space, springs)
+        _answer(model, data, springs)
         for c in range(nv):
             gain[c] -= force[c]
     for c in range(nv):
@@ -136,7 +136,7 @@ def _respond(
 
 
 @inner
-def _aim(tables: Tables, parts: Work, springs: Springs, stage: int) -> None:
+def _aim(model: Model, parts: Work, springs: Springs, stage: int) -> None:
     """Set rates and θ of the next stage, or of the end."""
     period, last = parts.settings[0], stage == MOST_STAGES - 1
     for c in range(parts.v.size):
@@ -147,32 +147,32 @@ def _aim(tables: Tables, parts: Work, springs: Springs, stage: int) -> None:
             gained += weight * springs.gains[j, c]
         parts.theta[c] = period * turned
         parts.v[c] = parts.v0[c] + period * gained
-    follow(tables, parts)
+    follow(model, parts)
 
 
 @inner
-def linearise(tables: Tables, space: Packed, parts: Work, spring_work: Array) -> int:
+def linearise(model: Model, data: Data, parts: Work, spring_work: Array) -> int:
     """Fill what implicit stages need of the step's start; return the first bad row, or -1."""
-    springs = springs_of(spring_work, tables.nv)
+    springs = springs_of(spring_work, model.nv)
     step = parts.settings[0]
-    element_slopes(tables, space, parts.q, parts.v, step, springs.stiffness, springs.damping)
-    return _linearise(tables, space, springs, DIAGONAL * step)
+    element_slopes(model, data, parts.q, parts.v, step, springs.stiffness, springs.damping)
+    return _linearise(model, data, springs, DIAGONAL * step)
 
 
 @inner
 def aim_implicitly(
-    tables: Tables, start: Packed, parts: Work, spring_work: Array, stage: int, rates: Array
+    model: Model, start: Data, parts: Work, spring_work: Array, stage: int, rates: Array
 ) -> None:
     """Add an implicit stage, and set q, v and θ̇ of the next one, or of the end.
 
     Args:
-        tables: the mechanism's.
+        model: the mechanism's.
         start: terms at the step's start.
         parts: see :class:`Work`.
         spring_work: see :class:`Springs`.
         stage: its number.
         rates: (nv,) v̇.
     """
-    springs = springs_of(spring_work, tables.nv)
-    _respond(tables, start, parts, springs, stage, rates)
-    _aim(tables, parts, springs, stage)
+    springs = springs_of(spring_work, model.nv)
+    _respond(model, start, parts, springs, stage, rates)
+    _aim(model, parts, springs, stage)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import BEGIN, FIRST, LAST
-from hapticmech_ros.mechanism.kernels.chosen import Chosen
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING
+from hapticmech_ros.mechanism.kernels.data import views_of
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
-from hapticmech_ros.mechanism.kernels.packed import views_of
-from hapticmech_ros.mechanism.kernels.tables import SPARSE, Constants
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Constants
 
 # Products that take as long as: a sweep over one rate; one inside a band; one of an SVD, which goes
 # over all pairs of rows several times; one of a dense QR.
@@ -24,7 +24,7 @@ MANY_RATES = 24
 _SLACK = 4
 
 
-def sparse_or_dense(dense: Chosen, position: Array) -> Chosen:
+def sparse_or_dense(dense: ActiveSet, position: Array) -> ActiveSet:
     """Return closures with the factorisation that takes less time.
 
     Args:
@@ -47,63 +47,63 @@ def sparse_or_dense(dense: Chosen, position: Array) -> Chosen:
     return found if fewer else dense
 
 
-def sparse(dense: Chosen, position: Array) -> Chosen | None:
+def sparse(dense: ActiveSet, position: Array) -> ActiveSet | None:
     """Return closures with a sparse factorisation; None where it cannot be done at a position.
 
     Arguments are those of :func:`sparse_or_dense`.
     """
-    tables = dense.known
-    reaches = _reaches(tables)
-    order = _order(tables, reaches)
-    trial = Chosen(_in_order(tables, reaches, order, tables.nv, -1), dense)
+    model = dense.known
+    reaches = _reaches(model)
+    order = _order(model, reaches)
+    trial = ActiveSet(_in_order(model, reaches, order, model.nv, -1), dense)
     packed = np.empty(trial.size)
     rank = factor_closures(*trial.constants, np.array(position, dtype=float), packed)
     if rank < 0:
         return None
-    width = _width(trial, packed) + _SLACK if tables.m else 0
-    ordered = _in_order(tables, reaches, order, width, rank)
-    return Chosen(ordered, dense, redundant=rank < tables.m)
+    width = _width(trial, packed) + _SLACK if model.m else 0
+    ordered = _in_order(model, reaches, order, width, rank)
+    return ActiveSet(ordered, dense, redundant=rank < model.m)
 
 
-def _depths(tables: Constants) -> Array:
+def _depths(model: Constants) -> Array:
     """Return (nv,) the number of rates that move each rate's joint, its own included."""
-    depths = np.zeros(tables.nv)
-    before = np.zeros(len(tables.joints))
-    for joint, (parent, first, count, *_) in enumerate(tables.joints.tolist()):
+    depths = np.zeros(model.nv)
+    before = np.zeros(len(model.joints))
+    for joint, (parent, first, count, *_) in enumerate(model.joints.tolist()):
         if joint:
             before[joint] = before[parent] + count
             depths[first : first + count] = before[joint]
     return depths
 
 
-def _extents(tables: Constants) -> Array:
+def _extents(model: Constants) -> Array:
     """Return (m,) how many places each row reaches over, by ``sequence``."""
-    return np.asarray(tables.sequence[:, 2] - tables.sequence[:, 1] + 1, dtype=float)
+    return np.asarray(model.sequence[:, 2] - model.sequence[:, 1] + 1, dtype=float)
 
 
-def _reaches(tables: Constants) -> Array:
+def _reaches(model: Constants) -> Array:
     """Return (m, nv) whether a closure row reaches a rate: of its joints, or before them."""
-    reaches = np.zeros((tables.m, tables.nv), dtype=bool)
-    for row in range(tables.m):
-        for joint in _joints_of(tables, row):
+    reaches = np.zeros((model.m, model.nv), dtype=bool)
+    for row in range(model.m):
+        for joint in _joints_of(model, row):
             above = joint
             while above > 0:
-                parent, first, count = tables.joints[above, :3]
+                parent, first, count = model.joints[above, :3]
                 reaches[row, first : first + count] = True
                 above = int(parent)
     return reaches
 
 
-def _joints_of(tables: Constants, row: int) -> tuple[int, int]:
-    closure = int(np.searchsorted(tables.closures[:, 3], row, side="right")) - 1
-    a, b = tables.carriers[tables.closures[closure, 1:3]]
+def _joints_of(model: Constants, row: int) -> tuple[int, int]:
+    closure = int(np.searchsorted(model.closures[:, 3], row, side="right")) - 1
+    a, b = model.carriers[model.closures[closure, 1:3]]
     return int(a), int(b)
 
 
-def _order(tables: Constants, reaches: Array) -> Array:
+def _order(model: Constants, reaches: Array) -> Array:
     """Return (nv,) the place of each rate: as they are, or by Cuthill and McKee."""
-    natural = np.arange(tables.nv)
-    if not tables.m:
+    natural = np.arange(model.nv)
+    if not model.m:
         return natural
     # Here, so that a mechanism of few rates does not wait for SciPy.
     from scipy.sparse import csr_matrix
@@ -111,7 +111,7 @@ def _order(tables: Constants, reaches: Array) -> Array:
 
     pattern = reaches.astype(np.int64)
     sequence = reverse_cuthill_mckee(csr_matrix(pattern.T @ pattern), symmetric_mode=True)
-    places = np.empty(tables.nv, dtype=np.int64)
+    places = np.empty(model.nv, dtype=np.int64)
     places[sequence] = natural
     return min((natural, places), key=lambda order: _spread(reaches, order))
 
@@ -123,15 +123,15 @@ def _spread(reaches: Array, order: Array) -> int:
 
 
 def _in_order(
-    tables: Constants, reaches: Array, order: Array, width: int, independent: int
+    model: Constants, reaches: Array, order: Array, width: int, independent: int
 ) -> Constants:
-    """Return the tables of a sparse factorisation."""
+    """Return the model of a sparse factorisation."""
     spans = [
         (int(order[row].min()), int(order[row].max())) if row.any() else (0, 0) for row in reaches
     ]
-    rows = sorted(range(tables.m), key=lambda row: (*spans[row], row))
-    sequence = [(row, *spans[row], *_joints_of(tables, row)) for row in rows]
-    return tables._replace(
+    rows = sorted(range(model.m), key=lambda row: (*spans[row], row))
+    sequence = [(row, *spans[row], *_joints_of(model, row)) for row in rows]
+    return model._replace(
         path=SPARSE,
         width=width,
         independent=independent,
@@ -140,11 +140,11 @@ def _in_order(
     )
 
 
-def _width(chosen: Chosen, packed: Array) -> int:
+def _width(active_set: ActiveSet, packed: Array) -> int:
     """Return how many places the widest row of a factorisation needs."""
-    places, widest = views_of(packed, chosen.tables).row_places, 0
-    for j in range(chosen.m):
+    places, widest = views_of(packed, active_set.model).row_places, 0
+    for j in range(active_set.m):
         before = places[int(places[j, FIRST]) : j, LAST]
-        last = max(int(before.max(initial=-1)), int(chosen.known.sequence[j, 2]))
+        last = max(int(before.max(initial=-1)), int(active_set.known.sequence[j, 2]))
         widest = max(widest, last - int(places[j, BEGIN]) + 1)
     return widest

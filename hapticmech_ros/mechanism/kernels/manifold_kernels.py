@@ -11,7 +11,7 @@ import math
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, shaped
-from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.tree_kernels import (
     FREE,
     PLANAR,
@@ -36,11 +36,11 @@ _BERNOULLI = (
 
 
 @inner
-def move(tables: Tables, start: Array, theta: Array, q: Array) -> None:
+def move(model: Model, start: Array, theta: Array, q: Array) -> None:
     """Fill ``q`` (nq,) with start ⊕ theta; it may be ``start`` itself."""
-    joints, handful = tables.joints, tables.handful
-    turn, moved, along = handful[0, :3], handful[0, 3:6], handful[0, 6:9]
-    rotation = shaped(handful[1, :9], (3, 3))
+    joints, small = model.joints, model.small
+    turn, moved, along = small[0, :3], small[0, 3:6], small[0, 6:9]
+    rotation = shaped(small[1, :9], (3, 3))
     for joint in range(1, joints.shape[0]):
         first, kind, at = joints[joint, 1], joints[joint, 3], joints[joint, 4]
         if kind in (REVOLUTE, PRISMATIC):
@@ -96,10 +96,10 @@ def _turn_quaternion(start: Array, turn: Array, q: Array) -> None:
 
 
 @inner
-def local_rates(tables: Tables, theta: Array, v: Array, rates: Array) -> None:
+def local_rates(model: Model, theta: Array, v: Array, rates: Array) -> None:
     """Fill ``rates`` (nv,) with θ̇ = J_r(θ)⁻¹ v."""
-    joints, handful = tables.joints, tables.handful
-    twist, speed = handful[0, :6], handful[0, 6:]
+    joints, small = model.joints, model.small
+    twist, speed = small[0, :6], small[0, 6:]
     for joint in range(1, joints.shape[0]):
         first, kind = joints[joint, 1], joints[joint, 3]
         if kind in (REVOLUTE, PRISMATIC):
@@ -112,7 +112,7 @@ def local_rates(tables: Tables, theta: Array, v: Array, rates: Array) -> None:
         for k in range(count):
             at = _place_in_twist(kind, k)
             twist[at], speed[at] = theta[first + k], v[first + k]
-        _inverse_right(twist, speed, handful[1, :6], handful[1, 6:])
+        _inverse_right(twist, speed, small[1, :6], small[1, 6:])
         for k in range(count):
             rates[first + k] = speed[_place_in_twist(kind, k)]
 

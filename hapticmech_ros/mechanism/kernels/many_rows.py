@@ -155,14 +155,14 @@ def inverse_transposed(upper: Array, size: int, found: Array) -> None:
 
 @inner
 def pseudo_inverse_transposed(
-    upper: Array, rank: int, room: Array, sums: Array, found: Array
+    upper: Array, rank: int, workspace: Array, sums: Array, found: Array
 ) -> None:
     """Fill the first rows of ``found`` with (Rᵀ)⁺ (rank, m), R (n, m) upper trapezoidal.
 
     Args:
         upper: R.
         rank: number of its rows that count.
-        room: (3, rank m or more) to work in.
+        workspace: (3, rank m or more) to work in.
         sums: (2, m or more) to work in.
         found: (rank or more, m) to fill.
     """
@@ -170,11 +170,11 @@ def pseudo_inverse_transposed(
     if rank == count:
         inverse_transposed(upper, rank, found)
         return
-    turned, order = shaped(room[0], (count, rank)), local_whole(rank)
+    turned, order = shaped(workspace[0], (count, rank)), local_whole(rank)
     for i in range(rank):
         for j in range(count):
             turned[j, i] = upper[i, j] if j >= i else 0.0
-    reflectors, basis = shaped(room[1], (rank, count)), shaped(room[2], (count, rank))
+    reflectors, basis = shaped(workspace[1], (rank, count)), shaped(workspace[2], (count, rank))
     triangularise(turned, rank, -1.0, order, reflectors, sums)
     # Rᵀ = Y T, so that its pseudo-inverse is T⁻¹ Yᵀ: solve T Z = Yᵀ from below.
     first_directions(reflectors, rank, count, sums[0], basis)

@@ -9,21 +9,21 @@ from __future__ import annotations
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, leaf, put, shaped
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, bias_of
+from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
-from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair
-from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 
 
 @inner
-def move_joints(tables: Tables, space: Packed, v: Array, motions: Array) -> None:
+def move_joints(model: Model, data: Data, v: Array, motions: Array) -> None:
     """Fill ``motions`` (joints, 12) with every joint's motion at the world's origin, at v̇ = 0.
 
     A motion is a velocity and an angular rate, then their derivatives. Joint axes are fixed in the
     body that the joint moves, so that their rate is twist × axis.
     """
-    joints, axes = tables.joints, space.joint_jacobian
+    joints, axes = model.joints, data.joint_jacobian
     for k in range(12):
         motions[0, k] = 0.0
     for joint in range(1, joints.shape[0]):
@@ -49,10 +49,10 @@ def move_joints(tables: Tables, space: Packed, v: Array, motions: Array) -> None
 
 
 @leaf
-def _move_frame(tables: Tables, space: Packed, motions: Array, frame: int, motion: Array) -> None:
+def _move_frame(model: Model, data: Data, motions: Array, frame: int, motion: Array) -> None:
     """Fill the motion (12,) of a frame's origin from that of its joint at the world's origin."""
-    joint = tables.carriers[frame]
-    pose = space.poses[frame]
+    joint = model.carriers[frame]
+    pose = data.poses[frame]
     x, y, z = pose[9], pose[10], pose[11]
     a, b, c = motions[joint, 3], motions[joint, 4], motions[joint, 5]
     d, e, f = motions[joint, 9], motions[joint, 10], motions[joint, 11]
@@ -67,29 +67,29 @@ def _move_frame(tables: Tables, space: Packed, motions: Array, frame: int, motio
 
 
 @inner
-def closure_bias(tables: Tables, space: Packed, motions: Array, bias: Array) -> None:
+def closure_bias(model: Model, data: Data, motions: Array, bias: Array) -> None:
     """Fill ``bias`` (m,) with Ẇv, given the joints' motions."""
-    handful, closures, poses = tables.handful, tables.closures, space.poses
-    motion_a, motion_b = handful[0], handful[1]
+    small, closures, poses = model.small, model.closures, data.poses
+    motion_a, motion_b = small[0], small[1]
     for index in range(closures.shape[0]):
         row_of = closures[index]
         kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
         if kind == COUPLING:
             bias[first] = 0.0
             continue
-        _move_frame(tables, space, motions, a, motion_a)
-        _move_frame(tables, space, motions, b, motion_b)
-        bias_of(kind, poses, a, b, motion_a, motion_b, first, bias, handful[2:])
+        _move_frame(model, data, motions, a, motion_a)
+        _move_frame(model, data, motions, b, motion_b)
+        bias_of(kind, poses, a, b, motion_a, motion_b, first, bias, small[2:])
 
 
 @inner
 def move_point(
-    tables: Tables, space: Packed, motions: Array, index: int, jacobian: Array, motion: Array
+    model: Model, data: Data, motions: Array, index: int, jacobian: Array, motion: Array
 ) -> None:
     """Fill an operational point's J_h (6, nv), and its J_h v and J̇_h v (12,)."""
-    frame = tables.points[index]
-    x, y, z = space.poses[frame, 9], space.poses[frame, 10], space.poses[frame, 11]
-    axes, joint, joints = space.joint_jacobian, tables.carriers[frame], tables.joints
+    frame = model.points[index]
+    x, y, z = data.poses[frame, 9], data.poses[frame, 10], data.poses[frame, 11]
+    axes, joint, joints = data.joint_jacobian, model.carriers[frame], model.joints
     for row in range(6):
         for col in range(axes.shape[0]):
             jacobian[row, col] = 0.0
@@ -102,15 +102,15 @@ def move_point(
             jacobian[2, col] = axes[col, 2] + (a * y - b * x)
             jacobian[3, col], jacobian[4, col], jacobian[5, col] = a, b, c
         joint = joints[joint, 0]
-    _move_frame(tables, space, motions, frame, motion)
+    _move_frame(model, data, motions, frame, motion)
 
 
 @inner
 def add_wrench(
-    tables: Tables, space: Packed, joint: int, origin: Array, wrench: Array, force: Array
+    model: Model, data: Data, joint: int, origin: Array, wrench: Array, force: Array
 ) -> None:
     """Add Jᵀ F to ``force`` (nv,) for a wrench (6,) on a joint at a point (3,), world axes."""
-    pair = tables.handful[0]
+    pair = model.small[0]
     pair[6:] = 0.0
     x, y, z = origin[0], origin[1], origin[2]
     fx, fy, fz = wrench[0], wrench[1], wrench[2]
@@ -118,42 +118,42 @@ def add_wrench(
     pair[3] = wrench[3] + (y * fz - z * fy)
     pair[4] = wrench[4] + (z * fx - x * fz)
     pair[5] = wrench[5] + (x * fy - y * fx)
-    add_pair(tables.joints, space.joint_jacobian, joint, 0, pair, 1.0, force)
+    add_pair(model.joints, data.joint_jacobian, joint, 0, pair, 1.0, force)
 
 
 @inner
-def add_point_forces(tables: Tables, space: Packed, wrenches: Array, force: Array) -> None:
+def add_point_forces(model: Model, data: Data, wrenches: Array, force: Array) -> None:
     """Add Σ J_hᵀ F to ``force`` (nv,), wrenches (points, 6) given, without any J_h."""
-    for index in range(tables.points.size):
+    for index in range(model.points.size):
         wrench, pushed = wrenches[index], False
         for i in range(6):
             pushed = pushed or wrench[i] != 0.0
         if pushed:
-            frame = tables.points[index]
-            origin, joint = space.poses[frame, 9:12], tables.carriers[frame]
-            add_wrench(tables, space, joint, origin, wrench, force)
+            frame = model.points[index]
+            origin, joint = data.poses[frame, 9:12], model.carriers[frame]
+            add_wrench(model, data, joint, origin, wrench, force)
 
 
 @inner
-def add_link_forces(tables: Tables, space: Packed, pushes: Array, force: Array) -> None:
+def add_link_forces(model: Model, data: Data, pushes: Array, force: Array) -> None:
     """Add Σ Jᵀ F of wrenches on links to ``force`` (nv,).
 
     Args:
-        tables: the mechanism's.
-        space: filled at a configuration.
+        model: the mechanism's.
+        data: filled at a configuration.
         pushes: (pushes, 10) per wrench the joint that carries the link, the origin of the link in
             that joint (3,), and the wrench (6,) there, world axes.
         force: to add to.
     """
-    origin = tables.handful[1]
+    origin = model.small[1]
     for index in range(pushes.shape[0]):
         push = pushes[index]
         joint = int(push[0])
-        place = space.places[joint]
+        place = data.places[joint]
         for i in range(3):
             total = place[i] * push[1] + place[3 + i] * push[2] + place[6 + i] * push[3]
             origin[i] = place[9 + i] + total
-        add_wrench(tables, space, joint, origin, push[4:10], force)
+        add_wrench(model, data, joint, origin, push[4:10], force)
 
 
 @kernel(
@@ -173,7 +173,7 @@ def move_frames(
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.fold``.
+        values: the others; see ``model.pack``.
         packed: the configuration's terms.
         q: (nq,) configuration.
         v: (nv,) rates.
@@ -181,18 +181,18 @@ def move_frames(
             dissipative part, Ẇv; then for each operational point J_h, J_h v and J̇_h v.
         poses: (points, 12) to fill.
     """
-    tables = Tables(numbers, values)
-    nv, m = tables.nv, tables.m
-    space = unpack(packed, tables)
-    element_forces(tables, space, q, v, terms[nv : 2 * nv], terms[2 * nv : 3 * nv])
-    motions = tables.motions
-    move_joints(tables, space, v, motions)
-    bias_force_of(tables, space, motions, terms[:nv])
-    closure_bias(tables, space, motions, terms[3 * nv : 3 * nv + m])
+    model = Model(numbers, values)
+    nv, m = model.nv, model.m
+    data = unpack(packed, model)
+    element_forces(model, data, q, v, terms[nv : 2 * nv], terms[2 * nv : 3 * nv])
+    motions = model.motions
+    move_joints(model, data, v, motions)
+    bias_force_of(model, data, motions, terms[:nv])
+    closure_bias(model, data, motions, terms[3 * nv : 3 * nv + m])
     at = 3 * nv + m
-    for index in range(tables.points.size):
+    for index in range(model.points.size):
         jacobian = shaped(terms[at : at + 6 * nv], (6, nv))
         at += 6 * nv
-        move_point(tables, space, motions, index, jacobian, terms[at : at + 12])
+        move_point(model, data, motions, index, jacobian, terms[at : at + 12])
         at += 12
-        put(poses[index], space.poses[tables.points[index]])
+        put(poses[index], data.poses[model.points[index]])

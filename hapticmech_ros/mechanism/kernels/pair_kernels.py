@@ -27,7 +27,7 @@ def add_pair(
     """Add ``scale`` times the joint forces of a pair to ``force`` (nv,).
 
     Args:
-        joints: (j, 5) of the tables.
+        joints: (j, 5) of the model.
         axes: (nv, 6) joint Jacobian.
         a: a joint.
         b: another, or the same.

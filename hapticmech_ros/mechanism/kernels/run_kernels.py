@@ -6,9 +6,10 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR, factor
 from hapticmech_ros.mechanism.kernels.implicit_kernels import aim_implicitly, linearise
-from hapticmech_ros.mechanism.kernels.packed import Packed, unpack
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED, settle
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_kernels import (
@@ -17,7 +18,6 @@ from hapticmech_ros.mechanism.kernels.step_kernels import (
     find_rates,
     start_step,
 )
-from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.tolerances import NEAR, PASSING
 
 # A run ended before a step that starts at, or would leave, a singular position, or has a stage
@@ -31,11 +31,11 @@ RATES_NOT_FINITE = -1_000_001
 
 @inner
 def _advance(
-    tables: Tables,
-    start: Packed,
+    model: Model,
+    start: Data,
     known: bool,
-    stage_space: Packed,
-    end: Packed,
+    stage_space: Data,
+    end: Data,
     parts: Work,
     spring_work: Array,
     pushes: Array,
@@ -47,29 +47,29 @@ def _advance(
 
     It is not done where a stage is nearer than ``limit`` (relative σ) to a singular position.
     """
-    result = tables.result
+    result = model.result
     start_step(parts)
     for stage in range(stages):
         if not np.isfinite(dot(parts.v, parts.v)):
             return RATES_NOT_FINITE
-        space = start if stage == 0 else stage_space
+        data = start if stage == 0 else stage_space
         if stage > 0 or not known:
-            code = factor(tables, parts.q, space)
+            code = factor(model, parts.q, data)
             if code < 0:
                 return code
-        if stage > 0 and limit > 0.0 and _is_near(start, space, limit):
+        if stage > 0 and limit > 0.0 and _is_near(start, data, limit):
             return NEEDS_CARE
         if implicit and stage == 0:
-            bad = linearise(tables, start, parts, spring_work)
+            bad = linearise(model, start, parts, spring_work)
             if bad >= 0:
                 return SINGULAR - bad
         weight = parts.scheme[stage, 0]
-        find_rates(tables, space, parts, weight, pushes, result)
+        find_rates(model, data, parts, weight, pushes, result)
         if implicit:
-            aim_implicitly(tables, start, parts, spring_work, stage, result[: tables.nv])
+            aim_implicitly(model, start, parts, spring_work, stage, result[: model.nv])
         else:
-            aim(tables, parts, weight, parts.scheme[stage, 1], result)
-    return settle(tables, end, parts)
+            aim(model, parts, weight, parts.scheme[stage, 1], result)
+    return settle(model, end, parts)
 
 
 @inner
@@ -82,13 +82,13 @@ def _care_limit(parts: Work) -> float:
 
 
 @inner
-def _is_near(start: Packed, space: Packed, limit: float) -> bool:
+def _is_near(start: Data, data: Data, limit: float) -> bool:
     """Return whether a stage is next to a singular position; see ``HeldMotion.least``."""
-    rank, sigma = int(space.tail[1]), space.sigma
+    rank, sigma = int(data.tail[1]), data.sigma
     if rank < start.tail[1]:
         return True
     if sigma.size == 0:
-        return bool(space.tail[2] < limit)
+        return bool(data.tail[2] < limit)
     return bool(rank > 0 and sigma[rank - 1] < limit * sigma[0])
 
 
@@ -104,11 +104,11 @@ def begin_next(parts: Work) -> None:
 
 @inner
 def step_once(
-    tables: Tables,
-    first: Packed,
+    model: Model,
+    first: Data,
     known: bool,
-    stage_space: Packed,
-    last: Packed,
+    stage_space: Data,
+    last: Data,
     parts: Work,
     spring_work: Array,
     pushes: Array,
@@ -118,7 +118,7 @@ def step_once(
     """Do a step as ``parts.settings`` says what it heeds; one that is not done leaves no account.
 
     Args:
-        tables: the mechanism's.
+        model: the mechanism's.
         first: terms at the start, filled if ``known``.
         known: whether they are.
         stage_space: terms of stages.
@@ -134,7 +134,7 @@ def step_once(
     """
     heeded, limit, account = int(parts.settings[8]), 0.0, parts.account
     if heeded == EVERYTHING and not known:
-        code = factor(tables, parts.q0, first)
+        code = factor(model, parts.q0, first)
         if code < 0:
             return code
         known = True
@@ -144,7 +144,7 @@ def step_once(
         return NEEDS_CARE
     work_in, lost = account[0], account[1]
     code = _advance(
-        tables, first, known, stage_space, last, parts, spring_work, pushes, stages, implicit, limit
+        model, first, known, stage_space, last, parts, spring_work, pushes, stages, implicit, limit
     )
     if heeded == EVERYTHING and code == SETTLED and last.tail[3] > first.tail[3]:
         code = NEEDS_CARE
@@ -157,7 +157,7 @@ def step_once(
 
 @inner
 def advance_many(
-    tables: Tables,
+    model: Model,
     parts: Work,
     start: Array,
     end: Array,
@@ -172,14 +172,14 @@ def advance_many(
     known: bool,
 ) -> int:
     """Do one step or many, with pushes held; see :func:`advance`, of whose plan the rest is."""
-    first, last, stage_space = unpack(start, tables), unpack(end, tables), unpack(scratch, tables)
+    first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
     state, sampled = parts.state, 0
     for step in range(steps):
         if step > 0:
             begin_next(parts)
             first, last, known = last, first, True
         code = step_once(
-            tables, first, known, stage_space, last, parts, spring_work, pushes, stages, implicit
+            model, first, known, stage_space, last, parts, spring_work, pushes, stages, implicit
         )
         if code != SETTLED:
             if step % 2 == 1:
@@ -214,7 +214,7 @@ def advance(
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``tables.fold``.
+        values: the others; see ``model.pack``.
         start: packed terms at the start: to read where they are known, else to fill.
         end: packed terms, to fill at the end.
         scratch: packed terms of stages.
@@ -235,7 +235,7 @@ def advance(
     """
     implicit, known = plan[3] != 0, plan[4] != 0
     return advance_many(
-        Tables(numbers, values),
+        Model(numbers, values),
         Work(numbers, work),
         start,
         end,

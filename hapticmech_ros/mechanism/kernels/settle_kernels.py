@@ -7,13 +7,13 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.closure_kernels import REVOLUTE, WELD
+from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE, factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
 from hapticmech_ros.mechanism.kernels.metric_kernels import close_rates, correction_of, lift
-from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
-from hapticmech_ros.mechanism.kernels.tables import Tables
 from hapticmech_ros.mechanism.tolerances import (
     JUMP,
     LEAST_TOLERANCE,
@@ -28,12 +28,12 @@ SETTLED, OPEN, JUMPED, FLIPPED = 0, 1, 2, 3
 
 
 @inner
-def _size(tables: Tables, space: Packed, change: Array) -> float:
+def _size(model: Model, data: Data, change: Array) -> float:
     """Return |Lᵀ change|, the length of a change in the mass metric."""
-    lifted = tables.turned
+    lifted = model.turned
     for c in range(lifted.size):
         lifted[c] = change[c]
-    lift(tables, space, lifted)
+    lift(model, data, lifted)
     return float(np.sqrt(dot(lifted, lifted)))
 
 
@@ -45,22 +45,22 @@ def _share_of_tolerance(least: float) -> float:
 
 
 @inner
-def _is_flipped(tables: Tables, space: Packed) -> bool:
+def _is_flipped(model: Model, data: Data) -> bool:
     """Return whether axes of a revolute or weld closure are more than 90° apart."""
-    for index in range(tables.closures.shape[0]):
-        kind, a, b = tables.closures[index, 0], tables.closures[index, 1], tables.closures[index, 2]
-        if kind == REVOLUTE and dot(space.poses[b, 6:9], space.poses[a, 6:9]) <= 0.0:
+    for index in range(model.closures.shape[0]):
+        kind, a, b = model.closures[index, 0], model.closures[index, 1], model.closures[index, 2]
+        if kind == REVOLUTE and dot(data.poses[b, 6:9], data.poses[a, 6:9]) <= 0.0:
             return True
-        if kind == WELD and dot(space.poses[b, :9], space.poses[a, :9]) <= 1.0:
+        if kind == WELD and dot(data.poses[b, :9], data.poses[a, :9]) <= 1.0:
             return True
     return False
 
 
 @inner
-def settle(tables: Tables, space: Packed, parts: Work) -> int:
+def settle(model: Model, data: Data, parts: Work) -> int:
     """Bring q and v onto the closures; with Baumgarte's pull, only see where they are.
 
-    ``space`` is left with the terms there. After a step, ``parts.theta`` is what it changed.
+    ``data`` is left with the terms there. After a step, ``parts.theta`` is what it changed.
 
     Returns:
         SETTLED, OPEN, JUMPED or FLIPPED; else a negative code, see ``factor_closures``, and
@@ -71,31 +71,31 @@ def settle(tables: Tables, space: Packed, parts: Work) -> int:
         return NOT_FINITE
     worst = np.inf
     for _ in range(PROJECTION_ITERATIONS):
-        rank = factor(tables, q, space)
+        rank = factor(model, q, data)
         if rank < 0:
             return rank
-        if tables.m == 0:
+        if model.m == 0:
             return SETTLED
-        worst, before = space.tail[0], account[2]
+        worst, before = data.tail[0], account[2]
         if settings[5] > 0.0:
             break
         rounding = worst <= settings[3] and worst > 0.5 * before
-        if worst <= settings[2] * _share_of_tolerance(space.tail[2]) or rounding:
+        if worst <= settings[2] * _share_of_tolerance(data.tail[2]) or rounding:
             worst = 0.0
             break
         if before == np.inf and worst > settings[4]:
-            account[3] = _size(tables, space, theta)
+            account[3] = _size(model, data, theta)
         account[2] = worst
-        correction_of(tables, space, space.residual, theta)
+        correction_of(model, data, data.residual, theta)
         if account[3] < np.inf:
-            account[4] += _size(tables, space, theta)
+            account[4] += _size(model, data, theta)
         for c in range(theta.size):
             theta[c] = -theta[c]
-        move(tables, q, theta, q)
+        move(model, q, theta, q)
     if not worst <= settings[6]:
         return OPEN
     if settings[5] == 0.0:
-        close_rates(tables, space, parts.v)
+        close_rates(model, data, parts.v)
         if account[4] > JUMP * account[3]:
             return JUMPED
-    return FLIPPED if _is_flipped(tables, space) else SETTLED
+    return FLIPPED if _is_flipped(model, data) else SETTLED

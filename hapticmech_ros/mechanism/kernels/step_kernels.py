@@ -11,24 +11,24 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import Part, Structure, inner, structure
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
 from hapticmech_ros.mechanism.kernels.coupling_kernels import gear_speed
+from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels.manifold_kernels import local_rates, move
 from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate
+from hapticmech_ros.mechanism.kernels.model import ACCOUNT, MOST_STAGES, SETTINGS, Model
 from hapticmech_ros.mechanism.kernels.motion_kernels import (
     add_link_forces,
     add_point_forces,
     closure_bias,
     move_joints,
 )
-from hapticmech_ros.mechanism.kernels.packed import Packed
 from hapticmech_ros.mechanism.kernels.pair_kernels import pair_power
-from hapticmech_ros.mechanism.kernels.tables import ACCOUNT, MOST_STAGES, SETTINGS, Tables
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 
 
 @structure
 class Work(Structure):
-    """What a step works on; its numbers are those of the mechanism's tables.
+    """What a step works on; its numbers are those of the mechanism's model.
 
     Attributes:
         settings: (9,) step (s); 1 where positions move with the rates at the step's end; φ at which
@@ -95,53 +95,53 @@ def start_step(work: Work) -> None:
 
 @inner
 def find_rates(
-    tables: Tables, space: Packed, parts: Work, weight: float, pushes: Array, result: Array
+    model: Model, data: Data, parts: Work, weight: float, pushes: Array, result: Array
 ) -> None:
     """Fill ``result`` (nv + m,) with v̇ and λ at ``parts.q`` and ``parts.v``.
 
-    ``space`` has been filled there. ``weight`` times its powers goes to the account.
+    ``data`` has been filled there. ``weight`` times its powers goes to the account.
     """
-    nv, m = tables.nv, tables.m
-    bias, forces, motions = tables.bias, tables.forces, tables.motions
-    move_joints(tables, space, parts.v, motions)
+    nv, m = model.nv, model.m
+    bias, forces, motions = model.bias, model.forces, model.motions
+    move_joints(model, data, parts.v, motions)
     passive, dissipative, bias_force = forces[0], forces[1], forces[2]
-    bias_force_of(tables, space, motions, bias_force)
+    bias_force_of(model, data, motions, bias_force)
     if m > 0:
-        closure_bias(tables, space, motions, bias)
+        closure_bias(model, data, motions, bias)
         if parts.settings[5] > 0.0:
-            _pull(tables, space, parts, bias)
-    v, held, effort, account = parts.v, parts.held, tables.effort, parts.account
-    element_forces(tables, space, parts.q, v, passive, dissipative)
+            _pull(model, data, parts, bias)
+    v, held, effort, account = parts.v, parts.held, model.effort, parts.account
+    element_forces(model, data, parts.q, v, passive, dissipative)
     for c in range(nv):
         result[c] = held[c] + effort[c]
-    add_point_forces(tables, space, parts.wrenches, result)
+    add_point_forces(model, data, parts.wrenches, result)
     if pushes.shape[0] > 0:
-        add_link_forces(tables, space, pushes, result)
+        add_link_forces(model, data, pushes, result)
     step = weight * parts.settings[0]
     for c in range(nv):
         account[0] += step * (result[c] * v[c])
         account[1] -= step * (dissipative[c] * v[c])
-    accelerate(tables, space, bias_force, passive, bias, result)
+    accelerate(model, data, bias_force, passive, bias, result)
 
 
 @inner
-def _pull(tables: Tables, space: Packed, parts: Work, bias: Array) -> None:
+def _pull(model: Model, data: Data, parts: Work, bias: Array) -> None:
     """Add Baumgarte's pull 2a W v + a² φ to ``bias`` (m,)."""
-    pull, axes, closures = parts.settings[5], space.joint_jacobian, tables.closures
-    carriers, joints, pairs = tables.carriers, tables.joints, space.pairs
-    residual, v = space.residual, parts.v
+    pull, axes, closures = parts.settings[5], data.joint_jacobian, model.closures
+    carriers, joints, pairs = model.carriers, model.joints, data.pairs
+    residual, v = data.residual, parts.v
     for index in range(closures.shape[0]):
         row_of = closures[index]
         kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
-        for i in range(first, end_of_rows(closures, index, tables.m)):
+        for i in range(first, end_of_rows(closures, index, model.m)):
             speed = pair_power(joints, axes, carriers[a], carriers[b], pairs[i], v)
             if kind == COUPLING:
-                speed = gear_speed(tables, a, b, v)
+                speed = gear_speed(model, a, b, v)
             bias[i] += 2.0 * pull * speed + pull * pull * residual[i]
 
 
 @inner
-def aim(tables: Tables, work: Work, weight: float, fraction: float, acceleration: Array) -> None:
+def aim(model: Model, work: Work, weight: float, fraction: float, acceleration: Array) -> None:
     """Add an explicit stage to the sums, and set q, v and θ̇ of the next one, or of the end."""
     settings, v, v0, theta = work.settings, work.v, work.v0, work.theta
     turn, turned, gained = work.turn, work.turned, work.gained
@@ -156,11 +156,11 @@ def aim(tables: Tables, work: Work, weight: float, fraction: float, acceleration
         else:
             v[c] = v0[c] + period * gained[c]
             theta[c] = period * (v[c] if late else turned[c])
-    follow(tables, work)
+    follow(model, work)
 
 
 @inner
-def follow(tables: Tables, work: Work) -> None:
+def follow(model: Model, work: Work) -> None:
     """Set q and θ̇ from θ and v."""
     q, q0, v, theta, turn = work.q, work.q0, work.v, work.theta, work.turn
     flat = q.size == v.size
@@ -169,6 +169,6 @@ def follow(tables: Tables, work: Work) -> None:
         if flat:
             q[c] = q0[c] + theta[c]
     if not flat:
-        move(tables, q0, theta, q)
+        move(model, q0, theta, q)
         if work.settings[7] != 0.0:
-            local_rates(tables, theta, v, turn)
+            local_rates(model, theta, v, turn)

@@ -15,9 +15,9 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, leaf
-from hapticmech_ros.mechanism.kernels.packed import Packed
+from hapticmech_ros.mechanism.kernels.data import Data
+from hapticmech_ros.mechanism.kernels.model import JOINT_COLUMNS, Model
 from hapticmech_ros.mechanism.kernels.small_matrices import cross, dot6
-from hapticmech_ros.mechanism.kernels.tables import JOINT_COLUMNS, Tables
 
 REVOLUTE, PRISMATIC, PLANAR, SPHERICAL, FREE = range(5)
 JOINT_KINDS = {
@@ -27,12 +27,12 @@ JOINT_KINDS = {
     "spherical": SPHERICAL,
     "free": FREE,
 }
-# Columns of ``Tables.joint_values``.
+# Columns of ``Model.joint_values``.
 _ORIGIN, _AXIS, _MASS, _LEVER, _INERTIA, _TURNS = 9, 12, 15, 16, 19, 25
 
 
 def joint_row(placement: pin.SE3, axis: Array, inertia: pin.Inertia) -> Array:
-    """Return a joint's row of ``Tables.joint_values``.
+    """Return a joint's row of ``Model.joint_values``.
 
     Its placement in its parent, axes first, then its axis, its link's mass, centre of mass and
     rotational inertia about it (xx, xy, xz, yy, yz, zz), and three matrices column by column: a
@@ -51,11 +51,11 @@ def joint_row(placement: pin.SE3, axis: Array, inertia: pin.Inertia) -> Array:
 
 
 @inner
-def place_tree(tables: Tables, q: Array, space: Packed) -> None:
+def place_tree(model: Model, q: Array, data: Data) -> None:
     """Fill joint axes, poses of joints and frames, and inertias at q (nq,)."""
-    local, moved, turn = tables.handful[0], tables.handful[1], tables.handful[2]
-    joints, all_values = tables.joints, tables.joint_values
-    places, bodies, axes = space.places, space.bodies, space.joint_jacobian
+    local, moved, turn = model.small[0], model.small[1], model.small[2]
+    joints, all_values = model.joints, model.joint_values
+    places, bodies, axes = data.places, data.bodies, data.joint_jacobian
     for i in range(12):
         places[0, i] = 1.0 if i == 0 or i == 4 or i == 8 else 0.0
         bodies[0, i] = 0.0
@@ -76,7 +76,7 @@ def place_tree(tables: Tables, q: Array, space: Packed) -> None:
             place[9 + i] = total
         _axes_of(kind, values, place, axes, first)
         _body_of(values, place, bodies[joint])
-    _place_frames(tables, places, space.poses)
+    _place_frames(model, places, data.poses)
 
 
 @leaf
@@ -183,9 +183,9 @@ def _along(place: Array, i: int, values: Array) -> float:
 
 
 @inner
-def _place_frames(tables: Tables, places: Array, poses: Array) -> None:
+def _place_frames(model: Model, places: Array, poses: Array) -> None:
     """Fill the frames' poses in the world from those of their joints."""
-    carriers, placements = tables.carriers, tables.placements
+    carriers, placements = model.carriers, model.placements
     for frame in range(carriers.size):
         joint = carriers[frame]
         for column in range(0, 12, 3):
@@ -214,14 +214,14 @@ def momentum(body: Array, twist: Array, out: Array) -> None:
 
 
 @inner
-def inertia_of(tables: Tables, space: Packed, inertia: Array) -> None:
+def inertia_of(model: Model, data: Data, inertia: Array) -> None:
     """Fill the lower triangle of D (nv, nv)."""
-    joints, axes = tables.joints, space.joint_jacobian
-    subtree, moved, bodies = tables.sweep, tables.handful[0], space.bodies
+    joints, axes = model.joints, data.joint_jacobian
+    subtree, moved, bodies = model.sweep, model.small[0], data.bodies
     for joint in range(joints.shape[0]):
         for k in range(10):
             subtree[joint, k] = bodies[joint, k]
-    for row in range(tables.nv):
+    for row in range(model.nv):
         for col in range(row):
             inertia[row, col] = 0.0
     for joint in range(joints.shape[0] - 1, 0, -1):
@@ -241,11 +241,11 @@ def inertia_of(tables: Tables, space: Packed, inertia: Array) -> None:
 
 
 @inner
-def bias_force_of(tables: Tables, space: Packed, motions: Array, force: Array) -> None:
+def bias_force_of(model: Model, data: Data, motions: Array, force: Array) -> None:
     """Fill ``force`` (nv,) with h, given the joints' motions (see ``motion_kernels``)."""
-    joints, axes, gravity = tables.joints, space.joint_jacobian, tables.gravity
-    wrenches, lifted, carried = tables.sweep, tables.handful[0], tables.handful[1]
-    bodies = space.bodies
+    joints, axes, gravity = model.joints, data.joint_jacobian, model.gravity
+    wrenches, lifted, carried = model.sweep, model.small[0], model.small[1]
+    bodies = data.bodies
     for joint in range(1, joints.shape[0]):
         for k in range(6):
             lifted[k] = motions[joint, 6 + k]

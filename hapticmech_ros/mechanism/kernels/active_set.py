@@ -1,4 +1,4 @@
-"""A set of active closures: the tables that kernels take, dense, and sparse where it is quicker."""
+"""A set of active closures: the model that kernels take, dense, and sparse where it is quicker."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from functools import cached_property
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.mechanism.kernels.packed import packed_size
-from hapticmech_ros.mechanism.kernels.tables import Constants, Tables, fold
+from hapticmech_ros.mechanism.kernels.data import data_size
+from hapticmech_ros.mechanism.kernels.model import Constants, Model, pack
 
 
-class Chosen:
+class ActiveSet:
     """What a set of active closures fixes, for one kind of factorisation.
 
     Attributes:
         known: the mechanism's constants, with these closures.
-        constants: these, folded.
-        tables: views of the folded ones.
+        constants: these, packed.
+        model: views of the packed ones.
         m: number of closure rows.
         size: length of a packed array.
         dense: the same closures with a dense factorisation; itself, if it is dense.
@@ -25,14 +25,14 @@ class Chosen:
     """
 
     def __init__(
-        self, known: Constants, dense: Chosen | None = None, redundant: bool = False
+        self, known: Constants, dense: ActiveSet | None = None, redundant: bool = False
     ) -> None:
         self.known = known
-        self.constants: tuple[Array, Array] = fold(known)
-        self.tables = Tables(*self.constants)
+        self.constants: tuple[Array, Array] = pack(known)
+        self.model = Model(*self.constants)
         self.m = known.m
-        self.size = packed_size(self.tables)
-        self.dense: Chosen = self if dense is None else dense
+        self.size = data_size(self.model)
+        self.dense: ActiveSet = self if dense is None else dense
         self.redundant = redundant
 
     @property

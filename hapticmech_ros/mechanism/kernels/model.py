@@ -1,7 +1,7 @@
 """What kernels know of a mechanism: its constants for one set of active closures, in two arrays.
 
 A call of a kernel pays for each of its arrays, so that few long ones take the place of many. The
-whole numbers begin with sizes, and with where each part is; the others end with room to work in,
+whole numbers begin with sizes, and with where each part is; the others end with a workspace,
 since to allocate a dozen numbers takes longer than to compute them.
 """
 
@@ -16,10 +16,10 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import SIZES, Part, Size, Structure, structure
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
 
-# Path of a factorisation: see ``packed.Packed``.
+# Path of a factorisation: see ``data.Data``.
 DENSE, SPARSE = 0, 1
 JOINT_COLUMNS, JOINT_NUMBERS, FRAME_COLUMNS = 52, 5, 12
-# Of a packed array's tail; see ``packed.Packed``.
+# Of a packed array's tail; see ``data.Data``.
 TAIL = 4
 # Of a step's work; see ``step_kernels.Work``.
 SETTINGS, MOST_STAGES, ACCOUNT = 9, 4, 6
@@ -109,24 +109,24 @@ _COLUMNS = {
     "joint_values": JOINT_COLUMNS,
 }
 _PARTS = 61
-# Rows of ``Tables.handful``.
-_HANDFUL = 4
+# Rows of ``Model.small``.
+_SMALL = 4
 
 
-def fold(constants: Constants) -> tuple[Array, Array]:
-    """Return constants as an array of integers and an array of floats; see :class:`Tables`."""
+def pack(constants: Constants) -> tuple[Array, Array]:
+    """Return constants as an array of integers and an array of floats; see :class:`Model`."""
     whole = [np.asarray(getattr(constants, name), dtype=np.int64) for name in _WHOLE]
     real = [np.asarray(getattr(constants, name), dtype=float) for name in _REAL]
     places = _places(_WHOLE, whole, SIZES + 3 * _PARTS)
     places += _places(_REAL, real, 0)
-    of_packed, size = _packed_places(constants)
-    places += of_packed + _work_places(constants)
-    rooms, room = _stacked(_room(constants), sum(part.size for part in real))
+    of_data, size = _data_places(constants)
+    places += of_data + _work_places(constants)
+    rooms, workspace = _stacked(_workspace_shapes(constants), sum(part.size for part in real))
     places += rooms
     sizes = (*constants[:6], size)
     return (
         np.concatenate([np.array((*sizes, *places)), *(part.ravel() for part in whole)]),
-        np.concatenate([*(part.ravel() for part in real), np.zeros(room)]),
+        np.concatenate([*(part.ravel() for part in real), np.zeros(workspace)]),
     )
 
 
@@ -140,7 +140,7 @@ def _places(names: Sequence[str], parts: Sequence[Array], start: int) -> list[in
     return places
 
 
-def _packed_places(constants: Constants) -> tuple[list[int], int]:
+def _data_places(constants: Constants) -> tuple[list[int], int]:
     """Return start, rows and columns of a packed array's parts, and its length."""
     nv, m = constants.nv, constants.m
     frames, joints = len(constants.carriers), len(constants.joints)
@@ -163,13 +163,13 @@ def _work_places(constants: Constants) -> list[int]:
     return [*places, places[15], nq + nv, 1]
 
 
-def _room(constants: Constants) -> list[tuple[int, int]]:
-    """Return rows and columns of the parts to work in; see :class:`Tables`."""
+def _workspace_shapes(constants: Constants) -> list[tuple[int, int]]:
+    """Return rows and columns of the parts to work in; see :class:`Model`."""
     nv, m, joints = constants.nv, constants.m, len(constants.joints)
     shapes = [(joints, 36), (joints, 12), (3, nv), (m, 1), (nv + m, 1), (nv, 1), (m, 1)]
     of_dense = m if constants.path == DENSE else 0
     many, most = (m, min(m, nv)) if of_dense > FEW_ROWS else (0, 0)
-    shapes += [(of_dense, nv), (of_dense, of_dense), (_HANDFUL, FRAME_COLUMNS)]
+    shapes += [(of_dense, nv), (of_dense, of_dense), (_SMALL, FRAME_COLUMNS)]
     shapes += [(nv if many else 0, many), (most, nv), (nv if many else 0, most), (most, many)]
     return [*shapes, (3, most * many), (2, max(many, nv) if many else 0)]
 
@@ -184,10 +184,10 @@ def _stacked(shapes: Sequence[tuple[int, int]], start: int = 0) -> tuple[list[in
 
 
 @structure
-class Tables(Structure):
-    """:class:`Constants`, folded: each part a view, found when it is asked for.
+class Model(Structure):
+    """:class:`Constants`, packed: each part a view, found when it is asked for.
 
-    What follows the constants is room, which no function expects to find as it left it, and of
+    What follows the constants is a workspace, which no function expects to find as it left it, and of
     which it uses nothing that a function above it still needs.
 
     Attributes:
@@ -200,7 +200,7 @@ class Tables(Structure):
         along: (m,) numbers along the closures' directions, likewise.
         scaled: (m, nv) rows to be made orthogonal; dense.
         turn: (m, m) what that takes; dense.
-        handful: (4, 12) rows for a frame, a pair of wrenches, or less.
+        small: (4, 12) rows for a frame, a pair of wrenches, or less.
         columns: (nv, m) closure rows as columns, to be made triangular; dense, of many rows.
         reflectors: (k, nv) what that takes; likewise, as what follows.
         directions: (nv, k) columns of Q.
@@ -242,7 +242,7 @@ class Tables(Structure):
     along = Part(51, 1)
     scaled = Part(52, 2)
     turn = Part(53, 2)
-    handful = Part(54, 2)
+    small = Part(54, 2)
     columns = Part(55, 2)
     reflectors = Part(56, 2)
     directions = Part(57, 2)

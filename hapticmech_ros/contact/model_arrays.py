@@ -14,7 +14,7 @@ from hapticmech_ros.contact.layout import (
     CAPSULE,
     COUNTS,
     CYLINDER,
-    FIRST_ROOM,
+    FIRST_WORKSPACE,
     FOUND_VALUES,
     HALF_SIZE,
     HALF_SPACE,
@@ -30,16 +30,16 @@ from hapticmech_ros.contact.layout import (
     SHAPE_VALUES,
     SPHERE,
     Contacts,
-    room_size,
+    workspace_size,
 )
-from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.model import TreeModel, se3
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from hapticmech_ros.scene.document import Scene
 
 
 @dataclass(frozen=True)
-class ShapeTables:
+class ShapeModel:
     """All shapes of a scene.
 
     Attributes:
@@ -62,8 +62,8 @@ class ShapeTables:
     polytopes: tuple[Polytope | None, ...]
 
 
-def shape_tables(shapes: tuple[Shape, ...], tree: TreeModel) -> ShapeTables:
-    """Return the tables of shapes on a tree's links.
+def shape_model(shapes: tuple[Shape, ...], tree: TreeModel) -> ShapeModel:
+    """Return the model of shapes on a tree's links.
 
     Raises:
         SceneError: a mesh that cannot be read.
@@ -97,7 +97,7 @@ def shape_tables(shapes: tuple[Shape, ...], tree: TreeModel) -> ShapeTables:
         count = 0 if polytope is None else len(polytope.vertices)
         numbers[index] = kind, joint, many, many + count, first_face, len(faces)
         many += count
-    return ShapeTables(
+    return ShapeModel(
         numbers,
         values,
         np.concatenate(vertices),
@@ -137,8 +137,8 @@ def _polytopes(shapes: tuple[Shape, ...]) -> tuple[Polytope | None, ...]:
 
 def contacts_of(
     scene: Scene,
-    shapes: ShapeTables,
-    tables: Tables,
+    shapes: ShapeModel,
+    model: Model,
     places: dict[str, tuple[int, Array]],
     settings: tuple[float, float, float],
 ) -> tuple[Array, Array]:
@@ -147,11 +147,11 @@ def contacts_of(
     Args:
         scene: whose contacts.
         shapes: the scene's shapes.
-        tables: the mechanism's, with any set of closures.
+        model: the mechanism's, with any set of closures.
         places: per link with shapes the joint that carries it, and its origin (3,) there, m.
         settings: see :class:`Contacts`.
     """
-    nq, nv, joints = tables.nq, tables.nv, tables.joints
+    nq, nv, joints = model.nq, model.nv, model.joints
     place = {shape.name: index for index, shape in enumerate(scene.shapes)}
     links = {shape.name: shape.link for shape in scene.shapes}
     named = list(places)
@@ -202,19 +202,19 @@ def contacts_of(
         "begun": np.zeros(nq + nv),
         "pushes": np.zeros((len(named) + len(scene.links), PUSH_VALUES)),
         "frames": np.zeros((most, 9)),
-        "room": np.zeros(room_size(min(most, FIRST_ROOM), nv)),
+        "workspace": np.zeros(workspace_size(min(most, FIRST_WORKSPACE), nv)),
     }
-    return _folded(parts)
+    return _packed(parts)
 
 
-def with_room(numbers: Array, values: Array, points: int) -> tuple[Array, Array]:
-    """Return the two arrays with room for so many points."""
+def with_workspace(numbers: Array, values: Array, points: int) -> tuple[Array, Array]:
+    """Return the two arrays with a workspace for so many points."""
     contacts = Contacts(numbers, values)
     parts = {name: getattr(contacts, name) for name in PARTS}
-    return _folded(parts | {"room": np.zeros(room_size(points, contacts.free.size))})
+    return _packed(parts | {"workspace": np.zeros(workspace_size(points, contacts.free.size))})
 
 
-def _folded(parts: dict[str, Array]) -> tuple[Array, Array]:
+def _packed(parts: dict[str, Array]) -> tuple[Array, Array]:
     """Return parts one after the other, and where each one is."""
     whole = [np.zeros(SIZES + 3 * len(PARTS), dtype=np.int64)]
     real: list[Array] = []

@@ -1,17 +1,17 @@
-"""What kernels know of a configuration, as one array: see :class:`Packed`."""
+"""What kernels know of a configuration, as one array: see :class:`Data`."""
 
 from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import Part, Structure, inner, structure
-from hapticmech_ros.mechanism.kernels.tables import Tables
+from hapticmech_ros.mechanism.kernels.model import Model
 
 # Places in a packed array's tail, from its end.
 ERROR, RANK, LEAST, RESOLVED_RANK = -4, -3, -2, -1
 
 
 @structure
-class Packed(Structure):
+class Data(Structure):
     """A configuration's terms; k = min(m, nv), and of k directions the first ``rank`` are filled.
 
     Dense and sparse factorisations share the array's first half; what the other one has is empty.
@@ -59,17 +59,17 @@ class Packed(Structure):
 
 
 # Their names.
-PARTS = tuple(name for name, part in vars(Packed).items() if isinstance(part, Part))
+PARTS = tuple(name for name, part in vars(Data).items() if isinstance(part, Part))
 
 
-def packed_size(tables: Tables) -> int:
+def data_size(model: Model) -> int:
     """Return the length of a packed array."""
-    return int(tables.numbers[6])
+    return int(model.numbers[6])
 
 
-def views_of(packed: Array, tables: Tables) -> Packed:
+def views_of(packed: Array, model: Model) -> Data:
     """Return the parts of a packed array, as views."""
-    return Packed(tables.numbers, packed)
+    return Data(model.numbers, packed)
 
 
 unpack = inner(views_of)
