@@ -20,10 +20,10 @@ class Push(Node):
         self.point: PoseStamped | None = None
         self.sent = 0
         self.push = self.create_publisher(WrenchStamped, "mechanism/handle/external_cf", 10)
-        self.create_subscription(PoseStamped, "mechanism/handle/measured_cp", self.see, 10)
+        self.create_subscription(PoseStamped, "mechanism/handle/measured_cp", self.on_pose, 10)
         self.create_timer(1.0 / RATE_HZ, self.publish)
 
-    def see(self, message: PoseStamped) -> None:
+    def on_pose(self, message: PoseStamped) -> None:
         """Keep the last pose of the operational point."""
         self.point = message
 

@@ -35,27 +35,27 @@ class Bystander:
         name: what it is to a person.
         process: the process.
         loss: what its death means.
-        tell: shows a sentence to a person.
+        notify: shows a sentence to a person.
     """
 
     def __init__(
-        self, name: str, process: subprocess.Popen[str], loss: str, tell: Callable[[str], None]
+        self, name: str, process: subprocess.Popen[str], loss: str, notify: Callable[[str], None]
     ) -> None:
         self.process = process
-        self._name, self._loss, self._tell = name, loss, tell
+        self._name, self._loss, self._notify = name, loss, notify
         self._told = False
 
     def look(self) -> None:
         """Tell once if it has ended."""
         if not self._told and self.process.poll() is not None:
             self._told = True
-            self._tell(f"{ending(self._name, self.process)}: the graph goes on, but {self._loss}")
+            self._notify(f"{ending(self._name, self.process)}: the graph goes on, but {self._loss}")
 
     def end(self) -> bool:
         """End it, if it still runs, and return whether it did its work to the end."""
         if not self._told and stop_process(self.process):
             self._told = True
-            self._tell(f"{ending(self._name, self.process)}: {self._loss}")
+            self._notify(f"{ending(self._name, self.process)}: {self._loss}")
         return not self._told
 
 

@@ -92,7 +92,7 @@ OPERATIONAL_MODEL = Layout(
         "s": Field(6, ("ratio",)),
         "inverse_inertia": Field(36, ("inverse_inertia",)),
         "constraint_projector": Field(36, ("ratio",)),
-        "balanced_share": Field(36, ("ratio",)),
+        "wrench_projector": Field(36, ("ratio",)),
         "free_acceleration": Field(6, ("acceleration",)),
         "position": Field(3, ("position",)),
         "quaternion": Field(4, ("quaternion",)),

@@ -119,7 +119,7 @@ def _parameters(run: LockstepRun) -> dict[str, object]:
     if "hand" in run.feed:
         parameters["haptic_device.hand"] = "commanded"
     if "external" in run.feed:
-        parameters["mechanism_simulator.awaits_external"] = True
+        parameters["mechanism_simulator.require_external_wrench"] = True
     return parameters
 
 

@@ -16,7 +16,7 @@ import pytest
 from benchmarks.ablation.scenes import ladder
 from hapticmech_ros import load_scene
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.engagement import engage
+from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasps
@@ -26,8 +26,8 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import DEVICE_MEASURED, RENDERED, RENDERING_FIELDS
-from hapticmech_ros.wire.rendering_wire import RenderingWriter
+from hapticmech_ros.wire.layouts import DEVICE_MEASURED, OPERATIONAL_MODEL_FIELDS, POINT_MODEL_PART
+from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
 from hapticmech_ros.wire.state import StateLayout, WireState
 
 WARM_UP, TICKS = 500, 5000
@@ -53,14 +53,14 @@ def nodes(scene: Scene) -> Tick:
     """Do what the four nodes do in a period, without their messages' way between them."""
     simulator = Simulator(scene)
     analyser = Analyser(Mechanism(scene))
-    layout, rendering = StateLayout(simulator.mechanism), RenderingWriter(analyser)
-    state_wire, rendering_wire = FlatArray(layout.fields), FlatArray(RENDERING_FIELDS)
+    layout, operational_model = StateLayout(simulator.mechanism), OperationalModelWriter(analyser)
+    state_wire, rendering_wire = FlatArray(layout.fields), FlatArray(OPERATIONAL_MODEL_FIELDS)
     control, device = ControlArchitecture(scene), device_for(scene)
     points, index = len(scene.operational_points), analyser.index
     state = simulator.initial_state()
     start = simulator.evaluate(state).points[index].pose
     held = device.at_rest(start, held=True)
-    engagement = engage(0.0, start, start)
+    clutch = engage(0.0, start, start)
     now = {"state": state, "device": held, "ticks": 0}
     heard, grasps = (True,) * points, flat_grasps(scene)
 
@@ -76,11 +76,11 @@ def nodes(scene: Scene) -> Tick:
             heard,
         )
         sent = state_wire.encode(layout.pack(wire))
-        rendering.see(layout.unpack(state_wire.decode(sent)))
-        rendering.count(1)
-        seen = rendering_wire.decode(rendering_wire.encode(rendering.values))
+        operational_model.evaluate(layout.unpack(state_wire.decode(sent)))
+        operational_model.count(1)
+        seen = rendering_wire.decode(rendering_wire.encode(operational_model.values))
         measured = np.concatenate((np.zeros(2), own.published))[DEVICE_MEASURED]
-        answer = control.answer(1e-3 * ticks, engagement, measured, seen[RENDERED].copy(), 0.0)
+        answer = control.answer(1e-3 * ticks, clutch, measured, seen[POINT_MODEL_PART].copy(), 0.0)
         wrenches = np.zeros((points, 6))
         wrenches[index] = answer[1]
         now["state"] = simulator.step(mechanism, wrenches)

@@ -40,10 +40,12 @@ def test_a_quaternion_leaves_nothing_behind():
 
 def test_engaging_leaves_nothing_behind():
     control = ControlArchitecture(load_scene("five_bar"))
-    device, rendered = np.zeros(19), np.zeros(OPERATIONAL_MODEL.size)
-    device[6] = rendered[OPERATIONAL_MODEL.slice("quaternion").stop - 1] = 1.0
+    device, operational_model = np.zeros(19), np.zeros(OPERATIONAL_MODEL.size)
+    device[6] = operational_model[OPERATIONAL_MODEL.slice("quaternion").stop - 1] = 1.0
 
     def engage():
-        control.answer(1.0, control.engage(0.0, device, rendered, 0.0), device, rendered, 0.0)
+        control.answer(
+            1.0, control.engage(0.0, device, operational_model, 0.0), device, operational_model, 0.0
+        )
 
     assert grown(engage) < GROWTH

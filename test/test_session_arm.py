@@ -36,7 +36,7 @@ def factor(scene, arm):
     """Return the spectral radius of G Λ_a (Λ_d + Λ_a)⁻¹ at the scene's start."""
     analysis = session(scene, arm).tick().analysis
     x, share = (
-        a[np.ix_(PLANE, PLANE)] for a in (analysis.inverse_inertia, analysis.balanced_share)
+        a[np.ix_(PLANE, PLANE)] for a in (analysis.inverse_inertia, analysis.wrench_projector)
     )
     gain = np.diag([MASS, MASS, INERTIA]) @ x - np.eye(3) + share
     carried = np.diag([arm / (MASS + arm)] * 2 + [0.0])

@@ -83,7 +83,7 @@ def test_grasps_gains_and_closures_change_between_runs_as_between_ticks():
     link = one.scene.operational_points[0].link
     name = one.scene.closures[0].name
     changes = (
-        lambda session: session.grasp(link, Origin(xyz=(0.01, 0.0, 0.0))),
+        lambda session: session.set_operational_point(link, Origin(xyz=(0.01, 0.0, 0.0))),
         lambda session: session.tune(softer),
         lambda session: session.mechanism.active[0] and session.switch_closure(name, False),
     )
@@ -161,15 +161,15 @@ def test_an_unknown_field_names_those_that_there_are():
 class Same(ControlArchitecture):
     """A control law of one's own that is the scene's."""
 
-    def answer(self, time, engagement, device, rendered, ahead, in_flight=None):
-        return super().answer(time, engagement, device, rendered, ahead, in_flight)
+    def answer(self, time, clutch, device, operational_model, ahead, in_flight=None):
+        return super().answer(time, clutch, device, operational_model, ahead, in_flight)
 
 
 class Halved(ControlArchitecture):
     """A control law of one's own: the scene's, with half the wrench on the hand."""
 
-    def answer(self, time, engagement, device, rendered, ahead, in_flight=None):
-        found = super().answer(time, engagement, device, rendered, ahead, in_flight)
+    def answer(self, time, clutch, device, operational_model, ahead, in_flight=None):
+        found = super().answer(time, clutch, device, operational_model, ahead, in_flight)
         found[0] *= 0.5
         return found
 
@@ -193,10 +193,10 @@ def test_a_law_of_ones_own_is_asked_for_each_sample_with_the_gains_of_the_time()
     scene, seen = load_scene("two_link"), []
 
     class Own(ControlArchitecture):
-        def answer(self, time, engagement, device, rendered, ahead, in_flight=None):
-            self.pass_on_to(time)
+        def answer(self, time, clutch, device, operational_model, ahead, in_flight=None):
+            self.apply_gains_at(time)
             seen.append((time, self.gains.position_channel.stiffness))
-            device[:] = rendered[:] = 0.0
+            device[:] = operational_model[:] = 0.0
             return np.zeros((6, 6))
 
     session = Session(scene, control=Own(scene))

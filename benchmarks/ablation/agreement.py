@@ -10,9 +10,9 @@ from benchmarks.ablation.loop import PARTS
 from benchmarks.oracle import oracle, readable_simulator
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import PointMeasurement
-from hapticmech_ros.control.engagement import engage
-from hapticmech_ros.control.flat import flat_rendered
-from hapticmech_ros.control.lateness import loop_lateness
+from hapticmech_ros.control.clutch import engage
+from hapticmech_ros.control.compensated_delay import compensated_loop_delay
+from hapticmech_ros.control.flat import flat_operational_model
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.operational import OperationalAnalysis
@@ -77,8 +77,10 @@ class _Readable:
         links = {shape.name: shape.link for shape in scene.shapes}
         self._touching_links = [(links[pair.a], links[pair.b]) for pair in scene.contacts]
         self._kernels = Simulator(scene)
-        mechanism, lateness = self._simulator.mechanism, loop_lateness(scene)
-        self._analyser = oracle("operational").ReadableAnalyser(mechanism, lateness=lateness)
+        mechanism, compensated_delay = self._simulator.mechanism, compensated_loop_delay(scene)
+        self._analyser = oracle("operational").ReadableAnalyser(
+            mechanism, compensated_delay=compensated_delay
+        )
         self._control = oracle("control").ReadableControl(scene)
         self._device = oracle("devices").readable_device_for(scene)
         self._index = self._analyser.index
@@ -90,7 +92,7 @@ class _Readable:
     def engage(self, first: Sample) -> None:
         """Take hold where the session did."""
         start = first.point.pose
-        self._engagement = engage(0.0, start, start)
+        self._clutch = engage(0.0, start, start)
         self._held = first.device
 
     def _moved(self, state: MechanismState, wrenches: Array) -> MechanismState:
@@ -120,13 +122,15 @@ class _Readable:
         terms = self._simulator.evaluate(sample.mechanism)
         analysis = self._analyser.analyse(terms)
         state = sample.mechanism
-        late = self._analyser.late(terms, state.q, state.v, state.active, analysis)
+        compensated = self._analyser.compensated(terms, state.q, state.v, state.active, analysis)
         device, point, model = sample.device, sample.point, sample.model
         environment = sample.external_wrench + sample.contact_wrench
         seen = PointMeasurement(point.pose, point.twist, environment)
         measured = np.concatenate((device.published[:13], sample.hand_wrench))
-        rendered = flat_rendered(model, seen)
-        acting = self._loop.tick(sample.time, self._engagement, measured, device.applied, rendered)
+        operational_model = flat_operational_model(model, seen)
+        acting = self._loop.tick(
+            sample.time, self._clutch, measured, device.applied, operational_model
+        )
         output = self._loop.output
         wrenches = np.zeros((self._points, 6))
         wrenches[self._index] = acting.mechanism
@@ -136,8 +140,8 @@ class _Readable:
             "observe": max(
                 _terms_apart(self._kernels.evaluate(sample.mechanism), terms),
                 _analysis_apart(sample.analysis, analysis),
-                _apart(model.inverse_inertia, late.inverse_inertia),
-                _apart(model.free_acceleration, late.free_acceleration),
+                _apart(model.inverse_inertia, compensated.inverse_inertia),
+                _apart(model.free_acceleration, compensated.free_acceleration),
             ),
             "control": max(
                 _apart(sample.output.device, output.device),
@@ -167,7 +171,7 @@ def _analysis_apart(found: OperationalAnalysis, expected: OperationalAnalysis) -
     return max(
         _apart(found.inverse_inertia, expected.inverse_inertia),
         _apart(found.constraint_projector, expected.constraint_projector),
-        _apart(found.balanced_share, expected.balanced_share),
+        _apart(found.wrench_projector, expected.wrench_projector),
         _apart(found.free_acceleration, expected.free_acceleration),
     )
 

@@ -197,14 +197,14 @@ def _stepped(setting: Setting) -> tuple[Watch, float]:
     watch = Watch(setting.case, setting.step, Mechanism(scene))
     start = simulator.initial_state()
     _advance(simulator, start, max(1, min(WARM_UP, round(WARM_UP_SHARE * steps))))
-    watch.see(0, start)
+    watch.record(0, start)
     state, taken, cpu_s = start, 0, 0.0
     while taken < steps:
         begun = time.process_time()
         states = _advance(simulator, state, min(BLOCK, steps - taken))
         cpu_s += time.process_time() - begun
         for number, seen in enumerate(states, taken + 1):
-            watch.see(number, seen)
+            watch.record(number, seen)
         taken, state = taken + len(states), states[-1]
     return watch, cpu_s / (steps * setting.step)
 
@@ -248,7 +248,7 @@ class Watch:
         self.energy_error = None if case.energy is None else 0.0
         self.ranks: list[tuple[float, int]] = []
 
-    def see(self, number: int, state: MechanismState) -> None:
+    def record(self, number: int, state: MechanismState) -> None:
         """Look at sample ``number``; 0 is the start."""
         self.closure_error = max(self.closure_error, state.closure_error)
         if any(state.active):

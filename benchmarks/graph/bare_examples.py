@@ -17,7 +17,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8, UInt8Mul
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.messages import (
@@ -41,12 +41,12 @@ from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import (
     DEVICE_FIELDS,
     ENERGY_FIELDS,
-    RENDERING_FIELDS,
+    OPERATIONAL_MODEL_FIELDS,
     DeviceSample,
-    Rendering,
+    OperationalModelMessage,
     pack_device,
     pack_energy,
-    pack_rendering,
+    pack_operational_model,
 )
 from hapticmech_ros.wire.port_energies import (
     CONTROLLER_ENERGY_FIELDS,
@@ -116,11 +116,11 @@ class Examples:
             sample.device.measured_pose, sample.device.measured_twist, sample.hand_wrench
         )
         seen = PointMeasurement(sample.point.pose, sample.point.twist, external[0])
-        rendering = Rendering(
+        rendering = OperationalModelMessage(
             0,
             sample.count,
             analysis.spectrum.s,
-            rendering_model(analysis),
+            operational_model_of(analysis),
             seen,
             True,
             grasps[0],
@@ -133,7 +133,9 @@ class Examples:
                 FlatArray(DEVICE_FIELDS), pack_device(DeviceSample(0, device, output.device))
             ),
             table.STATE: StampedArray(FlatArray(layout.fields), layout.pack(wire)),
-            table.RENDERING: StampedArray(FlatArray(RENDERING_FIELDS), pack_rendering(rendering)),
+            table.POINT_MODEL: StampedArray(
+                FlatArray(OPERATIONAL_MODEL_FIELDS), pack_operational_model(rendering)
+            ),
             table.DEVICE_GAIN: StampedArray(
                 FlatArray(GAIN_FIELDS), pack_gain(ServoGain(0, 0, 0.0, np.zeros(108)))
             ),
@@ -158,7 +160,7 @@ class Examples:
             table.JOINT_STATES: _joints(*joints),
             table.POINT_JOINTS: _joints(*joints),
             table.POINT_POSE: _pose(sample.point.pose),
-            table.GRASPED: _pose(sample.point.pose),
+            table.OPERATIONAL_POINT: _pose(sample.point.pose),
             table.POINT_TWIST: _twist(sample.point.twist),
             table.CLOSURES: _constant(_flags(flags, names)),
             table.INVERSE_INERTIA: _matrix("row", "column", analysis.inverse_inertia),

@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
-from hapticmech_ros.nodes.child import tell, watch
+from hapticmech_ros.nodes.child import watch, write_progress
 from hapticmech_ros.nodes.messages import stamp_ns
 from hapticmech_ros.nodes.qos import RECORDER_SUBSCRIBER
 from hapticmech_ros.wire.topics import DIAGNOSTICS
@@ -28,7 +28,7 @@ class GraphProbe(Node):
 
     def _on_statuses(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            tell(
+            write_progress(
                 "status",
                 node=status.name,
                 stamp_ns=stamp_ns(message.header),

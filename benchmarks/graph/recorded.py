@@ -17,18 +17,18 @@ from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,
     DEVICE_STATE,
     POINT_COMMAND,
-    RENDERING,
+    POINT_MODEL,
     STATE,
     TOPICS,
 )
 
-WATCHED = (DEVICE_STATE, DEVICE_COMMAND, POINT_COMMAND, STATE, RENDERING)
+WATCHED = (DEVICE_STATE, DEVICE_COMMAND, POINT_COMMAND, STATE, POINT_MODEL)
 RECORDED_TRIP = "device's deadline → servo_cf"
 # Loss -> what is answered, by what.
 ANSWERED = {
     "device/state → servo_cf": (DEVICE_STATE, DEVICE_COMMAND),
     "device/state → mechanism's servo_cf": (DEVICE_STATE, POINT_COMMAND),
-    "mechanism/state → rendering": (STATE, RENDERING),
+    "mechanism/state → rendering": (STATE, POINT_MODEL),
 }
 
 
@@ -94,7 +94,7 @@ def _hops(
     arrivals: Mapping[Topic, Mapping[int, int]], window: tuple[int, int]
 ) -> dict[str, Percentiles]:
     device, command = arrivals[DEVICE_STATE], arrivals[DEVICE_COMMAND]
-    state, rendering = arrivals[STATE], arrivals[RENDERING]
+    state, rendering = arrivals[STATE], arrivals[POINT_MODEL]
     found = {
         "device's deadline → device/state": delay(device, window),
         "device/state → servo_cf": hop(device, command, window),

@@ -12,7 +12,7 @@ from pathlib import Path
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.stepped_clock import NoCompilerError, SteppedClock, compiler
-from benchmarks.reliability.trial import Fault, Trial, observe, summarised, tell_lateness
+from benchmarks.reliability.trial import Fault, Trial, observe, report_delays, summarised
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topic import DEVICE
 
@@ -98,7 +98,7 @@ def _machine(number: int, out: Path, told: Callable[[str], None]) -> list[Figure
         for seconds in steps(number, STEPS_S):
             trials.append(try_step(rig, clock, seconds, "machine's clock"))
             told(trials[-1].line)
-        figures = tell_lateness(PART, rig)
+        figures = report_delays(PART, rig)
         figures += summarised(PART, "machine's clock", trials, rig.clean_max)
     return figures + _emergency_stops(number, out, told)
 

@@ -18,8 +18,8 @@ import numpy as np
 from benchmarks.children import BenchError, ReportingProcess, wait_until
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig, pushing
-from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, RENDERING
-from benchmarks.reliability.trial import Fault, Trial, observe, summarised, tell_lateness
+from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, POINT_MODEL
+from benchmarks.reliability.trial import Fault, Trial, observe, report_delays, summarised
 from hapticmech_ros.graph import Graph
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER
 from hapticmech_ros.wire.topic import DEVICE as DEVICE_NODE
@@ -58,7 +58,7 @@ class Kind:
 KINDS = (
     Kind(f"second_{DEVICE_NODE}", DEVICE_NODE, DEVICE),
     Kind(f"second_{MECHANISM_NODE}", MECHANISM_NODE, MECHANISM),
-    Kind(f"second_{ANALYSER}", ANALYSER, RENDERING),
+    Kind(f"second_{ANALYSER}", ANALYSER, POINT_MODEL),
     Kind(f"second_{CONTROLLER}", CONTROLLER, COMMAND),
     # What is commanded is what its actuators would do.
     Kind("foreign_driver", DEVICE_NODE, DEVICE, (DEVICE, COMMAND)),
@@ -109,7 +109,7 @@ def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Fig
     number = QUICK_TRIALS if quick else TRIALS
     figures: list[Figure] = []
     with Rig(out, PART, all_topics=True) as rig:
-        figures += tell_lateness(PART, rig)
+        figures += report_delays(PART, rig)
         for kind in KINDS:
             trials = []
             for index in range(number):

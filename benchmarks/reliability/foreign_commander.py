@@ -16,7 +16,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.nodes.child import tell, watch
+from hapticmech_ros.nodes.child import watch, write_progress
 from hapticmech_ros.nodes.loop import wake_up_in_time
 from hapticmech_ros.nodes.messages import WORLD
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
@@ -65,7 +65,7 @@ class ForeignCommander(Node):
     def _publish(self) -> None:
         heard_by = self._commands.get_subscription_count()
         for _ in range(self._heard_by, heard_by):
-            tell("first", at_ns=time.monotonic_ns())
+            write_progress("first", at_ns=time.monotonic_ns())
         self._heard_by = max(self._heard_by, heard_by)
         self._commands.publish(self._message)
 

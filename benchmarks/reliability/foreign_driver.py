@@ -11,7 +11,7 @@ import time
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rclpy.node import Node
 
-from hapticmech_ros.nodes.child import tell, watch
+from hapticmech_ros.nodes.child import watch, write_progress
 from hapticmech_ros.nodes.loop import wake_up_in_time
 from hapticmech_ros.nodes.messages import WORLD
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
@@ -48,7 +48,7 @@ class ForeignDriver(Node):
         # A real driver's messages are heard only once somebody has met it.
         if not self._told and self._met():
             self._told = True
-            tell("first", at_ns=time.monotonic_ns())
+            write_progress("first", at_ns=time.monotonic_ns())
         stamp = self.get_clock().now().to_msg()
         for name, message in self._messages.items():
             message.header.stamp, message.header.frame_id = stamp, WORLD

@@ -12,7 +12,7 @@ from pathlib import Path
 from benchmarks.children import BenchError
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig
-from benchmarks.reliability.trial import Fault, Trial, observe, summarised, tell_lateness
+from benchmarks.reliability.trial import Fault, Trial, observe, report_delays, summarised
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topic import DEVICE
 
@@ -35,7 +35,7 @@ def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Fig
                 seconds = SHORTEST_S * (LONGEST_S / SHORTEST_S) ** chance.random()
                 trials[node].append(try_freeze(rig, node, seconds))
                 told(trials[node][-1].line)
-        figures = tell_lateness(PART, rig)
+        figures = report_delays(PART, rig)
         for node, found in trials.items():
             figures += summarised(PART, node, found, rig.clean_max)
     return figures

@@ -92,7 +92,9 @@ class Trial:
         self.graph.run(SETTLED_S)
         self._samples = self._wholes()
         self._homes = {
-            topic: message for topic, message in self._samples.items() if topic.endswith("/grasp")
+            topic: message
+            for topic, message in self._samples.items()
+            if topic.endswith("/set_operational_point")
         }
 
     def send(self, count: int) -> None:
@@ -185,16 +187,14 @@ def stamped(message: Any) -> Any:
 
 
 def pushing(scene: Scene) -> tuple[list[str], list[str]]:
-    """Return the topics through which people push, what is held first, what expires second."""
+    """Return the topics of wrenches: persistent ones first, those that expire second."""
     bodies = [point.name for point in scene.operational_points]
     bodies += [link.name for link in scene.links]
     prefixes = ["/device", *(f"/mechanism/{body}" for body in bodies)]
-    held = [f"{prefix}/held_cf" for prefix in prefixes]
-    expiring = [
-        f"{prefix}/{'hand_cf' if prefix == '/device' else 'external_cf'}/somebody"
-        for prefix in prefixes
+    names = [
+        f"{prefix}/{'hand_cf' if prefix == '/device' else 'external_cf'}" for prefix in prefixes
     ]
-    return held, expiring
+    return [f"{name}/persistent" for name in names], [f"{name}/somebody" for name in names]
 
 
 def frames(scene: Scene) -> list[str]:

@@ -20,7 +20,7 @@ SAMPLE = np.dtype(
         ("torque", "f8"),
     ]
 )
-DEVICE, COMMAND, MECHANISM, RENDERING = range(4)
+DEVICE, COMMAND, MECHANISM, POINT_MODEL = range(4)
 # Ten minutes of four topics at 1 kHz; the disk sees what is written.
 CAPACITY = 1 << 22
 COUNT_BYTES = 8

@@ -216,7 +216,7 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
     ]
 
 
-def tell_lateness(part: str, rig: Rig) -> list[Figure]:
+def report_delays(part: str, rig: Rig) -> list[Figure]:
     """Return how late the watcher itself is, and what a clean run's force is."""
     late = rig.lateness_ns / MS
     note = "arrival less stamp, of a clean run"

@@ -23,9 +23,9 @@ from std_msgs.msg import Float64MultiArray
 # By its place, as when this file is run by its path.
 sys.path.append(str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, RENDERING, Ring
+from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, POINT_MODEL, Ring
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.nodes.child import tell, watch
+from hapticmech_ros.nodes.child import watch, write_progress
 from hapticmech_ros.nodes.loop import wake_up_in_time
 from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.qos import RECORDER_SUBSCRIBER
@@ -52,7 +52,7 @@ class GraphWatch(Node):
         self._listen(COMMAND, topics.DEVICE_COMMAND.name, WrenchStamped, _command)
         if point:
             self._listen(MECHANISM, topics.STATE.name, Float64MultiArray, _stamped)
-            self._listen(RENDERING, topics.RENDERING.of(point), Float64MultiArray, _stamped)
+            self._listen(POINT_MODEL, topics.POINT_MODEL.of(point), Float64MultiArray, _stamped)
         qos = RECORDER_SUBSCRIBER
         self.create_subscription(DiagnosticArray, topics.DIAGNOSTICS.name, self._on_status, qos)
         self.create_subscription(Log, "/rosout", self._on_log, qos)
@@ -79,12 +79,14 @@ class GraphWatch(Node):
             text = "; ".join(t for t in (status.message, figures.get("fault", "")) if t)
             well = status.level == DiagnosticStatus.OK
             now = time.monotonic_ns()
-            tell("said", node=status.name, text=text, well=well, by="diagnostics", at_ns=now)
+            write_progress(
+                "said", node=status.name, text=text, well=well, by="diagnostics", at_ns=now
+            )
 
     def _on_log(self, message: Log) -> None:
         well = message.level < Log.WARN
         now = time.monotonic_ns()
-        tell("said", node=message.name, text=message.msg, well=well, by="log", at_ns=now)
+        write_progress("said", node=message.name, text=message.msg, well=well, by="log", at_ns=now)
 
 
 def _device(message: bytes) -> Told:

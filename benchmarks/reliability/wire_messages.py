@@ -30,7 +30,7 @@ from hapticmech_ros.scene import load_scene
 
 PART, SCENE, POINT = "messages", "five_bar", "handle"
 DEVICE_OUT, MECHANISM_OUT = "device/state", "mechanism/state"
-RENDERING_OUT, GAIN_OUT = f"analysis/{POINT}/rendering", "device/servo_gain"
+POINT_MODEL_OUT, GAIN_OUT = f"analysis/{POINT}/operational_model", "device/local_feedback_gain"
 COMMANDS = ("device/servo_cf", f"mechanism/{POINT}/servo_cf")
 CRTK = {"device/measured_cp": PoseStamped, "device/measured_cv": TwistStamped}
 # So many at once, and then a pause in which they are read: subscribers keep one message each.
@@ -93,23 +93,23 @@ class Attack:
         self._samples: dict[str, bytes] = {}
         self._kinds: dict[str, Any] = {
             **dict.fromkeys(
-                (DEVICE_OUT, MECHANISM_OUT, RENDERING_OUT, GAIN_OUT), Float64MultiArray
+                (DEVICE_OUT, MECHANISM_OUT, POINT_MODEL_OUT, GAIN_OUT), Float64MultiArray
             ),
             **dict.fromkeys(COMMANDS, WrenchStamped),
             **CRTK,
             "device/measured_cf": WrenchStamped,
-            f"mechanism/{POINT}/grasp": PoseStamped,
+            f"mechanism/{POINT}/set_operational_point": PoseStamped,
         }
         for body in ("device", *(f"mechanism/{name}" for name in (POINT, *links[:2]))):
             verb = "hand_cf" if body == "device" else "external_cf"
             self._kinds[f"{body}/{verb}/stranger"] = WrenchStamped
-            self._kinds[f"{body}/held_cf/stranger"] = WrenchStamped
+            self._kinds[f"{body}/{verb}/persistent/stranger"] = WrenchStamped
         self._own: dict[bytes, None] = {}
-        for topic in (DEVICE_OUT, MECHANISM_OUT, RENDERING_OUT, GAIN_OUT, *COMMANDS):
+        for topic in (DEVICE_OUT, MECHANISM_OUT, POINT_MODEL_OUT, GAIN_OUT, *COMMANDS):
             self._listen(topic)
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_status, 100)
         self._grasped: list[PoseStamped] = []
-        grasped = f"mechanism/{POINT}/grasped"
+        grasped = f"mechanism/{POINT}/operational_point"
         self._node.create_subscription(PoseStamped, grasped, self._grasped.append, LATCHED)
 
     @property
@@ -246,9 +246,9 @@ class Attack:
         zero = WrenchStamped()
         zero.header.frame_id = "world"
         for topic, _, publisher in publishers:
-            if "held_cf" in topic:
+            if "/persistent" in topic:
                 publisher.publish(zero)
-            elif topic.endswith("/grasp") and self._grasped:
+            elif topic.endswith("/set_operational_point") and self._grasped:
                 publisher.publish(self._grasped[0])
         self._spin(0.5)
 

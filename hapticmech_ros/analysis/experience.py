@@ -18,7 +18,7 @@ import numpy as np
 from hapticmech_ros.analysis.scene_variants import at_once
 from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.engagement import pose_error
+from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.session import Sample, Session
@@ -70,7 +70,7 @@ def experience(setup: Setup) -> Experience:
     kept = True
     try:
         for _ in range(ticks):
-            if not watch.see(session.tick()):
+            if not watch.record(session.tick()):
                 kept = False
                 break
     except HapticMechError:
@@ -87,7 +87,7 @@ class _Watch:
         self._stored: list[float] = []
         self._contact: list[float] = []
 
-    def see(self, sample: Sample) -> bool:
+    def record(self, sample: Sample) -> bool:
         """Take a sample; return whether device and point are together."""
         analysis = sample.analysis
         error = pose_error(sample.point.pose, sample.device.pose)[analysis.rows]

@@ -23,7 +23,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture, device_inertia
 from hapticmech_ros.control.force_gain import force_gain
 from hapticmech_ros.control.loop_stability import ON_CIRCLE
-from hapticmech_ros.control.measurements import RenderingModel
+from hapticmech_ros.control.measurements import OperationalModel
 from hapticmech_ros.device.hand import spring_gains
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.document import Scene
@@ -178,7 +178,7 @@ class Law:
     near: tuple[Array, Array] = (np.zeros((6, 6)), np.zeros((6, 6)))
 
 
-def law_of(control: ControlArchitecture, model: RenderingModel) -> Law:
+def law_of(control: ControlArchitecture, model: OperationalModel) -> Law:
     """Return the law of a scene's controllers, limits and ramps left out.
 
     Args:
@@ -186,7 +186,7 @@ def law_of(control: ControlArchitecture, model: RenderingModel) -> Law:
         model: what the analysis reports at the position.
     """
     joint, channels = control.gains.joint_constraint, control.channels
-    x, share, projector = model.inverse_inertia, model.balanced_share, model.constraint_projector
+    x, share, projector = model.inverse_inertia, model.wrench_projector, model.constraint_projector
     free = np.eye(6) - share
     position, feedback = control.gains.position_channel, channels.force.device_feedback
     rigid = joint.stiffness * projector, joint.damping * projector

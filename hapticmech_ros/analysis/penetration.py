@@ -16,7 +16,7 @@ from hapticmech_ros.analysis.directions import directions
 from hapticmech_ros.analysis.scene_variants import at_once, held_by_nobody
 from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.engagement import pose_error
+from hapticmech_ros.control.clutch import pose_error
 
 # N; small, so that a direction that does not resist takes the device 15 mm, not out of the scene.
 PUSH_N = 0.1

@@ -15,7 +15,7 @@ from hapticmech_ros.analysis.linear_loop import Law
 from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture, device_inertia
-from hapticmech_ros.control.engagement import Engagement, pose_error
+from hapticmech_ros.control.clutch import Clutch, pose_error
 from hapticmech_ros.control.flat import device_of
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
 from hapticmech_ros.control.measurements import ControlOutput
@@ -54,21 +54,21 @@ class ProxyControl(ControlArchitecture):
     def answer(
         self,
         time: float,
-        engagement: Engagement,
+        clutch: Clutch,
         device: Array,
-        rendered: Array,
+        operational_model: Array,
         ahead: float,
         in_flight: InFlight | None = None,
     ) -> Array:
         """Return the wrenches for measurements; see :meth:`ControlArchitecture.answer`."""
-        own, point = device_of(device), point_ahead(rendered, ahead, in_flight)
-        error = self.task * pose_error(point.pose, engagement.mapped(own.pose))
+        own, point = device_of(device), point_ahead(operational_model, ahead, in_flight)
+        error = self.task * pose_error(point.pose, clutch.mapped(own.pose))
         rate = self.task * (own.twist - point.twist)
-        ramp = engagement.ramp(time, self.ramp_of(engagement))
+        ramp = clutch.ramp(time, self.ramp_of(clutch))
         pull = ramp * (self.spring @ error + self.damper @ rate)
         none = np.zeros(6)
         return ControlOutput(
-            device=self.joined(time, engagement, limited(-pull, *self.limits)),
+            device=self.joined(time, clutch, limited(-pull, *self.limits)),
             mechanism=limited(pull, *self.limits),
             impedance=none,
             joint_constraint=none,

@@ -29,7 +29,7 @@ from hapticmech_ros.analysis.touch import Setup, touched
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
-from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample
 
@@ -96,7 +96,7 @@ def variants(scene: Scene, point: str = "", delay: int = 1) -> list[Variant]:
 
 def _architecture(name: str, scene: Scene, point: str, delay: int) -> Variant:
     found = directions(scene, point)
-    model = rendering_model(found.analysis)
+    model = operational_model_of(found.analysis)
     law, joint = law_of(ControlArchitecture(scene), model), scene.controller.joint_constraint
     holds = joint.stiffness > 0.0 or not found.held.size
     return Variant(name, Setup(scene, point, delay), law, holds, (joint.stiffness, joint.damping))

@@ -33,7 +33,7 @@ from hapticmech_ros.analysis.touch import Observe, Setup, touched
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
-from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample
@@ -156,7 +156,7 @@ class Wall:
         held = NOBODY if hand == "nobody" else held_by(self.scene)
         if held is None:
             return None
-        model = rendering_model(self._analysis)
+        model = operational_model_of(self._analysis)
 
         def stable(stiffness: float) -> bool:
             scene = self._with(stiffness, damping, hand)

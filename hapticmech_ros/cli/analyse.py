@@ -14,7 +14,7 @@ from hapticmech_ros.cli.console import OutOption, SceneArgument, console, progre
 from hapticmech_ros.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from hapticmech_ros.offline import Led
+    from hapticmech_ros.offline import PrescribedJoint
 
 
 def analyse(
@@ -77,18 +77,22 @@ def sweep(
     from hapticmech_ros.offline.figure import sweep_figure
     from hapticmech_ros.scene import load_scene
 
-    led = [_led(text) for text in joint]
+    prescribed = [_prescribed(text) for text in joint]
     begun = time.perf_counter()
-    places = math.prod(len(one.values) for one in led)
+    places = math.prod(len(one.values) for one in prescribed)
     with progress() as bar:
         task = bar.add_task("sweeping", total=places)
         found = run_sweep(
-            load_scene(scene), led, point, processes, lambda done: bar.update(task, completed=done)
+            load_scene(scene),
+            prescribed,
+            point,
+            processes,
+            lambda done: bar.update(task, completed=done),
         )
     taken = time.perf_counter() - begun
     out.mkdir(parents=True, exist_ok=True)
     table = found.save(out / "sweep.npz")
-    picture = save(sweep_figure(found, led), out / "sweep.png")
+    picture = save(sweep_figure(found, prescribed), out / "sweep.png")
     console.print(
         f"{found.count.size} of {places} places reached and analysed in {taken:.2f} s",
         highlight=False,
@@ -96,13 +100,13 @@ def sweep(
     console.print(f"{table}\n{picture}", highlight=False)
 
 
-def _led(text: str) -> Led:
+def _prescribed(text: str) -> PrescribedJoint:
     """Return what ``NAME=FROM:TO:NUMBER`` says.
 
     Raises:
         InvalidInputError: it does not.
     """
-    from hapticmech_ros.offline import Led
+    from hapticmech_ros.offline import PrescribedJoint
 
     name, _, way = text.partition("=")
     try:
@@ -110,4 +114,4 @@ def _led(text: str) -> Led:
         values = np.linspace(float(first), float(last), int(number))
     except ValueError:
         raise InvalidInputError("--joint", text, "must be NAME=FROM:TO:NUMBER") from None
-    return Led(name, tuple(values.tolist()))
+    return PrescribedJoint(name, tuple(values.tolist()))

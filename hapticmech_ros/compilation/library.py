@@ -132,7 +132,7 @@ def _content() -> bytes:
     try:
         safe = is_safe(path.parent)
         if safe:
-            found = _read(path, tell=True)
+            found = _read(path, says_why=True)
             return _built(path) if found is None else found
     except OSError as error:
         # No folder that can be written, or a disk that is full.
@@ -140,14 +140,14 @@ def _content() -> bytes:
     return _made()
 
 
-def _read(path: Path, tell: bool = False) -> bytes | None:
+def _read(path: Path, says_why: bool = False) -> bytes | None:
     """Return the library if it is there as it was written."""
     try:
         return read_sealed(path, _origin(path))
     except FileNotFoundError:
         return None
     except BrokenSealError as error:
-        if tell:
+        if says_why:
             warn(f"{error}: it is not loaded")
         return None
 

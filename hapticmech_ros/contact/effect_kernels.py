@@ -11,7 +11,7 @@ from hapticmech_ros.mechanism.kernels.small_matrices import cross
 
 @inner
 def contact_effects(contacts: Contacts, places: Array, count: int) -> None:
-    """Fill ``joint_force``, ``origins`` and the links' rows of ``pushes``.
+    """Fill ``joint_force``, ``origins`` and the links' rows of ``external``.
 
     Args:
         contacts: with so many points and the forces there.
@@ -38,12 +38,12 @@ def contact_effects(contacts: Contacts, places: Array, count: int) -> None:
 
 @inner
 def _push_links(contacts: Contacts, places: Array, count: int) -> None:
-    """Fill the links' rows of ``pushes``; see ``motion_kernels.add_link_forces``."""
+    """Fill the links' rows of ``external``; see ``motion_kernels.add_link_forces``."""
     moment, arm, place = local(3), local(3), local(3)
     carriers, link_origins, acts = contacts.carriers, contacts.link_origins, contacts.acts
     points, forces, owners = contacts.points, contacts.forces, contacts.owners
     for link in range(carriers.size):
-        push, origin = contacts.pushes[link], link_origins[link]
+        push, origin = contacts.external[link], link_origins[link]
         push[0] = carriers[link]
         for i in range(3):
             push[1 + i], push[4 + i], push[7 + i] = origin[i], 0.0, 0.0

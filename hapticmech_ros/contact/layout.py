@@ -27,7 +27,7 @@ PUSH_VALUES = 10
 SHAPE_A, SHAPE_B, JOINT_A, JOINT_B, NEEDS_SEARCH = 0, 1, 2, 3, 4
 # Columns of a pair's law: k, N/m; d, N s/m; μ; χ, s/m.
 STIFFNESS, DAMPING, COULOMB, DISSIPATION = 0, 1, 2, 3
-# Of the counts: points in the last substep, in the one before, and those that found no place in the workspace.
+# Of the counts: points in the last substep, in the one before, and those the workspace lacked.
 NOW, BEFORE, FOUND, COUNTS = 0, 1, 2, 3
 # Of the settings: how far ahead in a step depths are taken, the period, s, and the share of their
 # size by which shapes are apart that a period leaves alone.
@@ -78,7 +78,7 @@ class Contacts(Structure):
         joint_force: (nv,) Σ J_cᵀ λ, N m or N.
         report: (6,) see ``HELD``.
         begun: (nq + nv,) state at the period's start.
-        pushes: (l + links, 10) what contacts do to links, then what else pushes on them.
+        external: (l + links, 10) what contacts do to links, then what else pushes on them.
         frames: (4 p, 9) normal and tangents of points.
         workspace: for the solver's matrices.
     """
@@ -116,7 +116,7 @@ class Contacts(Structure):
     joint_force = Part(28, 1)
     report = Part(29, 1)
     begun = Part(30, 1)
-    pushes = Part(31, 2)
+    external = Part(31, 2)
     frames = Part(32, 2)
     workspace = Part(33, 1)
     origins = Part(34, 2)

@@ -200,7 +200,7 @@ def contacts_of(
         "joint_force": np.zeros(nv),
         "report": np.zeros(REPORT_VALUES),
         "begun": np.zeros(nq + nv),
-        "pushes": np.zeros((len(named) + len(scene.links), PUSH_VALUES)),
+        "external": np.zeros((len(named) + len(scene.links), PUSH_VALUES)),
         "frames": np.zeros((most, 9)),
         "workspace": np.zeros(workspace_size(min(most, FIRST_WORKSPACE), nv)),
     }

@@ -26,7 +26,7 @@ from hapticmech_ros.contact.layout import (
 from hapticmech_ros.contact.near_kernels import near_pairs, needs_search, place_shapes
 from hapticmech_ros.contact.solver_kernels import contact_forces
 from hapticmech_ros.contact.touch_kernels import touching_points
-from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
@@ -48,7 +48,7 @@ STEPS_AHEAD = 1.5
 SLACK = 1e-3
 # What a call begins with: a period; a substep; or one whose nearest points have been searched for.
 WHOLE, EACH, SEARCHED = 0, 1, 2
-# Why a call ended early: nearest points have to be searched for; the solver has too small a workspace.
+# Why a call ended early: nearest points have to be searched for; too small a workspace.
 # Within a period: shapes may come near.
 SEARCH, MORE_WORKSPACE, NEAR = 20, 21, 22
 
@@ -62,7 +62,7 @@ def _untouched(
     parts: Work,
     contacts: Contacts,
     plan: Array,
-    pushes: Array,
+    external: Array,
 ) -> int:
     """Do a period as if there were no contacts; return NEAR where it cannot be done so.
 
@@ -89,7 +89,7 @@ def _untouched(
             begin_next(parts)
             one, other = other, one
         code = step_once(
-            model, one, True, stage_space, other, parts, parts.held, pushes, stages, False
+            model, one, True, stage_space, other, parts, parts.held, external, stages, False
         )
         if code != SETTLED:
             break
@@ -99,7 +99,7 @@ def _untouched(
         if odd:
             put(end, start)
         return SETTLED
-    if code not in (SETTLED, NEEDS_CARE, UNDECIDED):
+    if code not in (SETTLED, NEEDS_CARE, NOT_DECIDED):
         if odd:
             put(end, start)
         return code
@@ -114,12 +114,12 @@ def _untouched(
 
 
 @inner
-def _approach(model: Model, first: Data, parts: Work, contacts: Contacts, pushes: Array) -> int:
+def _approach(model: Model, first: Data, parts: Work, contacts: Contacts, external: Array) -> int:
     """Place the shapes, and look which of them are near; SETTLED, SEARCH, or how that failed."""
     start_step(parts)
     if not np.isfinite(dot(parts.v, parts.v)):
         return RATES_NOT_FINITE
-    find_rates(model, first, parts, 0.0, pushes, model.result)
+    find_rates(model, first, parts, 0.0, external, model.result)
     free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings[0]
     for c in range(free.size):
         free[c] = v0[c] + step * result[c]
@@ -175,18 +175,18 @@ def _substep(
     contacts: Contacts,
     stages: int,
     searched: bool,
-    pushed: int,
+    external_count: int,
 ) -> int:
     """Do a step of the integrator, with what touches in it."""
     links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings[0]
-    pushes = contacts.pushes[links : links + pushed]
+    external = contacts.external[links : links + external_count]
     if not searched:
         _remember(contacts)
         if not known:
             code = factor(model, q0, first)
             if code < 0:
                 return code
-        code = _approach(model, first, parts, contacts, pushes)
+        code = _approach(model, first, parts, contacts, external)
         if code != SETTLED:
             return code
     count, counts, report = touching_points(contacts), contacts.counts, contacts.report
@@ -207,9 +207,9 @@ def _substep(
         later = stage_space.joint_jacobian
         contact_forces(model, first, contacts, later, v0, step, count)
         contact_effects(contacts, first.places, count)
-        pushes = contacts.pushes[: links + pushed]
+        external = contacts.external[: links + external_count]
     code = step_once(
-        model, first, True, stage_space, last, parts, parts.held, pushes, stages, False
+        model, first, True, stage_space, last, parts, parts.held, external, stages, False
     )
     if code == SETTLED:
         parts.account[0] -= report[COUNTED]
@@ -233,13 +233,13 @@ def advance_touching(
     model, parts = Model(numbers, values), Work(numbers, work)
     contacts = Contacts(contact_numbers, contact_values)
     first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
-    substeps, stages, known, pushed = plan[0], plan[1], plan[2] != 0, plan[4]
+    substeps, stages, known, external_count = plan[0], plan[1], plan[2] != 0, plan[4]
     searched = plan[3] == SEARCHED
     if plan[3] == WHOLE:
         links = contacts.carriers.size
         contacts.report[TOTAL_WORK] = 0.0
-        pushes = contacts.pushes[links : links + pushed]
-        code = _untouched(model, start, end, stage_space, parts, contacts, plan, pushes)
+        external = contacts.external[links : links + external_count]
+        code = _untouched(model, start, end, stage_space, parts, contacts, plan, external)
         if code != NEAR:
             return code
         known = True
@@ -248,7 +248,16 @@ def advance_touching(
             begin_next(parts)
             first, last, known, searched = last, first, True, False
         code = _substep(
-            model, first, known, stage_space, last, parts, contacts, stages, searched, pushed
+            model,
+            first,
+            known,
+            stage_space,
+            last,
+            parts,
+            contacts,
+            stages,
+            searched,
+            external_count,
         )
         if code != SETTLED:
             # Terms at this substep's start are where they are looked for, or those of the failure.
@@ -288,16 +297,16 @@ def advance_period(
         contact_numbers: of the contacts, whole ones.
         contact_values: the others; see ``layout.Contacts``.
         plan: (5,) number of substeps, number of stages, 1 where terms at the start are known, what
-            it begins with (``WHOLE``, ``EACH``, ``SEARCHED``), and how many rows of ``pushes``
+            it begins with (``WHOLE``, ``EACH``, ``SEARCHED``), and how many rows of ``external``
             behind those of the contacts are wrenches from outside.
 
     Returns:
         0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of
-        the pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``counts[FOUND]`` points is
-        missing, or NEEDS_CARE and UNDECIDED, of which ``run_kernels.advance`` tells and where
-        points and forces are those of this substep: ``q0`` and ``v0`` are its start then, and
-        ``start`` has the terms there unless it is UNDECIDED. Or how a substep failed. Account 5 is
-        the number of substeps done.
+        the pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``counts[FOUND]``
+        points is missing, or NEEDS_CARE and NOT_DECIDED, of which ``run_kernels.advance`` tells
+        and where points and forces are those of this substep: ``q0`` and ``v0`` are its start
+        then, and ``start`` has the terms there unless it is NOT_DECIDED. Or how a substep failed.
+        Account 5 is the number of substeps done.
     """
     return advance_touching(
         numbers, values, start, end, scratch, work, contact_numbers, contact_values, plan

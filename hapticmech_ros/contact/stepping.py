@@ -37,9 +37,15 @@ from hapticmech_ros.contact.step_kernels import (
 )
 from hapticmech_ros.contact.touching import Touching, nothing_touching
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
-from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.motion import Pushes, Start, Stepped, check_pushes, plan_of
+from hapticmech_ros.mechanism.motion import (
+    ExternalWrenches,
+    Start,
+    Stepped,
+    check_external,
+    plan_of,
+)
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.stepping import Stepper, Took, end_of, first_terms
 
@@ -96,39 +102,41 @@ class ContactStepper:
         self._nothing = nothing_touching(mechanism.nv)
         self._last: Touching | None = None
 
-    def advance(self, start: Start, pushes: Pushes, touching: Touching | None) -> Touched:
+    def advance(
+        self, start: Start, external: ExternalWrenches, touching: Touching | None
+    ) -> Touched:
         """Advance by one period with pushes held.
 
         Args:
             start: where.
-            pushes: from outside.
+            external: from outside.
             touching: of the period before, whose forces the solver begins with.
 
         Raises:
             HapticMechError: as ``Simulator.step``.
         """
-        check_pushes(pushes, len(self._mechanism.point_names), self._mechanism.nv)
+        check_external(external, len(self._mechanism.point_names), self._mechanism.nv)
         self._begin_with(touching)
-        self._push(pushes)
+        self._push(external)
         active_set, report = self._mechanism.active_set(start.active), self._contacts.report
-        took = self._call(active_set, start, pushes, self._substeps, WHOLE)
+        took = self._call(active_set, start, external, self._substeps, WHOLE)
         if took.code == 0 and took.stepped is not None:
             return self._touched(took.stepped, report.item(TOTAL_WORK))
         now, left, work_in, lost, work = start, self._substeps, 0.0, 0.0, 0.0
         while True:
-            if took.code == UNDECIDED and not took.steps:
-                took = self._call(active_set.dense, now, pushes, 1, EACH)
+            if took.code == NOT_DECIDED and not took.steps:
+                took = self._call(active_set.dense, now, external, 1, EACH)
             stepped, steps = took.stepped, took.steps
             if stepped is None:
                 # Of the dense factorisation nothing is undecided: the step needs care.
-                stepped, steps = self._careful(now, pushes), 1
+                stepped, steps = self._careful(now, external), 1
                 work += report.item(WORK)
             work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
             now, left = end_of(stepped, start), left - steps
             if not left:
                 stepped = stepped._replace(work_in=work_in, energy_lost=lost)
                 return self._touched(stepped, work + report.item(TOTAL_WORK))
-            took = self._call(active_set, now, pushes, left, EACH)
+            took = self._call(active_set, now, external, left, EACH)
 
     def _hold(self, numbers: Array, values: Array) -> None:
         """Take these arrays as the contacts'; views of their parts are found once."""
@@ -149,19 +157,24 @@ class ContactStepper:
             contacts.points[:count, :3] = touching.points
             contacts.forces[:count] = touching.forces
 
-    def _push(self, pushes: Pushes) -> None:
+    def _push(self, external: ExternalWrenches) -> None:
         """Put wrenches on links behind those of contacts."""
-        self._plan[4] = len(pushes.on_links)
-        if pushes.on_links:
-            rows, first = self._stepper.on_links(pushes), len(self._links)
-            self._contacts.pushes[first : first + len(rows)] = rows
+        self._plan[4] = len(external.on_links)
+        if external.on_links:
+            rows, first = self._stepper.on_links(external), len(self._links)
+            self._contacts.external[first : first + len(rows)] = rows
 
     def _call(
-        self, active_set: ActiveSet, start: Start, pushes: Pushes, count: int, phase: int
+        self,
+        active_set: ActiveSet,
+        start: Start,
+        external: ExternalWrenches,
+        count: int,
+        phase: int,
     ) -> Took:
         """Do substeps by the kernel until one needs care, or cannot be done sparse."""
         stepper, plan = self._stepper, self._plan
-        known = stepper.load(start, active_set, pushes)
+        known = stepper.load(start, active_set, external)
         plan[0], plan[2], plan[3] = count, known is not None, phase
         first, end = first_terms(known, active_set, count), np.empty(active_set.size)
         constants, scratch, work = active_set.constants, active_set.scratch, stepper.work
@@ -188,15 +201,15 @@ class ContactStepper:
         points = min(2 * int(contacts.counts[FOUND]), len(contacts.points))
         self._hold(*with_workspace(*self._arrays, points))
 
-    def _careful(self, start: Start, pushes: Pushes) -> Stepped:
+    def _careful(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Do the substep that the kernel stopped before, contacts held."""
         contacts = self._contacts
         if not contacts.counts[NOW]:
-            return self._stepper.careful_substep(start, pushes)
-        on_links = dict(pushes.on_links)
-        for link, row in zip(self._links, contacts.pushes, strict=False):
+            return self._stepper.careful_substep(start, external)
+        on_links = dict(external.on_links)
+        for link, row in zip(self._links, contacts.external, strict=False):
             on_links[link] = on_links[link] + row[4:] if link in on_links else row[4:].copy()
-        stepped = self._stepper.careful_substep(start, pushes._replace(on_links=on_links))
+        stepped = self._stepper.careful_substep(start, external._replace(on_links=on_links))
         return stepped._replace(work_in=stepped.work_in - contacts.report.item(COUNTED))
 
     def _touched(self, stepped: Stepped, work: float) -> Touched:

@@ -1,19 +1,19 @@
 """The controllers of Fig. 3, and the architecture that joins them."""
 
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.engagement import Engagement
+from hapticmech_ros.control.clutch import Clutch
 from hapticmech_ros.control.measurements import (
     ControlOutput,
     DeviceMeasurement,
+    OperationalModel,
     PointMeasurement,
-    RenderingModel,
 )
 
 __all__ = [
+    "Clutch",
     "ControlArchitecture",
     "ControlOutput",
     "DeviceMeasurement",
-    "Engagement",
+    "OperationalModel",
     "PointMeasurement",
-    "RenderingModel",
 ]

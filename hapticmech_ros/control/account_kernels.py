@@ -54,7 +54,7 @@ FROM_HAND, CHANGED, HEARD, HEARD_SAMPLE, QUEUE_AT = CONTROLLER_ACCOUNT.starts(
 PUSH = DEVICE_SAMPLE.start("hand_wrench")
 SAMPLE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
 X, P_C, SHARE, FREE, TWIST, CONTACT = OPERATIONAL_MODEL.starts(
-    *("inverse_inertia", "constraint_projector", "balanced_share", "free_acceleration"),
+    *("inverse_inertia", "constraint_projector", "wrench_projector", "free_acceleration"),
     *("twist", "contact"),
 )
 
@@ -136,7 +136,7 @@ def account_for_springs(
 
 
 @inner
-def predict(account: Array, queue: Array, rendered: Array, predicted: Array) -> float:
+def predict(account: Array, queue: Array, operational_model: Array, predicted: Array) -> float:
     """Fill an operational model once what is in the queue has acted; return how long it takes, s.
 
     Its pose is not carried on yet. F_c stays meanwhile; nothing is predicted of a mechanism that
@@ -145,26 +145,26 @@ def predict(account: Array, queue: Array, rendered: Array, predicted: Array) -> 
     Args:
         account: the controller's.
         queue: (delay, 6) what the mechanism was told and does not act yet.
-        rendered: (139,) operational model.
+        operational_model: (139,) operational model.
         predicted: (139,) to fill.
     """
-    put(predicted, rendered)
+    put(predicted, operational_model)
     duration, impulse = queue.shape[0] * account[PERIOD], local(6)
     for i in range(6):
         total = 0.0
         for row in range(queue.shape[0]):
             total += queue[row, i]
-        impulse[i] = account[PERIOD] * total + duration * rendered[CONTACT + i]
-    x = shaped(rendered[X:], (6, 6))
+        impulse[i] = account[PERIOD] * total + duration * operational_model[CONTACT + i]
+    x = shaped(operational_model[X:], (6, 6))
     for i in range(6):
-        change = dot(x[i], impulse) + duration * rendered[FREE + i]
-        predicted[TWIST + i] = rendered[TWIST + i] + change
+        change = dot(x[i], impulse) + duration * operational_model[FREE + i]
+        predicted[TWIST + i] = operational_model[TWIST + i] + change
     return float(duration)
 
 
 @inner
 def model_answer(
-    settings: Array, rendered: Array, ramp: float, locality: Array, answer: Array
+    settings: Array, operational_model: Array, ramp: float, locality: Array, answer: Array
 ) -> None:
     """Say how an answer depends on the device: G, K and B, as far as the device closes them.
 
@@ -172,7 +172,7 @@ def model_answer(
 
     Args:
         settings: (58,) of the controllers.
-        rendered: (139,) operational model.
+        operational_model: (139,) operational model.
         ramp: share that is let through.
         locality: (3,) see :func:`answer_sample`.
         answer: to fill.
@@ -184,10 +184,13 @@ def model_answer(
         for j in range(6):
             at = 6 * i + j
             through = ramp * (task[i] * task[j])
-            gain = moved * (inertia[i] * rendered[X + at]) + kept * rendered[SHARE + at]
+            gain = (
+                moved * (inertia[i] * operational_model[X + at])
+                + kept * operational_model[SHARE + at]
+            )
             if i == j:
                 gain -= 1.0
-            projector = through * rendered[P_C + at]
+            projector = through * operational_model[P_C + at]
             answer[FORCE_GAIN + at] = through * gain * locality[0]
             answer[SPRING_GAIN + at] = joint[1] * projector * locality[1]
             answer[DAMPER_GAIN + at] = joint[2] * projector * locality[1]
@@ -199,7 +202,7 @@ def conclude(
     account: Array,
     settings: Array,
     device: Array,
-    rendered: Array,
+    operational_model: Array,
     time: float,
     locality: Array,
     answer: Array,
@@ -212,7 +215,7 @@ def conclude(
     account_for_springs(
         account,
         answer[WRENCHES + 30 : WRENCHES + 36],
-        rendered[P_C : P_C + 36],
+        operational_model[P_C : P_C + 36],
         joint[1],
         joint[2],
         settings[STIFFNESS:DAMPING],
@@ -222,7 +225,7 @@ def conclude(
     answer[MODELLED] = 0.0
     if locality[2] != 0.0 and (locality[0] != 0.0 or locality[1] != 0.0):
         ramp = let_through(time, settings[ENGAGED], settings[RAMP])
-        model_answer(settings, rendered, ramp, locality, answer)
+        model_answer(settings, operational_model, ramp, locality, answer)
     answer[IS_ANSWER], answer[GIVEN_THEN] = 1.0, account[GIVEN]
     put(answer[ANSWERED : ANSWERED + SAMPLE_SIZE], device)
 
@@ -234,7 +237,7 @@ def give_answer(
     faded: Array,
     queue: Array,
     device: Array,
-    rendered: Array,
+    operational_model: Array,
     time: float,
     ahead: float,
     locality: Array,
@@ -244,10 +247,10 @@ def give_answer(
     out = shaped(answer[WRENCHES:], (6, 6))
     if locality[0] != 0.0 and queue.shape[0] > 0:
         predicted = local(MODEL_SIZE)
-        later = ahead + predict(account, queue, rendered, predicted)
+        later = ahead + predict(account, queue, operational_model, predicted)
         answer_measurements(settings, device, predicted, time, later, out)
     else:
-        answer_measurements(settings, device, rendered, time, ahead, out)
+        answer_measurements(settings, device, operational_model, time, ahead, out)
     carries = False
     for i in range(6):
         carries = carries or faded[i] != 0.0
@@ -294,9 +297,9 @@ def queue_wrench(account: Array, queue: Array, told: Array, acting: Array) -> No
 
 
 @kernel("void(float64[::1], float64[::1], float64)")
-def move_point_on(account: Array, rendered: Array, elapsed: float) -> None:
+def move_point_on(account: Array, operational_model: Array, elapsed: float) -> None:
     """Account for the mechanism's motion until an operational model (139,), ``elapsed`` s on."""
-    account_for_motion(account, rendered[TWIST : TWIST + 6], elapsed)
+    account_for_motion(account, operational_model[TWIST : TWIST + 6], elapsed)
 
 
 @kernel(
@@ -309,7 +312,7 @@ def answer_sample(
     faded: Array,
     queue: Array,
     device: Array,
-    rendered: Array,
+    operational_model: Array,
     time: float,
     ahead: float,
     locality: Array,
@@ -323,16 +326,18 @@ def answer_sample(
         faded: (6,) what is carried on from another grasp, as far as it has not faded.
         queue: (delay, 6) what the mechanism was told and does not act yet.
         device: (19,) the sample.
-        rendered: (139,) operational model.
+        operational_model: (139,) operational model.
         time: s.
-        ahead: s, from the time of ``rendered`` to that of ``device``.
+        ahead: s, from the time of ``operational_model`` to that of ``device``.
         locality: (3,) 1 where the device closes the force channel, and the joint constraint; and
             1 if the answer is to say how it depends on the device.
         answer: to fill.
     """
     account_for_hand(account, device)
-    give_answer(account, settings, faded, queue, device, rendered, time, ahead, locality, answer)
-    conclude(account, settings, device, rendered, time, locality, answer)
+    give_answer(
+        account, settings, faded, queue, device, operational_model, time, ahead, locality, answer
+    )
+    conclude(account, settings, device, operational_model, time, locality, answer)
 
 
 @kernel(
@@ -343,24 +348,26 @@ def account_for_answer(
     account: Array,
     settings: Array,
     device: Array,
-    rendered: Array,
+    operational_model: Array,
     time: float,
     locality: Array,
     answer: Array,
 ) -> None:
     """Account for an answer to a sample that was computed elsewhere; as :func:`answer_sample`."""
     account_for_hand(account, device)
-    conclude(account, settings, device, rendered, time, locality, answer)
+    conclude(account, settings, device, operational_model, time, locality, answer)
 
 
 @kernel("float64(float64[::1], float64[:,::1], float64[::1], float64[::1])")
-def predict_model(account: Array, queue: Array, rendered: Array, predicted: Array) -> float:
+def predict_model(
+    account: Array, queue: Array, operational_model: Array, predicted: Array
+) -> float:
     """Fill the operational model once the queue has acted; see :func:`predict`."""
-    return predict(account, queue, rendered, predicted)
+    return predict(account, queue, operational_model, predicted)
 
 
 @kernel("void(float64[::1], float64[:,::1], float64[::1], float64[:,::1])")
-def tell(account: Array, queue: Array, answer: Array, wrenches: Array) -> None:
+def command_mechanism(account: Array, queue: Array, answer: Array, wrenches: Array) -> None:
     """Fill what the mechanism is told, and what acts on it from now on: rows of (2, 6)."""
     passive_wrench(account, answer, wrenches[0])
     queue_wrench(account, queue, wrenches[0], wrenches[1])

@@ -8,17 +8,17 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.engagement import Engagement, engage
-from hapticmech_ros.control.flat import device_of, flat_device, flat_rendered, model_of
+from hapticmech_ros.control.clutch import Clutch, engage
+from hapticmech_ros.control.flat import device_of, flat_device, flat_operational_model, model_of
 from hapticmech_ros.control.four_channel import FourChannel
-from hapticmech_ros.control.gain_passage import Passage
+from hapticmech_ros.control.gain_ramp import GainRamp
 from hapticmech_ros.control.kernels import control_wrenches
 from hapticmech_ros.control.loop_layout import SETTINGS
 from hapticmech_ros.control.measurements import (
     ControlOutput,
     DeviceMeasurement,
+    OperationalModel,
     PointMeasurement,
-    RenderingModel,
 )
 from hapticmech_ros.control.prediction import InFlight, foreseen, point_ahead
 from hapticmech_ros.errors import InvalidInputError
@@ -29,7 +29,7 @@ from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.document import Scene
 
-# Share of the device's limits from which the dampers' wrench makes a new tie slip.
+# Share of the device's limits from which the dampers' wrench makes a new clutch slip.
 SLIPS_FROM = 0.05
 _GAINS, _RAMP = SETTINGS.slice("task", "c6"), SETTINGS.start("ramp")
 _LIMITS = SETTINGS.slice("force_limit", "torque_limit")
@@ -41,14 +41,14 @@ _NOTHING = np.zeros(6)
 class ControlArchitecture:
     """The controllers of a scene, a control period of which is one kernel.
 
-    Holds gains only; state is the :class:`Engagement`. Gains can be changed while it renders: they
+    Holds gains only; state is the :class:`Clutch`. Gains can be changed while it renders: they
     pass to the new ones, see :meth:`tune`. Measurements are flat arrays, see
     :mod:`~hapticmech_ros.control.flat`.
 
     A control law of one's own is a subclass that overrides :meth:`answer`; ``super().answer`` is
     the scene's. Who has a control (:class:`~hapticmech_ros.session.session.Session`,
-    :class:`~hapticmech_ros.control.controller_side.ControllerSide`) then calls it in Python for
-    each sample that the controllers get, and does the rest as always: account, passivity,
+    the rendering controller) then calls it in Python
+    for each sample that the controllers get, and does the rest as always: account, passivity,
     connection, and the loops that the device closes, which correct the answer by the scene's gains
     unless these say that nothing is local. Such a law
 
@@ -56,9 +56,9 @@ class ControlArchitecture:
       :class:`ControlOutput`: the first acts on the hand, the second on the mechanism, the account
       reads the error in the last one;
     - keeps the limits (:func:`~hapticmech_ros.saturation.limited`) and the ramp of a new engagement
-      (:meth:`Engagement.ramp` over :meth:`ramp_of`), and adds what is carried on from another grasp
+      (:meth:`Clutch.ramp` over :meth:`ramp_of`), and adds what is carried on from another grasp
       (:meth:`joined`);
-    - calls :meth:`pass_on_to` before it looks at ``gains``, which :meth:`tune` changes.
+    - calls :meth:`apply_gains_at` before it looks at ``gains``, which :meth:`tune` changes.
 
     docs/feel.md has an example.
 
@@ -90,13 +90,13 @@ class ControlArchitecture:
         self.task = np.ones(6)
         if scene.task_space == "planar":
             self.task[2:5] = 0.0
-        self._passage: Passage | None = None
+        self._gain_ramp: GainRamp | None = None
         self._settings = np.zeros(SETTINGS.size)
         self._settings[_LIMITS] = self.limits
-        self._tied: Engagement | None = None
-        self.adopt(scene.controller)
+        self._clutch: Clutch | None = None
+        self.apply_gains(scene.controller)
 
-    def adopt(self, gains: Controller, delay: float | None = None) -> None:
+    def apply_gains(self, gains: Controller, delay: float | None = None) -> None:
         """Take gains at once, and the one-way delay (s) they are for; a bump, if it renders."""
         self.delay = self.delay if delay is None else delay
         self.gains = gains
@@ -114,26 +114,26 @@ class ControlArchitecture:
         held = (channels.held_stiffness, channels.held_damping)
         self._settings[_GAINS] = np.concatenate((*sixes, *held, scalars))
 
-    def settings_at(self, time: float, engagement: Engagement) -> Array:
+    def settings_at(self, time: float, clutch: Clutch) -> Array:
         """Return what fixes the controllers at ``time`` (s) as an array (58,) for kernels.
 
         It is the same one each time, laid out as
         :data:`~hapticmech_ros.control.loop_layout.SETTINGS`.
         """
-        self.pass_on_to(time)
-        if engagement is not self._tied:
-            self._tied = engagement
-            turn = pin.Quaternion(quaternion_of(engagement.turn))
+        self.apply_gains_at(time)
+        if clutch is not self._clutch:
+            self._clutch = clutch
+            turn = pin.Quaternion(quaternion_of(clutch.turn))
             # So that no turn is exactly none.
             turn.normalize()
-            self._settings[_RAMP] = self.ramp_of(engagement)
-            place = (engagement.time,), engagement.displacement, turn.coeffs()
+            self._settings[_RAMP] = self.ramp_of(clutch)
+            place = (clutch.time,), clutch.displacement, turn.coeffs()
             self._settings[_ENGAGED] = np.concatenate(place)
         return self._settings
 
-    def carried_at(self, time: float, engagement: Engagement) -> Array:
+    def carried_at(self, time: float, clutch: Clutch) -> Array:
         """Return what is left (6,) of a wrench that is carried on, at ``time`` (s)."""
-        faded = engagement.faded(time, self.ramp_of(engagement))
+        faded = clutch.faded(time, self.ramp_of(clutch))
         return _NOTHING if faded is None else faded
 
     def tune(self, time: float, gains: Controller, delay: float | None = None) -> None:
@@ -145,56 +145,56 @@ class ControlArchitecture:
             delay: one-way delay (s) that they are for; as before if left out.
         """
         delay = self.aim[1] if delay is None else delay
-        self._passage = Passage(time, self.gains, gains, self.delay, delay)
+        self._gain_ramp = GainRamp(time, self.gains, gains, self.delay, delay)
 
     @property
     def aim(self) -> tuple[Controller, float]:
         """The gains that it has, or is passing to, and the one-way delay (s) they are for."""
-        passage = self._passage
+        passage = self._gain_ramp
         return (self.gains, self.delay) if passage is None else (passage.new, passage.new_delay)
 
     @property
-    def is_passing(self) -> bool:
+    def is_ramping(self) -> bool:
         """Whether gains are on their way to others."""
-        return self._passage is not None
+        return self._gain_ramp is not None
 
-    def pass_on_to(self, time: float) -> None:
+    def apply_gains_at(self, time: float) -> None:
         """Take the gains of ``time`` (s), if they are passing to others."""
-        if self._passage is not None:
-            gains, arrived = self._passage.at(time)
-            self.adopt(gains, self._passage.delay_at(time))
+        if self._gain_ramp is not None:
+            gains, arrived = self._gain_ramp.at(time)
+            self.apply_gains(gains, self._gain_ramp.delay_at(time))
             if arrived:
-                self._passage = None
+                self._gain_ramp = None
 
     def engage(
         self,
         time: float,
         device: Array,
-        rendered: Array,
+        operational_model: Array,
         ahead: float,
         carried: Array | None = None,
-    ) -> Engagement:
-        """Start rendering: tie the device's present pose to the point's.
+    ) -> Clutch:
+        """Start rendering: engage the clutch at the present poses.
 
         Two that move apart so fast that the dampers would give a twentieth of the device's force or
-        torque are tied like a grasp that changes, with nothing carried on: else what is felt is
+        torque are clutched like a grasp that changes, with nothing carried on: else what is felt is
         that velocity times the springs' stiffness and the time of the ramp. A hand that pushes all
         the while, as after a gap of some milliseconds, gets the sooner a hold at once.
 
         Args:
             time: s.
             device: (19,) the device's measurement.
-            rendered: (139,) analysis and measurement of the operational point.
+            operational_model: (139,) analysis and measurement of the operational point.
             ahead: as in :meth:`answer`.
             carried: (6,) the device's wrench until now, if it held the mechanism elsewhere.
         """
-        own, point = device_of(device), point_ahead(rendered, ahead)
-        if carried is None and self._part_fast(own, point, model_of(rendered)):
+        own, point = device_of(device), point_ahead(operational_model, ahead)
+        if carried is None and self._part_fast(own, point, model_of(operational_model)):
             carried = np.zeros(6)
         return engage(time, own.pose, point.pose, carried)
 
     def _part_fast(
-        self, device: DeviceMeasurement, point: PointMeasurement, model: RenderingModel
+        self, device: DeviceMeasurement, point: PointMeasurement, model: OperationalModel
     ) -> bool:
         rate = self.task * (device.twist - point.twist)
         held = self.gains.joint_constraint.damping * (model.constraint_projector @ rate)
@@ -203,55 +203,55 @@ class ControlArchitecture:
         most_force, most_torque = self.limits
         return bool(force > SLIPS_FROM * most_force or torque > SLIPS_FROM * most_torque)
 
-    def slipped(
-        self, time: float, engagement: Engagement, device: Array, rendered: Array
-    ) -> Engagement:
-        """Return the tie to use at ``time`` (s); see :meth:`Engagement.slipped`.
+    def with_slip(
+        self, time: float, clutch: Clutch, device: Array, operational_model: Array
+    ) -> Clutch:
+        """Return the clutch to use at ``time`` (s); see :meth:`Clutch.with_slip`.
 
         Args:
             time: s.
-            engagement: the tie until now.
+            clutch: the one until now.
             device: (19,) the device's measurement.
-            rendered: (139,) analysis and measurement of the operational point.
+            operational_model: (139,) analysis and measurement of the operational point.
         """
-        if engagement.carried is None:
-            return engagement
-        own, duration = device_of(device), self.ramp_of(engagement)
-        return engagement.slipped(time, duration, own.pose, own.twist, rendered[_TWIST])
+        if clutch.carried is None:
+            return clutch
+        own, duration = device_of(device), self.ramp_of(clutch)
+        return clutch.with_slip(time, duration, own.pose, own.twist, operational_model[_TWIST])
 
-    def ramp_of(self, engagement: Engagement) -> float:
+    def ramp_of(self, clutch: Clutch) -> float:
         """Return how long (s) the wrench takes to come in."""
-        started = engagement.carried is None
+        started = clutch.carried is None
         return self.gains.engagement_ramp if started else self.gains.grasp_ramp
 
     def compute(
         self,
         time: float,
-        engagement: Engagement,
+        clutch: Clutch,
         device: DeviceMeasurement,
         point: PointMeasurement,
-        model: RenderingModel,
+        model: OperationalModel,
         in_flight: InFlight | None = None,
     ) -> ControlOutput:
         """Return the wrenches for measurements at ``time`` (s); see :meth:`answer`.
 
         Args:
             time: s.
-            engagement: the tie of the two poses.
+            clutch: that connects the two poses.
             device: its measurement.
             point: that of the operational point.
             model: what the analysis reports.
             in_flight: what of earlier commands to the mechanism has not acted yet.
         """
-        own, rendered = flat_device(device), flat_rendered(model, point)
-        return ControlOutput(*self.answer(time, engagement, own, rendered, 0.0, in_flight))
+        own, operational_model = flat_device(device), flat_operational_model(model, point)
+        return ControlOutput(*self.answer(time, clutch, own, operational_model, 0.0, in_flight))
 
     def answer(
         self,
         time: float,
-        engagement: Engagement,
+        clutch: Clutch,
         device: Array,
-        rendered: Array,
+        operational_model: Array,
         ahead: float,
         in_flight: InFlight | None = None,
     ) -> Array:
@@ -259,11 +259,11 @@ class ControlArchitecture:
 
         Args:
             time: s.
-            engagement: the tie of the two poses.
+            clutch: that connects the two poses.
             device: (19,) the device's measurement.
-            rendered: (139,) analysis and measurement of the operational point.
-            ahead: s, from the time of ``rendered`` to that of ``device``; the point's pose is
-                carried on by its twist for as long.
+            operational_model: (139,) analysis and measurement of the operational point.
+            ahead: s, from the time of ``operational_model`` to that of ``device``; the point's pose
+                is extrapolated by its twist for as long.
             in_flight: what of earlier commands to the mechanism has not acted yet, for a device
                 that corrects commands by itself; see
                 :func:`~hapticmech_ros.control.prediction.point_ahead`.
@@ -271,25 +271,27 @@ class ControlArchitecture:
         Raises:
             InvalidInputError: an array of another size.
         """
-        settings = self.settings_at(time, engagement)
-        if in_flight is not None and rendered.size == OPERATIONAL_MODEL.size:
-            rendered, model = rendered.copy(), model_of(rendered)
-            free, contact = model.free_acceleration, rendered[_CONTACT]
-            twist = foreseen(rendered[_TWIST], model.inverse_inertia, free, contact, in_flight)
-            rendered[_TWIST] = twist
+        settings = self.settings_at(time, clutch)
+        if in_flight is not None and operational_model.size == OPERATIONAL_MODEL.size:
+            operational_model, model = operational_model.copy(), model_of(operational_model)
+            free, contact = model.free_acceleration, operational_model[_CONTACT]
+            twist = foreseen(
+                operational_model[_TWIST], model.inverse_inertia, free, contact, in_flight
+            )
+            operational_model[_TWIST] = twist
             ahead += in_flight.duration
         out = np.empty((6, 6))
-        if not control_wrenches(settings, device, rendered, time, ahead, out):
-            sizes = device.size, rendered.size
+        if not control_wrenches(settings, device, operational_model, time, ahead, out):
+            sizes = device.size, operational_model.size
             rule = f"must be {DEVICE_SAMPLE.size} and {OPERATIONAL_MODEL.size}"
             raise InvalidInputError("numbers of device and rendering", sizes, rule)
-        if engagement.carried is not None:
-            out[0] = self.joined(time, engagement, out[0])
+        if clutch.carried is not None:
+            out[0] = self.joined(time, clutch, out[0])
         return out
 
-    def joined(self, time: float, engagement: Engagement, wrench: Array) -> Array:
+    def joined(self, time: float, clutch: Clutch, wrench: Array) -> Array:
         """Return the device's wrench (6,) with what it still carries on from another grasp."""
-        faded = engagement.faded(time, self.ramp_of(engagement))
+        faded = clutch.faded(time, self.ramp_of(clutch))
         return wrench if faded is None else limited(wrench + faded, *self.limits)
 
 

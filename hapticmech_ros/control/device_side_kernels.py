@@ -79,7 +79,7 @@ def energy_available(account: Array) -> float:
 
 
 @inner
-def foreseen_gift(account: Array, command: Array, twist: Array, hand: Array) -> float:
+def predicted_transfer(account: Array, command: Array, twist: Array, hand: Array) -> float:
     """Return what a command (6,) gives in the next period, J, as far as can be predicted."""
     total = 0.0
     for i in range(6):
@@ -126,7 +126,7 @@ def hold_within(
     account: Array, command: Array, twist: Array, hand: Array, available: float
 ) -> None:
     """Change a command (6,) by as little damping as holds it to what is available, J."""
-    given = foreseen_gift(account, command, twist, hand)
+    given = predicted_transfer(account, command, twist, hand)
     momentum, square, slope = local(6), 0.0, 0.0
     for i in range(6):
         momentum[i] = account[i] * twist[i]
@@ -165,10 +165,10 @@ def enforce(account: Array, command: Array, sample: Array, added: Array) -> bool
     if account[KEPT] != 0.0:
         for i in range(6):
             acting[i] += account[KEPT] * (account[APPLIED + i] - acting[i])
-    given, rate = foreseen_gift(account, acting, twist, hand), account[RATE : RATE + 6]
+    given, rate = predicted_transfer(account, acting, twist, hand), account[RATE : RATE + 6]
     moves_on = account[FILTERED] != 0.0
     if moves_on:
-        other = foreseen_gift(account, acting, rate, hand)
+        other = predicted_transfer(account, acting, rate, hand)
         moves_on = other > given
         given = max(given, other)
     if given <= available:
@@ -180,7 +180,7 @@ def enforce(account: Array, command: Array, sample: Array, added: Array) -> bool
         put(seen, twist)
     account[CHANGED] += 1.0
     hold_within(account, acting, seen, hand, available)
-    account[DISSIPATED] += given - foreseen_gift(account, acting, seen, hand)
+    account[DISSIPATED] += given - predicted_transfer(account, acting, seen, hand)
     # Actuators that lag do it a little later: undoing their lag would shake the device.
     put(command, acting)
     return True
@@ -214,7 +214,7 @@ def correct(command: Array, model: Array, answered: Array, now: Array, found: Ar
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1])")
-def see_sample(account: Array, sample: Array, applied: Array) -> None:
+def record_sample(account: Array, sample: Array, applied: Array) -> None:
     """Account for the period until a sample (19,), over which actuators held ``applied`` (6,)."""
     account_for_actuators(account, sample, applied)
 

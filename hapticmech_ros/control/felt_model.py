@@ -9,11 +9,12 @@ With z the shift by a period T, S = z⁻¹ + ... + z⁻ᵈ and d the periods fro
                 U = G F_h + Λ_d a - (k P_c (p_d - p̂) + b P_c (V_d - V̂)) - C4 (1 - Π) c_d
     acting      w = z⁻ᵈ W,  u = z⁻ᵈ U + (1 - z⁻ᵈ) (G F_h - k P_c p_d - b P_c V_d)
 
-and G = (1 + C6) Λ_d X - 1 + (1 - β) Π. X and a are X_τ and a_τ of ``operational/late_answer``,
-and c_d is c with C as it acts on the device. A force channel that is closed by the controller has
-neither what is in flight nor the correction by G: then V̂ = V and p̂ = p; a joint constraint that is
-closed by the controller has no correction by P_c. Limits, ramps and encoder steps are left out, as
-is what a push bends: small motions of a device that is let through in full.
+and G = (1 + C6) Λ_d X - 1 + (1 - β) Π. X and a are X_τ and a_τ of
+``operational/delay_compensation``, and c_d is c with C as it acts on the device. A force channel
+that is closed by the controller has neither what is in flight nor the correction by G: then V̂ = V
+and p̂ = p; a joint constraint that is closed by the controller has no correction by P_c. Limits,
+ramps and encoder steps are left out, as is what a push bends: small motions of a device at full
+force.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
+from hapticmech_ros.control.compensated_delay import compensated_loop_delay
 from hapticmech_ros.control.force_gain import force_gain
-from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.operational.linear import LinearPoint, LinearSystem, linear_point
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.document import Scene
@@ -66,8 +67,8 @@ def felt_model(scene: Scene, point: str = "", delay: int = 1) -> FeltModel:
         InvalidInputError: a negative delay, or an unknown point.
         ClosureError: the scene cannot close.
     """
-    simulator, lateness = Simulator(scene), loop_lateness(scene, delay)
-    mechanism = linear_point(simulator, simulator.initial_state(), point, lateness)
+    simulator, compensated_delay = Simulator(scene), compensated_loop_delay(scene, delay)
+    mechanism = linear_point(simulator, simulator.initial_state(), point, compensated_delay)
     return loop_model(ControlArchitecture(scene), scene.device, mechanism, delay)
 
 
@@ -99,8 +100,8 @@ class _Loop:
         self, control: ControlArchitecture, device: Device, mechanism: LinearPoint, delay: int
     ) -> None:
         self._control, self._mechanism = control, mechanism
-        self._inverse_inertia = mechanism.late.inverse_inertia
-        self._share = mechanism.analysis.balanced_share
+        self._inverse_inertia = mechanism.compensated.inverse_inertia
+        self._share = mechanism.analysis.wrench_projector
         self._delay, self._period = delay, mechanism.period
         self._local = control.gains.force_channel.local
         task = np.zeros((6, 1))

@@ -13,14 +13,14 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.measurements import (
     DeviceMeasurement,
+    OperationalModel,
     PointMeasurement,
-    RenderingModel,
 )
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 
 _PLACE = DEVICE_SAMPLE.slice("position", "quaternion")
 _TWIST, _FORCE = DEVICE_SAMPLE.slice("twist"), DEVICE_SAMPLE.slice("hand_wrench")
-_MATRICES = OPERATIONAL_MODEL.slice("inverse_inertia", "balanced_share")
+_MATRICES = OPERATIONAL_MODEL.slice("inverse_inertia", "wrench_projector")
 _FREE = OPERATIONAL_MODEL.slice("free_acceleration")
 _POINT_PLACE = OPERATIONAL_MODEL.slice("position", "quaternion")
 _POINT_TWIST, _CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
@@ -33,14 +33,14 @@ def flat_device(measured: DeviceMeasurement) -> Array:
     return np.concatenate((place, measured.twist, measured.hand_wrench))
 
 
-def flat_rendered(model: RenderingModel, point: PointMeasurement) -> Array:
+def flat_operational_model(model: OperationalModel, point: PointMeasurement) -> Array:
     """Return what the analysis and the mechanism report of a point as numbers (139,), without s."""
     return np.concatenate(
         (
             _NO_SPECTRUM,
             model.inverse_inertia.ravel(),
             model.constraint_projector.ravel(),
-            model.balanced_share.ravel(),
+            model.wrench_projector.ravel(),
             model.free_acceleration,
             pin.SE3ToXYZQUAT(point.pose),
             point.twist,
@@ -54,16 +54,16 @@ def device_of(device: Array) -> DeviceMeasurement:
     return DeviceMeasurement(place_of(device[_PLACE]), device[_TWIST], device[_FORCE])
 
 
-def model_of(rendered: Array) -> RenderingModel:
+def model_of(operational_model: Array) -> OperationalModel:
     """Return the analysis in numbers (139,)."""
-    matrices = rendered[_MATRICES].reshape(3, 6, 6)
-    return RenderingModel(matrices[0], matrices[1], matrices[2], rendered[_FREE])
+    matrices = operational_model[_MATRICES].reshape(3, 6, 6)
+    return OperationalModel(matrices[0], matrices[1], matrices[2], operational_model[_FREE])
 
 
-def point_of(rendered: Array) -> PointMeasurement:
+def point_of(operational_model: Array) -> PointMeasurement:
     """Return the operational point's measurement in numbers (139,)."""
-    place = place_of(rendered[_POINT_PLACE])
-    return PointMeasurement(place, rendered[_POINT_TWIST], rendered[_CONTACT])
+    place = place_of(operational_model[_POINT_PLACE])
+    return PointMeasurement(place, operational_model[_POINT_TWIST], operational_model[_CONTACT])
 
 
 def place_of(numbers: Array) -> pin.SE3:

@@ -17,7 +17,7 @@ from hapticmech_ros.arrays import Array
 def force_gain(
     device_inertia: Array,
     inverse_inertia: Array,
-    balanced_share: Array,
+    wrench_projector: Array,
     feedforward: float,
     feedback: float = 0.0,
 ) -> Array:
@@ -26,9 +26,9 @@ def force_gain(
     Args:
         device_inertia: (6, 6) Λ_d, kg and kg m².
         inverse_inertia: (6, 6) X.
-        balanced_share: (6, 6) Π.
+        wrench_projector: (6, 6) Π.
         feedforward: β in [0, 1].
         feedback: C6, local force feedback of the device.
     """
     moved = (1.0 + feedback) * (device_inertia @ inverse_inertia)
-    return np.asarray(moved + (1.0 - feedforward) * balanced_share - np.eye(6))
+    return np.asarray(moved + (1.0 - feedforward) * wrench_projector - np.eye(6))

@@ -1,6 +1,6 @@
 """The controllers of Fig. 3 as one kernel, from flat measurements to wrenches.
 
-What a scene and an engagement fix is laid out as
+What a scene and a clutch fix is laid out as
 :data:`~hapticmech_ros.control.loop_layout.SETTINGS`, measurements as
 :mod:`~hapticmech_ros.layout` says.
 """
@@ -26,7 +26,7 @@ RAMP, FORCE_LIMIT, TORQUE_LIMIT, ENGAGED, TIE = SETTINGS.starts(
 DEVICE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
 RATE, PUSH = DEVICE_SAMPLE.starts("twist", "hand_wrench")
 X, P_C, SHARE = OPERATIONAL_MODEL.starts(
-    "inverse_inertia", "constraint_projector", "balanced_share"
+    "inverse_inertia", "constraint_projector", "wrench_projector"
 )
 FREE, PLACE, TWIST, CONTACT = OPERATIONAL_MODEL.starts(
     "free_acceleration", "position", "twist", "contact"
@@ -46,14 +46,14 @@ def scale_within(wrench: Array, force_limit: float, torque_limit: float) -> None
 
 @inner
 def let_through(time: float, start: float, duration: float) -> float:
-    """Return the share of the wrench at ``time`` (s): see :meth:`Engagement.ramp`."""
+    """Return the share of the wrench at ``time`` (s): see :meth:`Clutch.ramp`."""
     if duration <= 0.0:
         return 1.0
     return min(max((time - start) / duration, 0.0), 1.0)
 
 
 @inner
-def parts(settings: Array, device: Array, rendered: Array, out: Array) -> None:
+def parts(settings: Array, device: Array, operational_model: Array, out: Array) -> None:
     """Fill rows 1 to 4 of ``out`` (6, 6), without ramp and limits, given e in row 5."""
     task, inertia = settings[:INERTIA], settings[INERTIA:STIFFNESS]
     stiffness, damping = settings[STIFFNESS:DAMPING], settings[DAMPING:HELD_STIFFNESS]
@@ -63,9 +63,9 @@ def parts(settings: Array, device: Array, rendered: Array, out: Array) -> None:
     beta, spring, damper = joint[0], joint[1], joint[2]
     force_limit, torque_limit = joint[3], joint[4]
     c1, c2, c3, c4, c5, c6 = c[0], c[1], c[2], c[3], c[4], c[5]
-    x, p_c = shaped(rendered[X:], (6, 6)), shaped(rendered[P_C:], (6, 6))
-    share, free = shaped(rendered[SHARE:], (6, 6)), rendered[FREE : FREE + 6]
-    twist, contact = rendered[TWIST : TWIST + 6], rendered[CONTACT : CONTACT + 6]
+    x, p_c = shaped(operational_model[X:], (6, 6)), shaped(operational_model[P_C:], (6, 6))
+    share, free = shaped(operational_model[SHARE:], (6, 6)), operational_model[FREE : FREE + 6]
+    twist, contact = operational_model[TWIST : TWIST + 6], operational_model[CONTACT : CONTACT + 6]
     room = shaped(local(30), (5, 6))
     push, pull, coupling, drive, held = room[0], room[1], room[2], room[3], room[4]
     error = out[5]
@@ -91,12 +91,12 @@ def parts(settings: Array, device: Array, rendered: Array, out: Array) -> None:
 
 @inner
 def answer_measurements(
-    settings: Array, device: Array, rendered: Array, time: float, ahead: float, out: Array
+    settings: Array, device: Array, operational_model: Array, time: float, ahead: float, out: Array
 ) -> None:
     """Fill a control period's wrenches; see :func:`control_wrenches`."""
-    place, twist = rendered[PLACE:TWIST], rendered[TWIST : TWIST + 6]
+    place, twist = operational_model[PLACE:TWIST], operational_model[TWIST : TWIST + 6]
     tied_error(settings[TIE:], device[:7], place, twist, ahead, out[5])
-    parts(settings, device, rendered, out)
+    parts(settings, device, operational_model, out)
     ramp = let_through(time, settings[ENGAGED], settings[RAMP])
     for i in range(6):
         out[0, i] = ramp * (out[2, i] + out[3, i] + out[4, i])
@@ -112,14 +112,14 @@ def answer_measurements(
     " Array(float64, 1, 'C', readonly=True), float64, float64, float64[:,::1])"
 )
 def control_wrenches(
-    settings: Array, device: Array, rendered: Array, time: float, ahead: float, out: Array
+    settings: Array, device: Array, operational_model: Array, time: float, ahead: float, out: Array
 ) -> bool:
     """Fill ``out`` (6, 6) with a control period's wrenches: rows as in :class:`ControlOutput`.
 
     Args:
-        settings: (58,) what the scene and the engagement fix.
+        settings: (58,) what the scene and the clutch fix.
         device: (19,) the device's measurement.
-        rendered: (139,) the analysis and the operational point's measurement.
+        operational_model: (139,) the analysis and the operational point's measurement.
         time: s.
         ahead: s, for which the point's pose is carried on.
         out: to fill.
@@ -127,7 +127,7 @@ def control_wrenches(
     Returns:
         Whether the measurements have these sizes; nothing is computed otherwise.
     """
-    if device.size != DEVICE_SIZE or rendered.size != MODEL_SIZE:
+    if device.size != DEVICE_SIZE or operational_model.size != MODEL_SIZE:
         return False
-    answer_measurements(settings, device, rendered, time, ahead, out)
+    answer_measurements(settings, device, operational_model, time, ahead, out)
     return True

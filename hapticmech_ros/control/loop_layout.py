@@ -13,7 +13,7 @@ SAMPLE = Field(DEVICE_SAMPLE.size)
 # What fixes the controllers: 1 in the scene's task space, else 0; diagonal of Λ_d; diagonals of C's
 # stiffness and damping, and of these as C acts on the device; β, k, b, force and torque limit of
 # the joint constraint; C1 to C6; duration of the ramp, s; force and torque limit of the device; and
-# of the engagement its time, s, its displacement, m, and its turn, a quaternion of length 1.
+# of the clutch its time, s, its displacement, m, and its turn, a quaternion of length 1.
 SETTINGS = Layout(
     {
         **dict.fromkeys(("task", "inertia", "stiffness", "damping"), SIX),

@@ -21,7 +21,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.measurements import RenderingModel
+from hapticmech_ros.control.measurements import OperationalModel
 
 # More periods, or more gain, than anybody asks for.
 MOST_PERIODS = 64
@@ -80,7 +80,7 @@ class LoopTerms(NamedTuple):
         return LoopTerms((gain * a, gain * b), (gain * c, gain * d))
 
 
-def loop_terms(control: ControlArchitecture, model: RenderingModel, rows: Array) -> LoopTerms:
+def loop_terms(control: ControlArchitecture, model: OperationalModel, rows: Array) -> LoopTerms:
     """Return the springs and dampers of a scene.
 
     Args:
@@ -93,7 +93,7 @@ def loop_terms(control: ControlArchitecture, model: RenderingModel, rows: Array)
     gains = control.gains.joint_constraint
     channels = control.channels
     mobility = np.linalg.inv(control.device_inertia) * control.acts
-    free = np.eye(6) - model.balanced_share
+    free = np.eye(6) - model.wrench_projector
     x, constraint = model.inverse_inertia, mobility @ model.constraint_projector
 
     def coupling(gain: Array, held: Array) -> Array:
@@ -150,7 +150,7 @@ def _acting(answer: Array, moved: float, period: float) -> Array:
 
 def loop_margins(
     control: ControlArchitecture,
-    model: RenderingModel,
+    model: OperationalModel,
     rows: Array,
     period: float,
     delay: int = 1,

@@ -32,12 +32,12 @@ class PointMeasurement:
 
 
 @dataclass(frozen=True, slots=True)
-class RenderingModel:
+class OperationalModel:
     """What the analysis reports: X, P_c, Π (6, 6 each) and a_0 (6,), world axes at the point."""
 
     inverse_inertia: Array
     constraint_projector: Array
-    balanced_share: Array
+    wrench_projector: Array
     free_acceleration: Array
 
 

@@ -31,7 +31,7 @@ from hapticmech_ros.control.device_side_kernels import (
     available_energy,
     correct_command,
     enforce_passivity,
-    see_sample,
+    record_sample,
     take_energy,
 )
 from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
@@ -138,7 +138,7 @@ class PassivityController:
         """J that the actuators may give now; infinite while E_m is not known."""
         return available_energy(self.account)
 
-    def tell(self, mechanism: float | None) -> None:
+    def set_mechanism_energy(self, mechanism: float | None) -> None:
         """Take E_m, J; None while nobody tells it.
 
         When it is told first, the account begins: what a commander without one gave before, be it
@@ -146,16 +146,16 @@ class PassivityController:
         """
         take_energy(self.account, math.nan if mechanism is None else mechanism)
 
-    def see(self, sample: Array, applied: Array) -> None:
+    def record(self, sample: Array, applied: Array) -> None:
         """Account for the last period.
 
         Args:
             sample: (19,) of the device now.
             applied: (6,) by the actuators on the device, held until now.
         """
-        see_sample(self.account, sample, applied)
+        record_sample(self.account, sample, applied)
 
-    def hold(self, command: Array, sample: Array, added: Array = NO_WRENCH) -> Array:
+    def enforce(self, command: Array, sample: Array, added: Array = NO_WRENCH) -> Array:
         """Return the command (6,), changed where it would give more than there is.
 
         Args:

@@ -1,6 +1,6 @@
 """Poses inside kernels: the logarithm, and the error between device and operational point.
 
-Readable counterparts are in :mod:`~hapticmech_ros.control.engagement` and
+Readable counterparts are in :mod:`~hapticmech_ros.control.clutch` and
 :mod:`~hapticmech_ros.control.prediction`. Rotations are quaternions x, y, z, w here, as they come:
 of any length but 0. Two that are equal then differ by no rotation at all, to the bit, so a device
 at rest on a mechanism at rest is left at rest.
@@ -95,15 +95,15 @@ def carry_on(place: Array, twist: Array, duration: float, out: Array) -> None:
 
 @inner
 def tied_error(
-    tie: Array, device: Array, place: Array, twist: Array, ahead: float, error: Array
+    clutch: Array, device: Array, place: Array, twist: Array, ahead: float, error: Array
 ) -> None:
-    """Fill ``error`` (6,) with e, from the point, carried on, to the device as it is tied to it.
+    """Fill ``error`` (6,) with e, from the point, carried on, to the device through the clutch.
 
     In world axes log(point⁻¹ device) is the logarithm of the rotation from one to the other and of
     the translation from origin to origin.
 
     Args:
-        tie: (7,) displacement of the engagement, and quaternion of its turn.
+        clutch: (7,) displacement of the clutch, and quaternion of its turn.
         device: (7,) its position and quaternion.
         place: (7,) the point's.
         twist: (6,) the point's, world axes.
@@ -112,10 +112,10 @@ def tied_error(
     """
     point, mapped, between, way = local(7), local(4), local(4), local(3)
     carry_on(place, twist, ahead, point)
-    follow(device[3:7], tie[3:7], mapped)
+    follow(device[3:7], clutch[3:7], mapped)
     turn_between(point[3:], mapped, between)
     for i in range(3):
-        way[i] = device[i] + tie[i] - point[i]
+        way[i] = device[i] + clutch[i] - point[i]
     log6(between, way, error)
 
 

@@ -1,7 +1,7 @@
 """Carries a measured pose on to another time, so that poses of different times can be compared.
 
 What the hand did acts on the mechanism some periods later than on a device that corrects commands
-by itself. The difference is no drift: it is known, and foreseen.
+by itself. The difference is no drift: it is known, and predicted.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def foreseen(
 ) -> Array:
     """Return the twist (6,) of the operational point once what is in flight has acted.
 
-    Nothing is foreseen of a mechanism that stands still under it, held by contacts, springs or
+    Nothing is predicted of a mechanism that stands still under it, held by contacts, springs or
     gravity.
 
     Args:
@@ -64,18 +64,18 @@ def foreseen(
 
 
 def point_ahead(
-    rendered: Array, ahead: float, in_flight: InFlight | None = None
+    operational_model: Array, ahead: float, in_flight: InFlight | None = None
 ) -> PointMeasurement:
     """Return the operational point's measurement as a control law is to see it.
 
     Its pose is carried on by its twist; once what is in flight has acted, if anything is.
 
     Args:
-        rendered: (139,) analysis and measurement of the point.
+        operational_model: (139,) analysis and measurement of the point.
         ahead: s, from its time to that of the device's measurement.
         in_flight: commands that have not acted yet.
     """
-    seen, model = point_of(rendered), model_of(rendered)
+    seen, model = point_of(operational_model), model_of(operational_model)
     twist, contact = seen.twist, seen.contact_wrench
     if in_flight is not None:
         x, free = model.inverse_inertia, model.free_acceleration

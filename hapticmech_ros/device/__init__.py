@@ -1,7 +1,7 @@
 """The simulated impedance device and the hand that holds it."""
 
 from hapticmech_ros.device.build import device_for
-from hapticmech_ros.device.grip import Grip, grip_of
+from hapticmech_ros.device.grasp_schedule import GraspSchedule, grasp_schedule_of
 from hapticmech_ros.device.hand import HandLaw
 from hapticmech_ros.device.impedance_device import ImpedanceDevice
 from hapticmech_ros.device.protocol import SimulatedDevice
@@ -10,10 +10,10 @@ from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 __all__ = [
     "NO_WRENCH",
     "DeviceState",
-    "Grip",
+    "GraspSchedule",
     "HandLaw",
     "ImpedanceDevice",
     "SimulatedDevice",
     "device_for",
-    "grip_of",
+    "grasp_schedule_of",
 ]

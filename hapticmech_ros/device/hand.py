@@ -1,7 +1,7 @@
 """The scene's hand as numbers that kernels read, and the law of a hand of one's own.
 
 What the laws compute is in :mod:`~hapticmech_ros.device.hand_kernels`; when a hand holds, and its
-own mass, in :mod:`~hapticmech_ros.device.grip`.
+own mass, in :mod:`~hapticmech_ros.device.schedule`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import hand_kernels as laws
-from hapticmech_ros.device.grip import Grip
+from hapticmech_ros.device.grasp_schedule import GraspSchedule
 from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, ScriptedHand, TargetHand
 from hapticmech_ros.scene.script import read_script
 
@@ -22,19 +22,22 @@ from hapticmech_ros.scene.script import read_script
 HandLaw = Callable[[float, pin.SE3, Array, pin.SE3], Array]
 
 
-def hand_numbers(hand: Hand | None, grip: Grip) -> Array:
+def hand_numbers(hand: Hand | None, schedule: GraspSchedule) -> Array:
     """Return a hand as :mod:`~hapticmech_ros.device.hand_kernels` reads it.
 
     Args:
         hand: of the scene; None for one without a law among them.
-        grip: when it holds.
+        schedule: when it holds.
 
     Raises:
         InvalidInputError: a script that cannot be read.
     """
     head = np.zeros(laws.TIMES)
-    head[laws.KIND], head[laws.START] = laws.NOBODY, grip.start
-    head[laws.HOLDS_FIRST], head[laws.SWITCHES] = grip.holds_first, len(grip.switches)
+    head[laws.KIND], head[laws.START] = laws.NOBODY, schedule.start
+    head[laws.HOLDS_FIRST], head[laws.SWITCHES] = (
+        schedule.holds_first,
+        len(schedule.switches),
+    )
     rows = np.empty(0)
     if isinstance(hand, ConstantWrenchHand):
         head[laws.KIND] = laws.CONSTANT
@@ -51,7 +54,7 @@ def hand_numbers(hand: Hand | None, grip: Grip) -> Array:
         head[laws.SPEED] = 2.0 * np.pi * tremor.frequency
         head[laws.TREMBLING : laws.SWAY] = (*tremor.force, *tremor.torque)
         head[laws.SWAY : laws.SPEED] = (*tremor.xyz, *tremor.rotation)
-    return np.concatenate((head, grip.switches, rows.ravel()))
+    return np.concatenate((head, schedule.switches, rows.ravel()))
 
 
 def spring_gains(hand: TargetHand) -> tuple[Array, Array]:

@@ -25,7 +25,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, put, shaped
-from hapticmech_ros.device.grip import OPEN, START_TOLERANCE
+from hapticmech_ros.device.grasp_schedule import OPEN, START_TOLERANCE
 from hapticmech_ros.rotation_kernels import (
     angular_rate,
     exp3,
@@ -45,7 +45,7 @@ WORK_SIZE = 36
 
 @inner
 def grip_window(hand: Array, elapsed: float) -> int:
-    """Return the number of switches passed if the hand holds, else -1; see ``Grip``."""
+    """Return the number of switches passed if the hand holds, else -1; see ``GraspSchedule``."""
     moving = elapsed - hand[START]
     if moving < -START_TOLERANCE:
         return OPEN

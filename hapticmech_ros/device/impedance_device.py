@@ -13,7 +13,7 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import driver_kernels, kernels
 from hapticmech_ros.device.device_layout import DEVICE_MODEL, DEVICE_STATE
-from hapticmech_ros.device.grip import ALWAYS, OPEN, Grip, grip_of
+from hapticmech_ros.device.grasp_schedule import ALWAYS, OPEN, GraspSchedule, grasp_schedule_of
 from hapticmech_ros.device.hand import HandLaw, hand_numbers
 from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
@@ -42,7 +42,7 @@ class ImpedanceDevice:
         hand: of the scene; None if there is none.
         law: of a hand of one's own, in place of that one's; called at every substep in which it
             holds, and at the ends of periods.
-        grip: when the hand holds, and its mass; of ``hand``, or always and none, if left out.
+        schedule: when the hand holds, and its mass; of ``hand``, or always and none, if left out.
 
     Attributes:
         device: as given.
@@ -58,15 +58,15 @@ class ImpedanceDevice:
         planar: bool,
         hand: Hand | None = None,
         law: HandLaw | None = None,
-        grip: Grip | None = None,
+        schedule: GraspSchedule | None = None,
     ) -> None:
-        if grip is None:
-            grip = ALWAYS if hand is None else grip_of(hand)
+        if schedule is None:
+            schedule = ALWAYS if hand is None else grasp_schedule_of(hand)
         self.device, self.period = device, period
         self._law = law
-        numbers = hand_numbers(None if law is not None else hand, grip)
+        numbers = hand_numbers(None if law is not None else hand, schedule)
         self.data: Array = np.concatenate((np.zeros(DEVICE_MODEL.size), numbers))
-        for name, value in _constants(device, period, planar, grip).items():
+        for name, value in _constants(device, period, planar, schedule).items():
             self.data[DEVICE_MODEL.slice(name)] = value
         self.held: DeviceState | None = None
 
@@ -173,12 +173,14 @@ class ImpedanceDevice:
         state.flat[_OWN] = wrench
 
 
-def _constants(device: Device, period: float, planar: bool, grip: Grip) -> dict[str, object]:
+def _constants(
+    device: Device, period: float, planar: bool, schedule: GraspSchedule
+) -> dict[str, object]:
     """Return what is constant of a device, by names of :data:`DEVICE_MODEL`."""
     task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
     step = period / device.substeps
     body = np.array([device.mass] * 3 + [device.inertia] * 3)
-    arm = np.array([grip.mass] * 3 + [grip.inertia] * 3)
+    arm = np.array([schedule.mass] * 3 + [schedule.inertia] * 3)
     left, mean = _lag(device.actuator_bandwidth, step)
     cut_off = 2.0 * np.pi * device.velocity_filter * period
     weight = task * np.array((*device.gravity_load, 0.0, 0.0, 0.0))

@@ -5,7 +5,7 @@
 u follows the command, limited by the actuators and held over a sample period (zero-order hold),
 with the actuators' lag; F_o, by others than the hand, is held as well. The hand's own law F_s acts
 all through the period, and its own mass Λ_a while it holds. w is weight, f end stops and Coulomb
-friction (:mod:`~hapticmech_ros.device.resistance_kernels`). F_h, between device and hand, is
+friction (:mod:`~hapticmech_ros.device.friction_kernels`). F_h, between device and hand, is
 F_s - Λ_a ẍ.
 
 What the device is, and what acts on it, is one array, ``data``, and its state another one; they are
@@ -27,9 +27,9 @@ from hapticmech_ros.device.driver_kernels import (
     compensate,
     estimate_hand,
 )
-from hapticmech_ros.device.grip import OPEN
+from hapticmech_ros.device.friction_kernels import rub, stop
+from hapticmech_ros.device.grasp_schedule import OPEN
 from hapticmech_ros.device.hand_kernels import WORK_SIZE, grip_window, hand_wrench
-from hapticmech_ros.device.resistance_kernels import rub, stop
 from hapticmech_ros.rotation_kernels import (
     exp3,
     log3,

@@ -137,7 +137,7 @@ class DeviceState:
 
     @property
     def window(self) -> int:
-        """In which the hand holds; see :class:`~hapticmech_ros.device.grip.Grip`."""
+        """In which the hand holds; see :class:`~hapticmech_ros.device.schedule.GraspSchedule`."""
         return int(self.flat[_WINDOW][0])
 
     @property

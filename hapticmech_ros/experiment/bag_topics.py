@@ -10,10 +10,10 @@ from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
     DEVICE_STATE,
     JOINT_STATES,
-    RENDERING,
+    POINT_MODEL,
 )
 
-NEEDED = (DEVICE_STATE, RENDERING, CONSTRAINT_PART, ENERGY)
+NEEDED = (DEVICE_STATE, POINT_MODEL, CONSTRAINT_PART, ENERGY)
 # Only the picture of the mechanism needs these.
 WELCOME = (JOINT_STATES,)
 

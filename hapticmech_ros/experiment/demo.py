@@ -104,7 +104,7 @@ def record_graph(
     command = [sys.executable, "-m", RECORDER, "--out", str(bag), "--scene", scene_name]
     command += ["--duration", str(seconds), "--storage", storage]
     recorder = start_process(command, environment, pipe_output=True)
-    parameters: dict[str, object] = {"haptic_device.hand_waits": True, **PATIENCE}
+    parameters: dict[str, object] = {"haptic_device.wait_for_start": True, **PATIENCE}
     try:
         events = told_by(recorder)
         _expect(events, "ready")

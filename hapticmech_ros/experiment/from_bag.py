@@ -26,7 +26,7 @@ from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
     DEVICE_STATE,
     JOINT_STATES,
-    RENDERING,
+    POINT_MODEL,
 )
 
 _Series = tuple[Array, Array]
@@ -113,7 +113,7 @@ def _motion(
     series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int
 ) -> dict[str, Array]:
     stamps, device = _cut(series[DEVICE_STATE], window)
-    point_stamps, found = series[RENDERING]
+    point_stamps, found = series[POINT_MODEL]
     point = found[:, POINT]
     both = (stamps >= point_stamps[0]) & (stamps <= point_stamps[-1])
     times = _seconds(stamps[both], start_ns)
@@ -139,7 +139,7 @@ def _wrenches(
 def _analyses(
     series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int, scene: Scene
 ) -> dict[str, Array]:
-    stamps, rows = _cut(series[RENDERING], window)
+    stamps, rows = _cut(series[POINT_MODEL], window)
     hand = _held((series[DEVICE_STATE][0], series[DEVICE_STATE][1][:, HAND]), stamps)
     share = rows[:, SHARE].reshape(-1, 6, 6)
     beta = scene.controller.joint_constraint.feedforward

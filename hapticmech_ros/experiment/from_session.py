@@ -72,7 +72,7 @@ class SessionRecorder:
             "constraint_wrench": sample.output.joint_constraint,
             "count": sample.count,
             "s": analysis.spectrum.s,
-            "expected_wrench": (beta - 1.0) * (analysis.balanced_share @ sample.hand_wrench),
+            "expected_wrench": (beta - 1.0) * (analysis.wrench_projector @ sample.hand_wrench),
             "kinetic": kinetic,
             "potential": potential + mechanism.account.contact_energy,
             "work_in": mechanism.account.work_in,

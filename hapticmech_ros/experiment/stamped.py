@@ -11,7 +11,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.layouts import unpack_device, unpack_energy, unpack_rendering
+from hapticmech_ros.wire.layouts import unpack_device, unpack_energy, unpack_operational_model
 
 ARRAY_TYPE = "std_msgs/msg/Float64MultiArray"
 
@@ -21,8 +21,8 @@ class StampedSamples:
 
     Args:
         topic: full name, for messages of errors.
-        kind: its message type: a stamped wrench, joint states, or ``state``, ``rendering`` or
-            ``energy`` for the arrays of wire/layouts.py.
+        kind: its message type: a stamped wrench, joint states, or ``state``,
+            ``operational_model`` or ``energy`` for the arrays of wire/layouts.py.
     """
 
     def __init__(self, topic: str, kind: str) -> None:
@@ -78,10 +78,10 @@ def _joints(message: Any) -> tuple[int, Array]:
     return _stamp_ns(message.header), np.array(message.position, dtype=float)
 
 
-def _rendering(message: Any) -> tuple[int, Array]:
+def _operational_model(message: Any) -> tuple[int, Array]:
     """Row: count, position (3), quaternion (4), Π (36), s (t)."""
-    found = unpack_rendering(message.data)
-    share = found.model.balanced_share
+    found = unpack_operational_model(message.data)
+    share = found.model.wrench_projector
     pose = _pose_row(found.point.pose)
     return found.stamp_ns, np.concatenate(([found.count], pose, share.ravel(), found.s))
 
@@ -107,7 +107,7 @@ _READERS = {
     "geometry_msgs/msg/WrenchStamped": _wrench,
     "sensor_msgs/msg/JointState": _joints,
     "state": _device,
-    "rendering": _rendering,
+    "operational_model": _operational_model,
     "energy": _energy,
 }
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats.model import Coupling, Hinge
+from hapticmech_ros.formats.model import Coupling, Joint
 
 IN_FIXED = "mimic in a fixed joint"
 OF_FIXED = "mimic of a joint that does not move"
@@ -20,8 +20,8 @@ WHY = {
 
 
 def settled(
-    hinges: Sequence[Hinge], couplings: Sequence[Coupling], notes: Counter[str]
-) -> tuple[list[Hinge], list[Coupling]]:
+    hinges: Sequence[Joint], couplings: Sequence[Coupling], notes: Counter[str]
+) -> tuple[list[Joint], list[Coupling]]:
     """Return hinges and couplings, where what mimics a joint that does not move is fixed itself.
 
     Such a joint is at multiplier · 0 + offset; what mimics it in turn is fixed as well. A mimic in
@@ -46,7 +46,7 @@ def settled(
     return list(found.values()), [one for one in moving if one.joint not in held]
 
 
-def _fixed(hinge: Hinge, position: float) -> Hinge:
+def _fixed(hinge: Joint, position: float) -> Joint:
     """Return a joint of one coordinate held where it is at a position."""
     moved = pin.SE3.Identity()
     if hinge.type == "revolute":

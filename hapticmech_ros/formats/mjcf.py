@@ -14,7 +14,7 @@ from hapticmech_ros.formats.mjcf_classes import Context, settings
 from hapticmech_ros.formats.mjcf_equalities import Equalities
 from hapticmech_ros.formats.mjcf_inertias import body_of, shape_of
 from hapticmech_ros.formats.mjcf_shapes import collides, solid_of
-from hapticmech_ros.formats.model import WORLD, Body, Hinge, Model, Note, Point, Solid
+from hapticmech_ros.formats.model import WORLD, Body, Joint, Model, Note, Point, Solid
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 JOINT_TYPES = {"hinge": "revolute", "slide": "prismatic", "ball": "spherical", "free": "free"}
@@ -66,7 +66,7 @@ class _Reader:
     source: Source
     context: Context
     bodies: dict[str, Body] = field(default_factory=dict)
-    hinges: list[Hinge] = field(default_factory=list)
+    hinges: list[Joint] = field(default_factory=list)
     joints: set[str] = field(default_factory=set)
     refs: dict[str, float] = field(default_factory=dict)
     free: dict[str, list[float]] = field(default_factory=dict)
@@ -91,7 +91,7 @@ class _Reader:
             source.root.attributes.get("model") or source.path.stem,
             self.bodies,
             self.hinges,
-            equalities.ties,
+            equalities.loop_joints,
             equalities.couplings,
             [Point(name, *place) for name, place in self.sites.items()],
             self.solids,
@@ -189,7 +189,7 @@ class _Reader:
             if part.tag in ("joint", "freejoint")
         ]
         if not joints:
-            self.hinges.append(Hinge(self._new(f"{name}_base"), "fixed", parent, name, place))
+            self.hinges.append(Joint(self._new(f"{name}_base"), "fixed", parent, name, place))
         for step, (joint, within) in enumerate(joints):
             last = step == len(joints) - 1
             child = name if last else self._new(f"{name}_{step}")
@@ -213,7 +213,7 @@ class _Reader:
 
     def _hinge(
         self, node: Node, name: str, parent: str, child: str, place: pin.SE3, within: pin.SE3
-    ) -> Hinge:
+    ) -> Joint:
         source, context = self.source, self.context
         name = node.attributes.get("name", "").strip() or name
         kind = context.word(node, "type", "hinge") if node.tag == "joint" else "free"
@@ -229,13 +229,13 @@ class _Reader:
         if kind == "free":
             self._without(node, kind)
             self.free[name] = [float(x) for x in pin.SE3ToXYZQUAT(place)]
-            return Hinge(name, "free", parent, child, pin.SE3.Identity(), damping=damping)
+            return Joint(name, "free", parent, child, pin.SE3.Identity(), damping=damping)
         anchor = pin.SE3.Identity()
         anchor.translation = within.act(np.array(source.values(node, "pos", (0.0,) * 3)))
         if kind == "ball":
             self._without(node, kind)
             at = place * anchor
-            return Hinge(name, "spherical", parent, child, at, anchor.inverse(), damping=damping)
+            return Joint(name, "spherical", parent, child, at, anchor.inverse(), damping=damping)
         axis = within.rotation @ np.array(source.values(node, "axis", (0.0, 0.0, 1.0)))
         size = float(np.linalg.norm(axis))
         if not size > 0.0:
@@ -249,7 +249,7 @@ class _Reader:
             back.rotation = pin.AngleAxis(-ref, axis).matrix()
         else:
             back.translation = -ref * axis
-        return Hinge(
+        return Joint(
             name,
             JOINT_TYPES[kind],
             parent,

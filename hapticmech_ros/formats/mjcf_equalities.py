@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats.mjcf_classes import Context, settings
-from hapticmech_ros.formats.model import WORLD, Coupling, Tie
+from hapticmech_ros.formats.model import WORLD, Coupling, LoopJoint
 from hapticmech_ros.formats.xml_nodes import Node
 
 Place = tuple[str, pin.SE3]
@@ -30,7 +30,7 @@ class Equalities:
     poses: Mapping[str, pin.SE3]
     sites: Mapping[str, Place]
     refs: Mapping[str, float]
-    ties: list[Tie] = field(default_factory=list)
+    loop_joints: list[LoopJoint] = field(default_factory=list)
     couplings: list[Coupling] = field(default_factory=list)
 
     def read(self) -> None:
@@ -41,9 +41,11 @@ class Equalities:
             name = node.attributes.get("name") or f"{node.tag}{count}"
             active = self.context.flag(full, "active", "true")
             if node.tag == "connect":
-                self.ties.append(Tie(name, "spherical", *self._connected(full), active))
+                self.loop_joints.append(
+                    LoopJoint(name, "spherical", *self._connected(full), active)
+                )
             elif node.tag == "weld":
-                self.ties.append(Tie(name, "weld", *self._welded(full), active))
+                self.loop_joints.append(LoopJoint(name, "weld", *self._welded(full), active))
             elif node.tag == "joint":
                 if active:
                     self.couplings.append(self._coupled(full, name))

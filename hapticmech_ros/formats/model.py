@@ -1,6 +1,6 @@
-"""What any of the formats says of a mechanism: bodies, hinges between them, ties, and what is left.
+"""What any of the formats says of a mechanism: bodies, joints, loop joints, and the rest.
 
-A hinge carries a body from another; a body that two hinges carry closes a loop.
+A joint carries a body from another; a body that two joints carry closes a loop.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Body:
 
 
 @dataclass(frozen=True, slots=True)
-class Hinge:
+class Joint:
     """A joint.
 
     Attributes:
@@ -85,7 +85,7 @@ class Hinge:
 
 
 @dataclass(frozen=True, slots=True)
-class Tie:
+class LoopJoint:
     """A closure: kind of a scene, its frames in two bodies, and whether it holds from the start."""
 
     name: str
@@ -142,7 +142,7 @@ class Model:
         name: of the model.
         bodies: by name; ``world`` is not among them.
         hinges: joints; those that close loops are among them.
-        ties, couplings, points, solids: see there.
+        loop_joints, couplings, points, solids: see there.
         gravity: (3,) m/s² if the file says so.
         bases: where bodies that nothing carries are in the world; the origin if left out.
         notes: what the scene does not have.
@@ -152,8 +152,8 @@ class Model:
 
     name: str
     bodies: Mapping[str, Body]
-    hinges: Sequence[Hinge]
-    ties: Sequence[Tie] = ()
+    hinges: Sequence[Joint]
+    loop_joints: Sequence[LoopJoint] = ()
     couplings: Sequence[Coupling] = ()
     points: Sequence[Point] = ()
     solids: Sequence[Solid] = ()

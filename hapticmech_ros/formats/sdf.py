@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats import mimics
-from hapticmech_ros.formats.model import WORLD, Body, Coupling, Hinge, Model, Note, Point, Solid
+from hapticmech_ros.formats.model import WORLD, Body, Coupling, Joint, Model, Note, Point, Solid
 from hapticmech_ros.formats.sdf_frames import Frames
 from hapticmech_ros.formats.sdf_gears import INEXACT, WHY_INEXACT, gearbox, mimic
 from hapticmech_ros.formats.sdf_nested import HERE, opened
@@ -159,7 +159,7 @@ class _Reader:
             return default
         return self.source.numbers(found, found.text, 1, tag, largest)[0]
 
-    def _hinge(self, joint: Node, bodies: Mapping[str, Body]) -> Hinge:
+    def _hinge(self, joint: Node, bodies: Mapping[str, Body]) -> Joint:
         name, kind = self.source.text(joint, "name"), self.source.text(joint, "type")
         if kind not in JOINT_TYPES:
             rule = f"type must be one of {sorted(JOINT_TYPES)}"
@@ -178,7 +178,7 @@ class _Reader:
         dynamics = axis.first("dynamics") if axis is not None else None
         if moves and axis is not None:
             self._mimic(joint, axis)
-        return Hinge(
+        return Joint(
             name,
             JOINT_TYPES[kind],
             parent,
@@ -233,7 +233,7 @@ class _Reader:
             raise self.source.error(limit, (lower, upper), "lower must not be above upper")
         return lower, upper
 
-    def _gear(self, joint: Node, hinges: list[Hinge], bodies: Mapping[str, Body]) -> None:
+    def _gear(self, joint: Node, hinges: list[Joint], bodies: Mapping[str, Body]) -> None:
         """Read a gearbox."""
         reference, parent, child = (
             self.frames.body_of(self.frames.end_name(joint, end), joint, bodies)
@@ -256,7 +256,7 @@ class _Reader:
         else:
             self.couplings.append(found)
 
-    def _axis_in_world(self, hinge: Hinge) -> np.ndarray:
+    def _axis_in_world(self, hinge: Joint) -> np.ndarray:
         place = self.frames.pose(hinge.name, self.model)
         return np.asarray(place.rotation @ hinge.axis)
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
-from hapticmech_ros.formats.model import Coupling, Hinge
+from hapticmech_ros.formats.model import Coupling, Joint
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 # Of the sine of the angle between axes that are one, as files of six digits have them.
@@ -19,9 +19,9 @@ def gearbox(
     source: Source,
     joint: Node,
     ends: tuple[str, str, str],
-    hinges: Iterable[Hinge],
+    hinges: Iterable[Joint],
     axes: Mapping[str, np.ndarray],
-    axis_of: Callable[[Hinge], np.ndarray],
+    axis_of: Callable[[Joint], np.ndarray],
 ) -> Coupling | None:
     """Return a gearbox as a coupling of two hinges; None if these are not there.
 
@@ -54,11 +54,11 @@ def gearbox(
 
 
 def _sign(
-    hinge: Hinge,
+    hinge: Joint,
     reference: str,
     end: str,
     axis: np.ndarray,
-    axis_of: Callable[[Hinge], np.ndarray],
+    axis_of: Callable[[Joint], np.ndarray],
 ) -> int:
     """Return 1 or -1, as a hinge's angle counts from link to link about an axis, or else 0."""
     forward = (hinge.parent, hinge.child) == (reference, end)

@@ -1,4 +1,4 @@
-"""From bodies and hinges to a scene's links: a tree from the world, and closures for the rest."""
+"""From bodies and joints to a scene's links: a tree from the world, and closures for the rest."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from hapticmech_ros.formats.model import (
     Body,
     Coupling,
     Document,
-    Hinge,
     Imported,
+    Joint,
+    LoopJoint,
     Model,
     Note,
-    Tie,
     origin_of,
 )
 from hapticmech_ros.formats.names import Names, clean
@@ -32,7 +32,7 @@ RATE_LIMIT = 200
 # rad or m; a stop beyond this is none, as SDFormat has it.
 NO_LIMIT = 1e15
 # What closes a loop where a body is carried a second time.
-TIES = {"revolute": "revolute", "spherical": "spherical", "fixed": "weld"}
+LOOP_JOINTS = {"revolute": "revolute", "spherical": "spherical", "fixed": "weld"}
 NO_SENSE = "a hinge that closes a loop is a bare one: say springs and dampers in a scene file"
 RAISED = "a principal moment was above the sum of the others, which were raised alike to meet it"
 Place = tuple[str, pin.SE3]
@@ -50,12 +50,12 @@ def to_scene(model: Model, source: str, free_base: bool = False) -> Imported:
         free_base: whether such a body floats.
 
     Raises:
-        SceneError: too large, names twice, hinges in a circle, or a loop that cannot be closed.
+        SceneError: too large, names twice, joints in a circle, or a loop that cannot be closed.
     """
     parts = {
         "bodies": model.bodies,
         "joints": model.hinges,
-        "closures": model.ties,
+        "closures": model.loop_joints,
         "couplings": model.couplings,
     }
     for what, found in parts.items():
@@ -75,7 +75,7 @@ class _Builder:
         self._places: dict[str, Place] = {WORLD: (WORLD, pin.SE3.Identity())}
         self._names = Names()
         self._joints: dict[str, str] = {}
-        self._closing: list[Hinge] = []
+        self._closing: list[Joint] = []
         self._depth = {WORLD: 0}
         self._raised = self._dropped = 0
 
@@ -88,8 +88,10 @@ class _Builder:
         if not any(link["joint"]["type"] != "fixed" for link in self._links):
             rule = f"no joint moves: {self._model.floating}"
             raise _refused(self._source, "joints", len(self._model.hinges), rule)
-        closures = [self._tie(_tie_of(hinge, self._source)) for hinge in self._closing]
-        closures += [self._tie(tie) for tie in self._model.ties]
+        closures = [
+            self._loop_joint(_loop_joint_of(hinge, self._source)) for hinge in self._closing
+        ]
+        closures += [self._loop_joint(loop_joint) for loop_joint in self._model.loop_joints]
         document: Document = {"links": self._links}
         if closures:
             document["closures"] = closures
@@ -114,23 +116,23 @@ class _Builder:
             self._notes(),
         )
 
-    def _bases(self) -> Iterable[Hinge]:
+    def _bases(self) -> Iterable[Joint]:
         """Yield a hinge to the world for each body that nothing carries."""
         carried = {hinge.child for hinge in self._model.hinges}
         bases = [name for name in self._model.bodies if name not in carried]
         if not bases and not any(hinge.parent == WORLD for hinge in self._model.hinges):
             raise _refused(
-                self._source, "bodies", sorted(self._model.bodies)[:5], "hinges go in a circle"
+                self._source, "bodies", sorted(self._model.bodies)[:5], "joints go in a circle"
             )
         kind = "free" if self._free else "fixed"
         for name in bases:
             if name != WORLD:
                 place = self._model.bases.get(name, pin.SE3.Identity())
-                yield Hinge(f"{name}_base", kind, WORLD, name, place)
+                yield Joint(f"{name}_base", kind, WORLD, name, place)
 
     def _grow(self) -> None:
         """Carry body after body, from the world outwards, in the file's order."""
-        below: dict[str, list[Hinge]] = {}
+        below: dict[str, list[Joint]] = {}
         for hinge in self._model.hinges:
             below.setdefault(hinge.parent, []).append(hinge)
         waiting = list(self._places)
@@ -151,9 +153,9 @@ class _Builder:
             waiting += [hinge.child for hinge in reversed(below.get(parent, []))]
         lost = sorted(set(self._model.bodies) - set(self._places))
         if lost:
-            raise _refused(self._source, "bodies", lost[:5], "hinges of these go in a circle")
+            raise _refused(self._source, "bodies", lost[:5], "joints of these go in a circle")
 
-    def _carry(self, hinge: Hinge) -> None:
+    def _carry(self, hinge: Joint) -> None:
         link, place = self._places[hinge.parent]
         origin = place * hinge.in_parent
         body = self._model.bodies[hinge.child]
@@ -193,15 +195,19 @@ class _Builder:
             "inertia": {key: float(inertia[at]) for key, at in keys.items()},
         }
 
-    def _tie(self, tie: Tie) -> Document:
+    def _loop_joint(self, loop_joint: LoopJoint) -> Document:
         ends = {}
-        for end, (body, place) in (("a", tie.a), ("b", tie.b)):
+        for end, (body, place) in (("a", loop_joint.a), ("b", loop_joint.b)):
             if body not in self._places:
-                raise _refused(self._source, f"closure {tie.name}", body, "no such body")
+                raise _refused(self._source, f"closure {loop_joint.name}", body, "no such body")
             link, own = self._places[body]
             ends[end] = {"link": link, "origin": origin_of(own * place)}
-        found: Document = {"name": self._names.new(tie.name), "kind": tie.kind, **ends}
-        return found if tie.active else {**found, "active": False}
+        found: Document = {
+            "name": self._names.new(loop_joint.name),
+            "kind": loop_joint.kind,
+            **ends,
+        }
+        return found if loop_joint.active else {**found, "active": False}
 
     def _coupling(self, coupling: Coupling) -> Document:
         for joint in (coupling.joint, coupling.leader):
@@ -236,7 +242,7 @@ class _Builder:
         return notes
 
 
-def _joint(hinge: Hinge, name: str, origin: pin.SE3) -> Document:
+def _joint(hinge: Joint, name: str, origin: pin.SE3) -> Document:
     found: Document = {"name": name, "type": hinge.type, "origin": origin_of(origin)}
     if hinge.type in ("revolute", "prismatic"):
         found["axis"] = _floats(hinge.axis)
@@ -254,10 +260,10 @@ def _joint(hinge: Hinge, name: str, origin: pin.SE3) -> Document:
     return found
 
 
-def _tie_of(hinge: Hinge, source: str) -> Tie:
+def _loop_joint_of(hinge: Joint, source: str) -> LoopJoint:
     """Return the closure that a hinge is where it carries a body that others carry already."""
-    if hinge.type not in TIES:
-        rule = f"closes a loop, which only these can: {sorted(TIES)}"
+    if hinge.type not in LOOP_JOINTS:
+        rule = f"closes a loop, which only these can: {sorted(LOOP_JOINTS)}"
         raise _refused(source, f"joint {hinge.name}", hinge.type, rule)
     level = pin.SE3.Identity()
     if hinge.type == "revolute":
@@ -265,7 +271,7 @@ def _tie_of(hinge: Hinge, source: str) -> Tie:
         level.rotation = pin.Quaternion.FromTwoVectors(up, hinge.axis).matrix()
     a = (hinge.parent, hinge.in_parent * level)
     b = (hinge.child, hinge.of_child.inverse() * level)
-    return Tie(hinge.name, TIES[hinge.type], a, b)
+    return LoopJoint(hinge.name, LOOP_JOINTS[hinge.type], a, b)
 
 
 def _floats(values: Sequence[float] | np.ndarray) -> list[float]:

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats import mimics
-from hapticmech_ros.formats.model import Body, Coupling, Hinge, Model, Note, Solid
+from hapticmech_ros.formats.model import Body, Coupling, Joint, Model, Note, Solid
 from hapticmech_ros.formats.urdf_shapes import placement_in, solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
@@ -51,7 +51,7 @@ def read_urdf(source: Source) -> Model:
     """
     notes: Counter[str] = Counter()
     bodies: dict[str, Body] = {}
-    hinges: list[Hinge] = []
+    hinges: list[Joint] = []
     couplings: list[Coupling] = []
     joints: set[str] = set()
     solids: list[Solid] = []
@@ -103,7 +103,7 @@ def _body(source: Source, node: Node, notes: Counter[str]) -> Body:
     return Body(name, source.value(mass, "value"), place.translation.copy(), turned)
 
 
-def _hinge(source: Source, node: Node, notes: Counter[str]) -> Hinge:
+def _hinge(source: Source, node: Node, notes: Counter[str]) -> Joint:
     name, kind = source.text(node, "name"), source.text(node, "type")
     if kind not in JOINT_TYPES:
         raise source.error(node, kind, f"type must be one of {sorted(JOINT_TYPES)}")
@@ -117,7 +117,7 @@ def _hinge(source: Source, node: Node, notes: Counter[str]) -> Hinge:
     if kind == "planar":
         level.rotation = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), axis).matrix()
         axis = np.array((0.0, 0.0, 1.0))
-    return Hinge(
+    return Joint(
         name,
         JOINT_TYPES[kind],
         parent,

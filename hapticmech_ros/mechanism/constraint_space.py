@@ -13,7 +13,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.inertia import singular_joint
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
-from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.data import (
     ERROR,
     LEAST,
@@ -188,7 +188,7 @@ def factored(tree: TreeModel, active_set: ActiveSet, q: Array) -> Closing:
     """
     packed, position = np.empty(active_set.size), np.array(q, dtype=float)
     code = factor_closures(*active_set.constants, position, packed)
-    if code == UNDECIDED:
+    if code == NOT_DECIDED:
         return factored(tree, active_set.dense, q)
     if code < 0:
         raise failure(code, tree)

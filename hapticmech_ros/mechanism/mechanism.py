@@ -62,9 +62,9 @@ class Mechanism(MultibodyModel):
         self._authored, _ = authored_state(scene, self.tree)
         self._single = [self._choose([index]) for index in range(len(self.closures))]
 
-    def grasp(self, point: OperationalPoint) -> None:
-        """Put an operational point elsewhere; see :meth:`MultibodyModel.grasp`."""
-        super().grasp(point)
+    def set_operational_point(self, point: OperationalPoint) -> None:
+        """Put an operational point elsewhere; see :meth:`MultibodyModel.set_operational_point`."""
+        super().set_operational_point(point)
         index = self.point_index(point.name)
         at = self._point_frames[index]
         frame = self.model.frames[at]

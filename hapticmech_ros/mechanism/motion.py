@@ -30,7 +30,7 @@ class Start(NamedTuple):
     closing: Closing | None = None
 
 
-class Pushes(NamedTuple):
+class ExternalWrenches(NamedTuple):
     """What acts from outside, held during a step.
 
     Attributes:
@@ -100,16 +100,16 @@ class HeldMotion:
     Args:
         mechanism: that moves.
         start: of the step.
-        pushes: held.
+        external: held.
         pull: Baumgarte's rate, 1/s; 0 for none.
     """
 
     def __init__(
-        self, mechanism: Mechanism, start: Start, pushes: Pushes, pull: float = 0.0
+        self, mechanism: Mechanism, start: Start, external: ExternalWrenches, pull: float = 0.0
     ) -> None:
         self._mechanism = mechanism
         self._start = start
-        self._pushes = pushes
+        self._external = external
         self._pull = pull
         self._first: Evaluation | None = None
 
@@ -143,7 +143,7 @@ class HeldMotion:
         return self._first
 
     def _force(self, q: Array, terms: Evaluation) -> Array:
-        wrenches, on_links, in_joints = self._pushes
+        wrenches, on_links, in_joints = self._external
         force = np.zeros(terms.bias_force.size) if in_joints is None else in_joints.copy()
         for point, wrench in zip(terms.points, wrenches, strict=True):
             force += wrench @ point.jacobian
@@ -160,15 +160,15 @@ class HeldMotion:
         return terms._replace(closure_bias=terms.closure_bias + pull)
 
 
-def check_pushes(pushes: Pushes, points: int, nv: int) -> None:
+def check_external(external: ExternalWrenches, points: int, nv: int) -> None:
     """Check pushes on a mechanism with so many operational points and degrees of freedom.
 
     Raises:
         InvalidInputError: a wrong shape, or joint forces that are NaN or infinite.
     """
-    if pushes.wrenches.shape != (points, 6):
-        raise InvalidInputError("wrenches", pushes.wrenches.shape, f"must have shape {points, 6}")
-    forces = pushes.in_joints
+    if external.wrenches.shape != (points, 6):
+        raise InvalidInputError("wrenches", external.wrenches.shape, f"must have shape {points, 6}")
+    forces = external.in_joints
     if forces is not None and (np.shape(forces) != (nv,) or not np.isfinite(forces).all()):
         raise InvalidInputError("joint_forces", forces, f"must be {nv} finite numbers")
 

@@ -63,7 +63,7 @@ class MultibodyModel:
         closed = [closure.active for closure in scene.closures]
         self.initially_active: Active = (*closed, *(True for _ in scene.couplings))
 
-    def grasp(self, point: OperationalPoint) -> None:
+    def set_operational_point(self, point: OperationalPoint) -> None:
         """Put the operational point of that name elsewhere; ``scene`` has it there from now on.
 
         Terms evaluated before are of the place before. The unit ``length`` stays what it was.

@@ -15,28 +15,28 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, factored, failure
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
-from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.data import ERROR
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE
 from hapticmech_ros.mechanism.kernels.implicit_kernels import springs_size
 from hapticmech_ros.mechanism.kernels.run_kernels import (
     EVERYTHING,
-    HEEDLESS,
     NEEDS_CARE,
     RATES_NOT_FINITE,
     STAGES,
+    UNCHECKED,
     advance,
 )
 from hapticmech_ros.mechanism.kernels.settle_kernels import FLIPPED, JUMPED, OPEN, SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import PARTS, Work, work_size
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
+    ExternalWrenches,
     HeldMotion,
     Plan,
-    Pushes,
     Start,
     Stepped,
-    check_pushes,
+    check_external,
     not_finite,
 )
 from hapticmech_ros.mechanism.projection import (
@@ -114,20 +114,20 @@ class Stepper:
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
         parts.scheme[: len(scheme.fractions), 1] = scheme.fractions
         self.stages, self.implicit = len(scheme.weights), int(scheme.implicit)
-        self.heeded = HEEDLESS if pulled else EVERYTHING
+        self.heeded = UNCHECKED if pulled else EVERYTHING
 
-    def advance(self, start: Start, pushes: Pushes) -> Stepped:
+    def advance(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Advance by one period with pushes held; see ``Simulator.step``."""
-        return self.run(start, pushes, 1, _NO_SAMPLES, 0)
+        return self.run(start, external, 1, _NO_SAMPLES, 0)
 
     def run(
-        self, start: Start, pushes: Pushes, periods: int, samples: Array, every: int
+        self, start: Start, external: ExternalWrenches, periods: int, samples: Array, every: int
     ) -> Stepped:
         """Advance by many periods with pushes held, and fill samples; see ``Simulator.run``.
 
         Args:
             start: where.
-            pushes: from outside.
+            external: from outside.
             periods: how many, at least one.
             samples: (periods // every, nq + nv) to fill.
             every: periods from one sample to the next; 0 for none.
@@ -139,7 +139,7 @@ class Stepper:
             InvalidInputError: pushes of another shape, or a state that is not finite.
             ClosureError: a closed loop came apart, jumped, or turned to its other branch.
         """
-        check_pushes(pushes, len(self._mechanism.point_names), self._mechanism.nv)
+        check_external(external, len(self._mechanism.point_names), self._mechanism.nv)
         total, apart = periods * self._plan.substeps, every * self._plan.substeps
         now, done, work_in, lost = start, 0, 0.0, 0.0
         while True:
@@ -148,14 +148,14 @@ class Stepper:
             count = min(total - done, apart - since) if since else total - done
             rows = samples[done // apart :] if apart and not since else _NO_SAMPLES
             active_set = self._mechanism.active_set(now.active)
-            code, steps, stepped = self._call(active_set, now, pushes, count, rows, apart)
+            code, steps, stepped = self._call(active_set, now, external, count, rows, apart)
             if stepped is not None:
                 if steps == total:
                     return stepped
                 work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
                 now = end_of(stepped, start)
             if steps < count:
-                stepped = self._alone(code, now, pushes)
+                stepped = self._alone(code, now, external)
                 work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
                 now = end_of(stepped, start)
                 steps, since = steps + 1, 1
@@ -165,40 +165,40 @@ class Stepper:
             if done == total and stepped is not None:
                 return stepped._replace(work_in=work_in, energy_lost=lost)
 
-    def _alone(self, code: int, start: Start, pushes: Pushes) -> Stepped:
+    def _alone(self, code: int, start: Start, external: ExternalWrenches) -> Stepped:
         """Do the step that the kernel stopped before."""
-        if code == UNDECIDED:
+        if code == NOT_DECIDED:
             dense = self._mechanism.active_set(start.active).dense
-            took = self._call(dense, start, pushes, 1, _NO_SAMPLES, 0)
+            took = self._call(dense, start, external, 1, _NO_SAMPLES, 0)
             if took.stepped is not None:
                 return took.stepped
-        return self.careful_substep(start, pushes)
+        return self.careful_substep(start, external)
 
-    def careful_substep(self, start: Start, pushes: Pushes) -> Stepped:
+    def careful_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Do a step; with care where branches of the motion cross, or nearly do.
 
         There closures gain rank in a step, or keep a σ that says little of the direction.
         """
         if self._pulled:
-            return self._substep(start, pushes)
+            return self._substep(start, external)
         known = start.closing if start.terms is None else start.terms.closing
         closing = known or self._mechanism.closing_terms(start.q, start.active)
         start = start._replace(closing=closing)
         limit = care_limit(self._step * float(np.abs(start.v).max()))
         if closing.least < limit:
-            return self._leave(start, pushes, closing) or self._substep(start, pushes)
-        stepped = self._watched_substep(start, pushes)
+            return self._leave(start, external, closing) or self._substep(start, external)
+        stepped = self._watched_substep(start, external)
         if stepped is None:
-            stepped = self._step_around(start, pushes, closing)
+            stepped = self._step_around(start, external, closing)
         if stepped.closing.resolved <= closing.resolved:
             return stepped
-        return self._leave(start, pushes, closing) or stepped
+        return self._leave(start, external, closing) or stepped
 
-    def _leave(self, start: Start, pushes: Pushes, closing: Closing) -> Stepped | None:
+    def _leave(self, start: Start, external: ExternalWrenches, closing: Closing) -> Stepped | None:
         """Step away from a singular position along one branch; None if no branch takes it up."""
         mechanism, step = self._mechanism, self._step
         q, v, active = start.q, start.v, start.active
-        motion = HeldMotion(mechanism, start, pushes)
+        motion = HeldMotion(mechanism, start, external)
         first = motion(q, v)
         away = 0.5 * step * first.acceleration
         space = closing.space
@@ -217,45 +217,47 @@ class Stepper:
         led = Stepped(*ended, work_in, lost)
         if not at_speed:
             return led
-        return _sum_of(led, self._part(end_of(led, start), pushes, step - part))
+        return _sum_of(led, self._part(end_of(led, start), external, step - part))
 
-    def _step_around(self, start: Start, pushes: Pushes, closing: Closing) -> Stepped:
+    def _step_around(self, start: Start, external: ExternalWrenches, closing: Closing) -> Stepped:
         """Do a step as two, of which no stage lies where this step's own would be singular."""
-        after = self._substep(start, pushes).closing.least
+        after = self._substep(start, external).closing.least
         where = closing.least / (closing.least + after)
-        first = self._part(start, pushes, self._step * split_around(where))
-        second = self._part(end_of(first, start), pushes, self._step * (1.0 - split_around(where)))
+        first = self._part(start, external, self._step * split_around(where))
+        second = self._part(
+            end_of(first, start), external, self._step * (1.0 - split_around(where))
+        )
         return _sum_of(first, second)
 
-    def _part(self, start: Start, pushes: Pushes, step: float) -> Stepped:
+    def _part(self, start: Start, external: ExternalWrenches, step: float) -> Stepped:
         """Do a step of another length."""
         settings = self.parts.settings
         settings[0] = step
         try:
-            return self._substep(start, pushes)
+            return self._substep(start, external)
         finally:
             settings[0] = self._step
 
-    def _substep(self, start: Start, pushes: Pushes) -> Stepped:
+    def _substep(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Do a step whatever it starts at, leaves, or passes."""
-        return cast(Stepped, self._once(start, pushes, HEEDLESS))
+        return cast(Stepped, self._once(start, external, UNCHECKED))
 
-    def _watched_substep(self, start: Start, pushes: Pushes) -> Stepped | None:
+    def _watched_substep(self, start: Start, external: ExternalWrenches) -> Stepped | None:
         """Do a step; None if a stage of it is next to a singular position: see :func:`advance`."""
-        return self._once(start, pushes, STAGES)
+        return self._once(start, external, STAGES)
 
-    def _once(self, start: Start, pushes: Pushes, heeded: int) -> Stepped | None:
+    def _once(self, start: Start, external: ExternalWrenches, heeded: int) -> Stepped | None:
         active_set = self._mechanism.active_set(start.active)
-        took = self._call(active_set, start, pushes, 1, _NO_SAMPLES, 0, heeded)
-        if took.code == UNDECIDED:
-            took = self._call(active_set.dense, start, pushes, 1, _NO_SAMPLES, 0, heeded)
+        took = self._call(active_set, start, external, 1, _NO_SAMPLES, 0, heeded)
+        if took.code == NOT_DECIDED:
+            took = self._call(active_set.dense, start, external, 1, _NO_SAMPLES, 0, heeded)
         return took.stepped
 
     def _call(
         self,
         active_set: ActiveSet,
         start: Start,
-        pushes: Pushes,
+        external: ExternalWrenches,
         count: int,
         samples: Array,
         apart: int,
@@ -267,7 +269,7 @@ class Stepper:
             HapticMechError: a step failed.
         """
         counts = self._counts
-        known = self.load(start, active_set, pushes, heeded)
+        known = self.load(start, active_set, external, heeded)
         counts[0], counts[1], counts[4] = count, apart, known is not None
         end = np.empty(active_set.size)
         first = first_terms(known, active_set, count)
@@ -278,30 +280,34 @@ class Stepper:
             active_set.scratch,
             self.work,
             self.springs,
-            self.on_links(pushes),
+            self.on_links(external),
             samples,
             counts,
         )
         return self.took(code, active_set, start.active, end)
 
     def load(
-        self, start: Start, active_set: ActiveSet, pushes: Pushes, heeded: int = EVERYTHING
+        self,
+        start: Start,
+        active_set: ActiveSet,
+        external: ExternalWrenches,
+        heeded: int = EVERYTHING,
     ) -> Array | None:
         """Put where steps start, and what pushes, into the work; return known terms, if any.
 
         Args:
             start: where.
             active_set: the closures, and the kind of factorisation.
-            pushes: from outside; those on links are left to :meth:`on_links`.
+            external: from outside; those on links are left to :meth:`on_links`.
             heeded: see ``run_kernels``.
         """
         parts = self.parts
         parts.q0[:] = start.q
         parts.v0[:] = start.v
-        parts.wrenches[:] = pushes.wrenches
-        parts.held[:] = 0.0 if pushes.in_joints is None else pushes.in_joints
+        parts.wrenches[:] = external.wrenches
+        parts.held[:] = 0.0 if external.in_joints is None else external.in_joints
         # States that are pulled are off the closures anyway: no step needs care.
-        parts.settings[8] = HEEDLESS if self._pulled else heeded
+        parts.settings[8] = UNCHECKED if self._pulled else heeded
         account = parts.account
         account[0] = account[1] = account[5] = 0.0
         return _known(start, active_set)
@@ -321,7 +327,7 @@ class Stepper:
         parts = self.parts
         work_in, lost, _, stepped, moved, steps = parts.account.tolist()
         done = int(steps)
-        if code not in (SETTLED, UNDECIDED) and code < NEEDS_CARE:
+        if code not in (SETTLED, NOT_DECIDED) and code < NEEDS_CARE:
             raise self._failure(code, end, active, stepped, moved)
         if done == 0:
             return Took(code, 0, None)
@@ -355,12 +361,12 @@ class Stepper:
     def _turned(self, index: int) -> bool:
         return self._mechanism.on_wrong_branch(index, self.parts.q)
 
-    def on_links(self, pushes: Pushes) -> Array:
+    def on_links(self, external: ExternalWrenches) -> Array:
         """Return (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``."""
-        if not pushes.on_links:
+        if not external.on_links:
             return _NO_PUSHES
         mechanism, rows = self._mechanism, []
-        for link, wrench in pushes.on_links.items():
+        for link, wrench in external.on_links.items():
             joint, placement = mechanism.link_place(link)
             rows.append(np.concatenate(([joint], placement.translation, wrench)))
         return np.array(rows, dtype=float)

@@ -15,7 +15,7 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.lateness import jitter_allowance
+from hapticmech_ros.control.compensated_delay import jitter_allowance
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.failures import Failures
@@ -72,9 +72,9 @@ class Actor(Generic[P]):
         self.limits = self.scene.limits
         self.wrenches = wrench_bounds(self.limits)
         self.ages = DurationHistogram()
-        self.adopt(parameters)
+        self.apply_parameters(parameters)
 
-    def adopt(self, parameters: P) -> None:
+    def apply_parameters(self, parameters: P) -> None:
         """Take new parameters, all of them at once."""
         self.parameters = parameters
         self.view_every = max(1, round(1.0 / (parameters.view_rate * self.period_s)))
@@ -88,7 +88,7 @@ class Actor(Generic[P]):
         """Return a timeout (s) in ns, with what a declared network's jitter may add to silence."""
         return nanoseconds(timeout + jitter_allowance(self.scene.connection))
 
-    def vet(self, parameters: P) -> None:
+    def validate_parameters(self, parameters: P) -> None:
         """Refuse new parameters that this scene cannot have, by HapticMechError."""
 
     def activate(self) -> None:

@@ -45,7 +45,7 @@ class Answers(InOrder):
     def lost(self, now_ns: int) -> str:
         """Return what is lost of what it obeys, at a time (ns); empty if nothing is."""
         well = not self.obeys or self._loop.can_correct(self.answered_ns, now_ns)
-        return "" if well else "servo_gain is lost"
+        return "" if well else "local_feedback_gain is lost"
 
     def begin(self, now_ns: int) -> bool:
         """Return whether to obey from now on, or already.

@@ -14,7 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
 
 
-def tell(event: str, **facts: object) -> None:
+def write_progress(event: str, **facts: object) -> None:
     """Print a line of JSON for the parent process."""
     print(json.dumps({"event": event, **facts}), flush=True)
 
@@ -32,7 +32,7 @@ def watch(node_type: Callable[[], Node], arguments: Sequence[str], **facts: Any)
     node = node_type()
     executor = EventsExecutor()
     executor.add_node(node)
-    tell("ready", **facts)
+    write_progress("ready", **facts)
     try:
         while rclpy.ok() and not stop.asked:
             wait_for_messages(executor, LONGEST_WAIT_S)

@@ -9,7 +9,7 @@ from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.controller_side import Answer, LedgerEntry
+from hapticmech_ros.control.rendering_controller import ControllerCommand, LedgerEntry
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.messages import write_wrench
@@ -58,12 +58,12 @@ class ControllerOutputs:
         self._gain_ns = NEVER
 
     def wants_gain(self, stamp_ns: int) -> bool:
-        """Return whether ``servo_gain`` is due: at view rate, in lockstep with each command."""
+        """Return whether ``local_feedback_gain`` is due: at view rate, or each command's."""
         # Less half a period: samples are not evenly apart.
         every_ns = nanoseconds((self._actor.view_every - 0.5) * self._actor.period_s)
         return self._actor.lockstep or stamp_ns - self._gain_ns >= every_ns
 
-    def gain(self, answer: Answer, stamp_ns: int) -> None:
+    def gain(self, answer: ControllerCommand, stamp_ns: int) -> None:
         """Publish how an answer depends on the device."""
         self._gain_ns = stamp_ns
         told = ServoGain(stamp_ns, answer.answered_ns, answer.to_mechanism, answer.model)

@@ -87,7 +87,7 @@ class DevicePath(InOrder):
             period = self._scene.simulation.period
             gains = made_for(gains, self._scene.device, period, delay)
         if time is None:
-            control.adopt(gains, delay)
+            control.apply_gains(gains, delay)
         elif (gains, delay) != control.aim:
             control.tune(time, gains, delay)
 

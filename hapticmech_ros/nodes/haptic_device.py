@@ -19,7 +19,7 @@ from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
 from hapticmech_ros.nodes.device_limits import limits_of
 from hapticmech_ros.nodes.device_view import DeviceView
-from hapticmech_ros.nodes.hand_port import HandPort
+from hapticmech_ros.nodes.hand_wrenches import HandWrenches
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Stamped, Standing
 from hapticmech_ros.nodes.local_loop import LocalLoop
@@ -52,9 +52,9 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     parameters_type = DeviceParameters
 
     def __init__(self, node: Host, parameters: DeviceParameters) -> None:
-        self._hand: HandPort | None = None
+        self._hand: HandWrenches | None = None
         super().__init__(node, parameters)
-        self._hand_waits = parameters.hand_waits
+        self._wait_for_start = parameters.wait_for_start
         self._side = DeviceSide(self.scene, self._limits)
         self._loop = self._new_loop()
         self._answers = Answers(self._loop)
@@ -84,7 +84,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self.input_command(DEVICE_COMMAND.name, qos, self._on_command, sources=sources)
         if self._is_local:
             self.input_array(DEVICE_GAIN.name, self.control_input, self._on_gain, GAIN_FIELDS)
-        self._hand = HandPort(self, lambda: np.asarray(self._state.pose.rotation), self.act)
+        self._hand = HandWrenches(self, lambda: np.asarray(self._state.pose.rotation), self.act)
 
     def _new_loop(self) -> LocalLoop:
         paired = self._is_local and self.scene.connection.networked
@@ -94,16 +94,16 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def _is_local(self) -> bool:
         return self.scene.controller.local
 
-    def adopt(self, parameters: DeviceParameters) -> None:
+    def apply_parameters(self, parameters: DeviceParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
-        super().adopt(parameters)
+        super().apply_parameters(parameters)
         self.timeout_ns = self.silence_ns(parameters.command_timeout)
         self._limits = limits_of(parameters, self.scene.device)
         if self._hand is not None:
             self._side.envelope.limit(self._limits)
-            self._hand.adopt(parameters)
+            self._hand.apply_parameters(parameters)
 
-    def vet(self, parameters: DeviceParameters) -> None:
+    def validate_parameters(self, parameters: DeviceParameters) -> None:
         """Refuse what is less safe than the scene allows."""
         limits_of(parameters, self.scene.device)
 
@@ -165,7 +165,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def _publish(self, stamp_ns: int) -> None:
         sensed = self._device.sensed(self._push)
         told = self._answers.round_trip, self._answers.obeys or self.lockstep
-        self._written.see(self._state, sensed, stamp_ns, *told)
+        self._written.encode(self._state, sensed, stamp_ns, *told)
         self._publish_wire.publish(self._wire.encode(self._written.values))
 
     def _publish_view(self, stamp_ns: int) -> None:
@@ -219,7 +219,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         if not self._answers.begin(now_ns):
             return None
         command, answered_ns = stands
-        if self._held is None and not self._hand_waits:
+        if self._held is None and not self._wait_for_start:
             self._held = self._state
             self._ticks_held = 0
             self.times_held += 1
@@ -323,9 +323,9 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         return self.failures.answer(START_HAND, self._start_hand, response, "the hand starts")
 
     def _start_hand(self) -> None:
-        if not self._hand_waits:
+        if not self._wait_for_start:
             raise HapticMechError("the hand was not waiting")
-        self._hand_waits = False
+        self._wait_for_start = False
 
     def _start_pose(self) -> pin.SE3:
         """Return where the device stands at the start: at the operational point."""

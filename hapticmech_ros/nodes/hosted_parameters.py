@@ -1,4 +1,4 @@
-"""A node's parameters: declared with descriptors, validated as a whole, adopted as a whole.
+"""A node's parameters: declared with descriptors, validated as a whole, applied as a whole.
 
 Callbacks of parameters and ticks run in one thread: a change comes between two ticks.
 """
@@ -39,7 +39,7 @@ class HostedParameters:
         node: where they are declared.
         model: what there is, and its rules.
         configured: whether something is built from them, so that some can no longer change.
-        vetted: called with parameters that keep the model's rules; may refuse by HapticMechError.
+        checked: called with parameters that keep the model's rules; may refuse by HapticMechError.
         adopted: called with the parameters before, after a change.
 
     Raises:
@@ -51,13 +51,13 @@ class HostedParameters:
         node: Node,
         model: type[NodeParameters],
         configured: Callable[[], bool],
-        vetted: Callable[[NodeParameters], None],
+        checked: Callable[[NodeParameters], None],
         adopted: Callable[[NodeParameters], None],
     ) -> None:
         self._node = node
         self._model = model
         self._configured = configured
-        self._vetted = vetted
+        self._vetted = checked
         self._adopted = adopted
         try:
             self.values = validated(model, {name: self._declare(name) for name in self._names})

@@ -78,7 +78,7 @@ class LocalLoop:
         return not needs or self._gain.fresh(now_ns, FRESH_NS)
 
     def take(self, values: Array, now_ns: int, lockstep: bool) -> None:
-        """Take a ``servo_gain`` message's data.
+        """Take a ``local_feedback_gain`` message's data.
 
         Raises:
             InvalidInputError: as :func:`~hapticmech_ros.wire.gain_wire.unpack_gain`.

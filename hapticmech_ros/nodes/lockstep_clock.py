@@ -23,7 +23,7 @@ from rosgraph_msgs.msg import Clock
 
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.nodes.child import tell
+from hapticmech_ros.nodes.child import write_progress
 from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.messages import set_stamp
@@ -181,11 +181,11 @@ def main(arguments: Sequence[str]) -> int:
         node = LockstepClock(scene, points, options.start, feed, writer)
         ticks = round(options.duration / scene.simulation.period)
         _pace(node, stop, ticks, options.rate, options.stall_timeout)
-        tell("done", ticks=node.ticks)
+        write_progress("done", ticks=node.ticks)
         node.destroy_node()
         return 0
     except HapticMechError as error:
-        tell("failed", reason=str(error))
+        write_progress("failed", reason=str(error))
         return 1
     finally:
         if writer is not None:
@@ -205,7 +205,7 @@ def _pace(
         wait_for_messages(executor, RETELL_PERIOD_S, until=node.completed)
         if time.monotonic() - told > PROGRESS_PERIOD_S:
             told = time.monotonic()
-            tell("progress", ticks=node.ticks)
+            write_progress("progress", ticks=node.ticks)
         if not node.completed.done():
             node.retell()
             if time.monotonic() - node.last_heard_s > stall_timeout_s:

@@ -72,7 +72,9 @@ class ManagedNode(LifecycleNode):
             self,
             actor_type.parameters_type,
             configured=lambda: self.actor is not None,
-            vetted=lambda parameters: self.actor.vet(parameters) if self.actor else None,
+            checked=lambda parameters: (
+                self.actor.validate_parameters(parameters) if self.actor else None
+            ),
             adopted=self._adopt,
         )
         self._diagnostics = self.create_publisher(
@@ -292,7 +294,7 @@ class ManagedNode(LifecycleNode):
 
     def _adopt(self, before: NodeParameters) -> None:
         if self.actor is not None:
-            self.actor.failures.run("parameters", self.actor.adopt, self.parameters)
+            self.actor.failures.run("parameters", self.actor.apply_parameters, self.parameters)
         if self.parameters.diagnostics_period != before.diagnostics_period:
             self.destroy_timer(self._timer)
             self._start_diagnostics()

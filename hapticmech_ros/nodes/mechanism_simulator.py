@@ -16,12 +16,12 @@ from hapticmech_ros.mechanism.grasp import grasp_written
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.closure_services import offer_closures
 from hapticmech_ros.nodes.contact_port import ContactPort
-from hapticmech_ros.nodes.grasps import Grasps
+from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import WORLD, set_stamp
+from hapticmech_ros.nodes.operational_points import OperationalPoints
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.point_port import PointPort
-from hapticmech_ros.nodes.pushes import Pushes
 from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.nodes.refuge import Refuge
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
@@ -51,7 +51,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def __init__(self, node: Host, parameters: MechanismParameters) -> None:
         self._ports: list[PointPort] = []
-        self._pushes: Pushes | None = None
+        self._listened: ExternalWrenches | None = None
         self._asked: str | None = None
         super().__init__(node, parameters)
         self._simulator = Simulator(self.scene)
@@ -79,30 +79,32 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._publish_closures = self.output(CLOSURES, UInt8MultiArray, LATCHED)
         self._ports = [PointPort(self, name, self.act) for name in names]
         self._contact_port = ContactPort(self, [contact.name for contact in self.scene.contacts])
-        if not parameters.awaits_external:
-            self._pushes = self._listen_to_pushes(names)
-        self._grasps = Grasps(self, self._mechanism, lambda: self._state.q, self._told_to_grasp)
+        if not parameters.require_external_wrench:
+            self._listened = self._listen_to_wrenches(names)
+        self._grasps = OperationalPoints(
+            self, self._mechanism, lambda: self._state.q, self._told_to_grasp
+        )
         self._asked = ""
-        self.vet(parameters)
-        self.adopt(parameters)
+        self.validate_parameters(parameters)
+        self.apply_parameters(parameters)
         self._grasps.announce()
         self._announced = self._state.active
         self._announce_closures()
         offer_closures(self, [c.name for c in self._mechanism.closures], self._switch)
 
-    def adopt(self, parameters: MechanismParameters) -> None:
+    def apply_parameters(self, parameters: MechanismParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
-        super().adopt(parameters)
+        super().apply_parameters(parameters)
         timeout_ns = nanoseconds(parameters.command_timeout)
         for port in self._ports:
             port.set_timeout(timeout_ns)
-        if self._pushes is not None:
-            self._pushes.set_timeout(nanoseconds(parameters.external_timeout))
+        if self._listened is not None:
+            self._listened.set_timeout(nanoseconds(parameters.external_timeout))
         if self._asked is not None and parameters.grasp != self._asked:
             self._asked = parameters.grasp
             self._grasp(self._asked_for(parameters))
 
-    def vet(self, parameters: MechanismParameters) -> None:
+    def validate_parameters(self, parameters: MechanismParameters) -> None:
         """Refuse a grasp that the scene cannot have, or that comes in the middle of lockstep."""
         point = self._asked_for(parameters)
         if self._ticks and parameters.grasp != self._asked:
@@ -112,8 +114,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         """Go on where the mechanism is; what was commanded before counts no more."""
         for port in self._ports:
             port.forget()
-        if self._pushes is not None:
-            self._pushes.forget()
+        if self._listened is not None:
+            self._listened.forget()
         self._commands = np.zeros_like(self._commands)
         self._external = self._calm
         self._on_links = {}
@@ -130,7 +132,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the commands to act on, and awaited wrenches, are there."""
-        if self.parameters.awaits_external and not all(
+        if self.parameters.require_external_wrench and not all(
             port.awaited.has(deadline_ns) for port in self._ports
         ):
             return False
@@ -178,7 +180,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the mechanism's state and figures."""
         closed = ", ".join(self._mechanism.names_of(self._state.active)) or "none"
-        pushing = {} if self._pushes is None else self._pushes.figures(self.now_ns())
+        pushing = {} if self._listened is None else self._listened.figures(self.now_ns())
         energy = energy_of(self._mechanism, self._state, 0)
         space = self._simulator.evaluate(self._state).space
         figures = {
@@ -220,9 +222,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def _pushing(self, now_ns: int) -> Array:
         """Return F_c (points, 6) from now on, and keep what pushes on links."""
-        if self._pushes is None:
+        if self._listened is None:
             return np.array([port.awaited.take(now_ns) for port in self._ports])
-        pushed = self._pushes.at(now_ns, self._rotation_of)
+        pushed = self._listened.at(now_ns, self._rotation_of)
         if not pushed:
             self._on_links = pushed
             return self._calm
@@ -260,7 +262,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def _grasp(self, point: OperationalPoint) -> None:
         """Put an operational point elsewhere; the hand's wrench at the old place ends."""
-        self._simulator.grasp(point)
+        self._simulator.set_operational_point(point)
         if self._contact_wrenches is not None:
             self._contact_wrenches = ContactWrenches(self._mechanism)
         port = self._ports[self._mechanism.point_index(point.name)]
@@ -284,15 +286,15 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         message.layout.dim = [MultiArrayDimension(label=label, size=size, stride=size)]
         self._publish_closures.publish(message)
 
-    def _listen_to_pushes(self, points: Sequence[str]) -> Pushes:
+    def _listen_to_wrenches(self, points: Sequence[str]) -> ExternalWrenches:
         bodies = [*points, *(link.name for link in self.scene.links)]
-        pushes = Pushes(
+        listened = ExternalWrenches(
             self,
             {body: f"mechanism/{body}" for body in bodies},
-            {"external_cf": False, "held_cf": True},
+            "external_cf",
             [*bodies, *(f"{name}_world" for name in points)],
             root="mechanism",
         )
         for name in points:
-            pushes.listen(EXTERNAL_WRENCH.of(name))
-        return pushes
+            listened.listen(EXTERNAL_WRENCH.of(name))
+        return listened

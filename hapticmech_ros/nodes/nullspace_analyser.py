@@ -6,7 +6,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, UInt8
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.lateness import loop_lateness
+from hapticmech_ros.control.compensated_delay import compensated_loop_delay
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
@@ -20,15 +20,15 @@ from hapticmech_ros.operational.counter import ConstraintCounter
 from hapticmech_ros.operational.spectrum import rank_of
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import COMMANDED, RENDERING_FIELDS, rendering_bounds
-from hapticmech_ros.wire.rendering_wire import RenderingWriter
+from hapticmech_ros.wire.layouts import COMMANDED, OPERATIONAL_MODEL_FIELDS, rendering_bounds
+from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_WRENCHES,
     COUNT,
     INVERSE_INERTIA,
+    POINT_MODEL,
     PROJECTOR,
-    RENDERING,
     SPECTRUM,
     STATE,
 )
@@ -47,7 +47,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         super().__init__(node, parameters)
         self._mechanism = Mechanism(self.scene)
         # Of the loop: a command computed from a state acts a period later.
-        self._lateness = loop_lateness(self.scene)
+        self._lateness = compensated_loop_delay(self.scene)
         self._analyser = Analyser(self._mechanism, self.point, self._lateness)
         self._layout = StateLayout(self._mechanism)
         self._counter = ConstraintCounter(self.scene.perception)
@@ -55,11 +55,11 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._last_ns = 0
         self._first_ns = 0
         self.analyses = 0
-        self._rendering = RenderingWriter(self._analyser)
+        self._model = OperationalModelWriter(self._analyser)
         self._grasp = flat_grasp(self.scene, self._analyser.point).tobytes()
-        self._encoder = FlatArray(RENDERING_FIELDS, rendering_bounds(self.limits))
+        self._encoder = FlatArray(OPERATIONAL_MODEL_FIELDS, rendering_bounds(self.limits))
         self._square = matrix_message("row", "column", 6, 6)
-        self._publish_rendering = self.output(RENDERING, Float64MultiArray)
+        self._publish_model = self.output(POINT_MODEL, Float64MultiArray)
         self._publish_inertia = self.output(INVERSE_INERTIA, Float64MultiArray)
         self._publish_projector = self.output(PROJECTOR, Float64MultiArray)
         self._publish_wrenches = self.output(CONSTRAINT_WRENCHES, Float64MultiArray)
@@ -78,7 +78,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
 
     def reseat(self) -> None:
         """Forget what was found of states so far."""
-        self._rendering = RenderingWriter(self._analyser)
+        self._model = OperationalModelWriter(self._analyser)
         self.activate()
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
@@ -95,7 +95,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             "analyses": str(self.analyses),
             "achieved_rate_hz": f"{rate:.1f}",
             "count": count,
-            "inverse_inertia_rank": str(rank_of(self._rendering.s)),
+            "inverse_inertia_rank": str(rank_of(self._model.s)),
         }
         return fresh, sentence, figures
 
@@ -106,19 +106,19 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         grasp = state.grasps[self._analyser.index]
         if grasp.tobytes() != self._grasp:
             self._follow(grasp)
-        rendering = self._rendering
+        model = self._model
         if fault := self._mechanisms.fault(now_ns):
             self._fall_silent(fault)
             return
         self._silenced = False
         try:
-            found = rendering.see(state)
+            found = model.evaluate(state)
         except (HapticMechError, ArithmeticError, ValueError) as error:
             rule = f"must be a state that can be analysed: {error}"
             raise InvalidInputError("joint positions", state.q.tolist(), rule) from None
-        count = self._counted(rendering.s, state.stamp_ns)
-        rendering.count(count)
-        self._publish_rendering.publish(self._encoder.encode(rendering.values))
+        count = self._counted(model.s, state.stamp_ns)
+        model.count(count)
+        self._publish_model.publish(self._encoder.encode(model.values))
         if self.analyses % self.view_every == 0:
             self._publish_view(found.analysis, count)
         self.analyses += 1
@@ -133,16 +133,16 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._silenced = True
         self._count = None
         self.node.get_logger().warning(f"{fault}: silent")
-        if not self._rendering.values[0]:
+        if not self._model.values[0]:
             return  # nobody was told anything
-        self._rendering.values[COMMANDED] = 0.0
-        self._publish_rendering.publish(self._encoder.encode(self._rendering.values))
+        self._model.values[COMMANDED] = 0.0
+        self._publish_model.publish(self._encoder.encode(self._model.values))
 
     def _follow(self, grasp: Array) -> None:
         """Analyse the point where the mechanism says that it is from now on."""
-        self._mechanism.grasp(grasp_of(self._mechanism.scene, self.point, grasp))
+        self._mechanism.set_operational_point(grasp_of(self._mechanism.scene, self.point, grasp))
         self._analyser = Analyser(self._mechanism, self.point, self._lateness)
-        self._rendering = RenderingWriter(self._analyser)
+        self._model = OperationalModelWriter(self._analyser)
         self._grasp = grasp.tobytes()
         self._count = None
 
@@ -151,7 +151,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             self._counter.begin()
             self._first_ns = time_ns
             self.analyses = 0
-        self._count = self._counter.see(s, (time_ns - self._first_ns) / NANOSECONDS)
+        self._count = self._counter.update(s, (time_ns - self._first_ns) / NANOSECONDS)
         self._last_ns = time_ns
         return self._count
 

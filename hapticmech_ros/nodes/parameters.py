@@ -139,7 +139,7 @@ class DeviceParameters(NodeParameters):
         "scene", "scene: its hand holds the device; commanded: hand_cf alone moves it"
     )
     hand_timeout: float = number(0.2, "hand_cf stands this long; 0: for ever", "s", 0.0, 3600.0)
-    hand_waits: bool = flag(False, "the hand takes hold only once device/start_hand is called")
+    wait_for_start: bool = flag(False, "the hand takes hold only once device/start_hand is called")
 
 
 class MechanismParameters(NodeParameters):
@@ -160,7 +160,7 @@ class MechanismParameters(NodeParameters):
         "(rad), or less; empty: as in the scene",
         "any",
     )
-    awaits_external: bool = flag(
+    require_external_wrench: bool = flag(
         False, "in lockstep, a tick waits for external_cf at every operational point"
     )
 

@@ -57,7 +57,7 @@ class PointPort:
         qos, commands = actor.control_input, POINT_COMMAND.of(name)
         self._controllers = actor.sources(commands)
         actor.input_command(commands, qos, self._on_command, sources=self._controllers)
-        if actor.parameters.awaits_external:
+        if actor.parameters.require_external_wrench:
             topic = EXTERNAL_WRENCH.of(name)
             actor.input_command(topic, qos, self._on_awaited, unstamped_is_now=False)
 

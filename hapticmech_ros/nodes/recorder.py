@@ -23,7 +23,7 @@ from std_srvs.srv import Trigger
 
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.nodes.child import tell
+from hapticmech_ros.nodes.child import write_progress
 from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
@@ -102,12 +102,12 @@ def main(arguments: Sequence[str]) -> int:
             messages = node.messages
             node.destroy_node()
         if failure:
-            tell("failed", reason=failure)
+            write_progress("failed", reason=failure)
             return 1
-        tell("done", messages=messages)
+        write_progress("done", messages=messages)
         return 0
     except HapticMechError as error:
-        tell("failed", reason=str(error))
+        write_progress("failed", reason=str(error))
         return 1
     finally:
         rclpy.try_shutdown()
@@ -119,7 +119,7 @@ def _record_until_done(
     """Return None when all is recorded, or why not."""
     executor = EventsExecutor()
     executor.add_node(node)
-    tell("ready")
+    write_progress("ready")
     begun = time.monotonic()
     started = last_told = 0.0
     while rclpy.ok() and not stop.asked:
@@ -133,10 +133,10 @@ def _record_until_done(
             continue
         if not started:
             started = now
-            tell("started")
+            write_progress("started")
         if now - last_told >= PROGRESS_PERIOD_S:
             last_told = now
-            tell("progress", elapsed_s=min(now - started, options.duration))
+            write_progress("progress", elapsed_s=min(now - started, options.duration))
         if now - started >= options.duration + TAIL_S:
             return None
     return "stopped by a signal before the experiment was over"

@@ -6,8 +6,12 @@ from collections.abc import Sequence
 from functools import cached_property
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control import ControlArchitecture, Engagement
-from hapticmech_ros.control.controller_side import Answer, ControllerSide, Reading
+from hapticmech_ros.control import Clutch, ControlArchitecture
+from hapticmech_ros.control.rendering_controller import (
+    ControllerCommand,
+    ControllerInput,
+    RenderingController,
+)
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
@@ -21,14 +25,14 @@ from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS
 from hapticmech_ros.wire.readings import (
-    RenderingReading,
+    OperationalModelReading,
     read_device,
-    read_rendering,
+    read_operational_model,
     reading_bounds,
 )
-from hapticmech_ros.wire.topics import DEVICE_STATE, POINT_COMMAND, RENDERING
+from hapticmech_ros.wire.topics import DEVICE_STATE, POINT_COMMAND, POINT_MODEL
 
 # The point's pose is carried on by its twist to the time of the device's measurement, by no more
 # than this: beyond it the twist says nothing.
@@ -50,13 +54,13 @@ class TeleoperationController(Actor[ControllerParameters]):
     parameters_type = ControllerParameters
 
     def __init__(self, node: Host, parameters: ControllerParameters) -> None:
-        self._engagement: Engagement | None = None
+        self._clutch: Clutch | None = None
         self._epoch_ns = 0
         super().__init__(node, parameters)
         self.bounds = reading_bounds(self.limits)
         self._grasp = b""
         self._side = self._new_side()
-        self._arrived: Answer | None = None
+        self._arrived: ControllerCommand | None = None
         self._rendered_ns = NEVER
         # Whether the device corrects commands; one that speaks CRTK only does not.
         self._local = False
@@ -65,10 +69,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._state_ns = NEVER
         # Stamps of what device and mechanism were told last, by their clocks.
         self._told_ns = 0, 0
-        self._rendering: Latest[RenderingReading] = Latest()
+        self._model: Latest[OperationalModelReading] = Latest()
         self._outputs = ControllerOutputs(self)
         self._devices: Stamped[Array] = Stamped()
-        self._renderings: Stamped[RenderingReading] = Stamped()
+        self._models: Stamped[OperationalModelReading] = Stamped()
         self.loop_warning = loop_warning(self.scene, self.point, self._tuned)
         if self.loop_warning:
             node.get_logger().warning(self.loop_warning)
@@ -81,13 +85,13 @@ class TeleoperationController(Actor[ControllerParameters]):
             DEVICE_FIELDS,
             self.watch(DEVICE_STATE.name),
         )
-        rendering = RENDERING.of(self.point)
+        model = POINT_MODEL.of(self.point)
         self.input_array(
-            rendering,
+            model,
             self.control_input,
             self._on_rendering,
-            RENDERING_FIELDS,
-            self.watch(rendering),
+            OPERATIONAL_MODEL_FIELDS,
+            self.watch(model),
         )
         self._crtk.listen()
 
@@ -104,18 +108,18 @@ class TeleoperationController(Actor[ControllerParameters]):
         """The gains as parameters have them, whatever the way to the device."""
         return tuned(self.scene.controller, self.parameters.gains)
 
-    def adopt(self, parameters: ControllerParameters) -> None:
+    def apply_parameters(self, parameters: ControllerParameters) -> None:
         """Take new parameters: the timeout counts from now on, gains pass to the new ones."""
-        super().adopt(parameters)
+        super().apply_parameters(parameters)
         self.timeout_ns = self.silence_ns(parameters.input_timeout)
         self._tune()
 
     def _tune(self) -> None:
         """Let gains pass to those that parameters, and the way to the device, ask for."""
-        time_s = None if self._engagement is None else self._time_s(self.now_ns())
+        time_s = None if self._clutch is None else self._time_s(self.now_ns())
         self._path.tune(self._control, self._tuned, self.parameters.soften, time_s)
 
-    def vet(self, parameters: ControllerParameters) -> None:
+    def validate_parameters(self, parameters: ControllerParameters) -> None:
         """Refuse gains that are none."""
         tuned(self.scene.controller, parameters.gains)
 
@@ -131,13 +135,15 @@ class TeleoperationController(Actor[ControllerParameters]):
     def _time_s(self, now_ns: int) -> float:
         return (now_ns - self._epoch_ns) / NANOSECONDS
 
-    def _new_side(self, before: ControllerSide | None = None) -> ControllerSide:
-        return ControllerSide(self._control, self.period_s, self.scene.connection, before=before)
+    def _new_side(self, before: RenderingController | None = None) -> RenderingController:
+        return RenderingController(
+            self._control, self.period_s, self.scene.connection, before=before
+        )
 
     def activate(self) -> None:
         """Wait for device and rendering; times count from now, to lose no digits."""
         self._last_ns = self._state_ns = NEVER
-        self._rendering = Latest()
+        self._model = Latest()
         self._crtk.forget()
         self._epoch_ns = self.now_ns()
         for sources in self._single:
@@ -150,12 +156,12 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     def reseat(self) -> None:
         """Disengage, say zero to both sides, and begin with controllers and accounts made anew."""
-        self._engagement = self._arrived = None
+        self._clutch = self._arrived = None
         # Made when it is asked for.
         self.__dict__.pop("_control", None)
-        self.adopt(self.parameters)
+        self.apply_parameters(self.parameters)
         self._side = self._new_side()
-        self._devices, self._renderings = Stamped(), Stamped()
+        self._devices, self._models = Stamped(), Stamped()
         self.activate()
         now = self.now_ns()
         self._outputs.zero(now, now)
@@ -168,14 +174,14 @@ class TeleoperationController(Actor[ControllerParameters]):
             name
             for name, heard in (
                 (DEVICE_STATE.name, self._last_ns),
-                (RENDERING.of(self.point), self._rendering.stamp_ns),
+                (POINT_MODEL.of(self.point), self._model.stamp_ns),
             )
             if now - heard > self.timeout_ns
         ]
-        rendering = self._rendering.value
-        if not silent and rendering is not None and not rendering.commanded:
+        model = self._model.value
+        if not silent and model is not None and not model.commanded:
             silent.append(POINT_COMMAND.of(self.point) + " to reach the mechanism")
-        engaged = self._engagement is not None and not silent and not fault
+        engaged = self._clutch is not None and not silent and not fault
         lacks = ", ".join(silent) or "a device"
         sentence = (
             "engaged" if engaged else f"disengaged: {fault}" if fault else f"waiting for {lacks}"
@@ -191,9 +197,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         return engaged, sentence, figures
 
     def _on_device_state(self, values: Array, now_ns: int) -> None:
-        reading = read_device(values, self.bounds.device)
-        stamp, device = reading.stamp_ns, reading.measured
-        heard = self.lockstep or self._path.heard(reading, now_ns, self.age_limit_ns)
+        inputs = read_device(values, self.bounds.device)
+        stamp, device = inputs.stamp_ns, inputs.measured
+        heard = self.lockstep or self._path.heard(inputs, now_ns, self.age_limit_ns)
         self._state_ns, self._local = now_ns, True
         if self.lockstep:
             self._devices.put(device, stamp)
@@ -207,11 +213,11 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     def _answer_pair(self, stamp: int) -> None:
         """Answer once device and rendering of one time are there, in lockstep."""
-        if not (self._devices.has(stamp) and self._renderings.has(stamp)):
+        if not (self._devices.has(stamp) and self._models.has(stamp)):
             return
-        device, rendering = self._devices.take(stamp), self._renderings.take(stamp)
+        device, model = self._devices.take(stamp), self._models.take(stamp)
         self._last_ns = stamp
-        self._answer_to(device, rendering, stamp, stamp)
+        self._answer_to(device, model, stamp, stamp)
 
     def _wants_crtk(self, now_ns: int) -> bool:
         """Return whether the device speaks CRTK only, as far as was heard."""
@@ -239,68 +245,70 @@ class TeleoperationController(Actor[ControllerParameters]):
         if self._path.paced:
             self._path.put(device, stamp)
             return
-        rendering = self._rendering.value
-        if rendering is None or not self._rendering.fresh(now_ns, self.timeout_ns):
-            self._disengage_for([RENDERING.of(self.point)])
+        model = self._model.value
+        if model is None or not self._model.fresh(now_ns, self.timeout_ns):
+            self._disengage_for([POINT_MODEL.of(self.point)])
             return
         if gap > self.timeout_ns:
             self._disengage_for([DEVICE_STATE.name])
-        if not rendering.commanded:
+        if not model.commanded:
             # The mechanism does not hear us (yet): the device is left alone until it does.
             self._disengage_for([POINT_COMMAND.of(self.point) + " at the mechanism"])
             self._outputs.mechanism(NO_WRENCH, stamp)
             return
-        self._answer_to(device, rendering, stamp, now_ns)
+        self._answer_to(device, model, stamp, now_ns)
 
-    def _answer_paced(self, rendering: RenderingReading, now_ns: int) -> None:
+    def _answer_paced(self, model: OperationalModelReading, now_ns: int) -> None:
         """Answer the newest sample that a network has brought, now that the analysis is there."""
         if fault := self._fault(now_ns):
             self._disengage(fault)
             return
         found = self._path.take()
         pause = self._path.turn(now_ns)
-        lost = [RENDERING.of(self.point)] if pause > self.timeout_ns else []
+        lost = [POINT_MODEL.of(self.point)] if pause > self.timeout_ns else []
         if now_ns - self._last_ns > self.timeout_ns:
             lost.append(DEVICE_STATE.name)
-        if not rendering.commanded:
+        if not model.commanded:
             lost.append(POINT_COMMAND.of(self.point) + " at the mechanism")
-            self._outputs.mechanism(NO_WRENCH, rendering.stamp_ns)
+            self._outputs.mechanism(NO_WRENCH, model.stamp_ns)
         if lost:
             self._disengage_for(lost)
         elif found is not None:
-            self._answer_to(found[0], rendering, found[1], now_ns)
+            self._answer_to(found[0], model, found[1], now_ns)
 
     def _answer_to(
-        self, device: Array, rendering: RenderingReading, stamp: int, now_ns: int
+        self, device: Array, model: OperationalModelReading, stamp: int, now_ns: int
     ) -> None:
         paced = self._path.paced and not self.lockstep
         # Over a network there is no common time; what is compared is what is known now.
-        ahead = 0.0 if paced else (stamp - rendering.stamp_ns) / NANOSECONDS
+        ahead = 0.0 if paced else (stamp - model.stamp_ns) / NANOSECONDS
         ahead = min(max(ahead, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
-        rendered = rendering.rendered
+        operational_model = model.operational_model
         time_s = self._time_s(now_ns)
-        engagement = self._engagement
-        if engagement is None:
-            engagement = self._control.engage(time_s, device, rendered, ahead)
+        clutch = self._clutch
+        if clutch is None:
+            clutch = self._control.engage(time_s, device, operational_model, ahead)
             self._side, self._arrived = self._new_side(self._side), None
             self._rendered_ns = NEVER
             self.engagements += 1
             self.node.get_logger().info("engaged")
         elif not (self._path.obeyed or self.lockstep):
             # The device does nothing yet, or no more: the wrench comes in once it obeys.
-            engagement = self._control.engage(time_s, device, rendered, ahead)
-        elif rendering.grasp != self._grasp:
+            clutch = self._control.engage(time_s, device, operational_model, ahead)
+        elif model.grasp != self._grasp:
             # Held elsewhere from now on: what the hand feels is carried over.
-            engagement = self._control.engage(time_s, device, rendered, ahead, self._carried)
+            clutch = self._control.engage(time_s, device, operational_model, ahead, self._carried)
             self._side.held_elsewhere()
             self.grasps += 1
-        self._grasp = rendering.grasp
-        self._engagement = self._control.slipped(time_s, engagement, device, rendered)
-        reading = Reading(time_s, stamp, device, rendered, ahead, self._elapsed(rendering.stamp_ns))
+        self._grasp = model.grasp
+        self._clutch = self._control.with_slip(time_s, clutch, device, operational_model)
+        inputs = ControllerInput(
+            time_s, stamp, device, operational_model, ahead, self._elapsed(model.stamp_ns)
+        )
         # Over a network each answer says how it depends on the device: see LocalLoop.
         with_model = self._local and (paced or self._outputs.wants_gain(stamp))
-        answer = self._side.tick(reading, self._engagement, self._local, with_model)
-        self._told_ns = stamp, rendering.stamp_ns if paced else stamp
+        answer = self._side.tick(inputs, self._clutch, self._local, with_model)
+        self._told_ns = stamp, model.stamp_ns if paced else stamp
         self._send(answer, *self._told_ns)
 
     @property
@@ -315,20 +323,20 @@ class TeleoperationController(Actor[ControllerParameters]):
         periods = round((stamp_ns - before) / NANOSECONDS / self.period_s) if before > 0 else 0
         return max(periods, 0) * self.period_s
 
-    def _send(self, answer: Answer | None, stamp_ns: int, mechanism_ns: int) -> None:
+    def _send(self, answer: ControllerCommand | None, stamp_ns: int, mechanism_ns: int) -> None:
         """Send what reaches the device now, and what the mechanism is told.
 
         In lockstep the device waits for a command with each sample: the last one is said again.
         """
         outputs, side = self._outputs, self._side
         if self.lockstep:
-            self._arrived = answer = answer or self._arrived or Answer.nothing(stamp_ns)
+            self._arrived = answer = answer or self._arrived or ControllerCommand.nothing(stamp_ns)
         if answer is not None:
             if self.lockstep or answer.is_modelled:
                 outputs.gain(answer, stamp_ns)
             answered_ns = stamp_ns if self.lockstep else answer.answered_ns
             outputs.device(answer.wrenches, answered_ns, side.entry)
-        told, _ = side.tell()
+        told, _ = side.command_mechanism()
         outputs.mechanism(told, mechanism_ns)
 
     def _disengage_for(self, lost: Sequence[str]) -> None:
@@ -337,21 +345,21 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     def _disengage(self, reason: str) -> None:
         """Say zero to both sides at once, rather than let them find out by waiting."""
-        if self._engagement is None:
+        if self._clutch is None:
             return
         self.node.get_logger().warning(f"disengaged: {reason}")
-        self._engagement = None
+        self._clutch = None
         device_ns, mechanism_ns = self._told_ns
         # Later than what was told, and an answer to none of the device's samples: uncorrected.
         self._outputs.zero(device_ns + ZERO_AFTER_NS, mechanism_ns + ZERO_AFTER_NS)
 
     def _on_rendering(self, values: Array, now_ns: int) -> None:
-        found = read_rendering(values, self.bounds.rendering)
+        found = read_operational_model(values, self.bounds.model)
         check_age(found.stamp_ns, now_ns, self.age_limit_ns)
-        self._rendering.put(found, found.stamp_ns)
+        self._model.put(found, found.stamp_ns)
         self.ages.add(now_ns - found.stamp_ns)
         if self.lockstep:
-            self._renderings.put(found, found.stamp_ns)
+            self._models.put(found, found.stamp_ns)
             self._answer_pair(found.stamp_ns)
         elif self._path.paced:
             self._answer_paced(found, now_ns)

@@ -7,12 +7,12 @@ from hapticmech_ros.offline.analysis import (
     felt_states,
 )
 from hapticmech_ros.offline.states import RecordedStates, states_from_bag
-from hapticmech_ros.offline.sweep import Led, SweptStates, sweep
+from hapticmech_ros.offline.sweep import PrescribedJoint, SweptStates, sweep
 
 __all__ = [
     "AnalysedStates",
     "FeltStates",
-    "Led",
+    "PrescribedJoint",
     "RecordedStates",
     "SweptStates",
     "analyse_states",

@@ -39,7 +39,7 @@ class FeltStates:
             constraint wrenches.
         inverse_inertia: (n, 6, 6) X = Λ_h⁻¹, axes of the world, 1/kg, 1/(kg m) and 1/(kg m²).
         constraint_projector: (n, 6, 6) P_c, whose range the constraint wrenches span.
-        balanced_share: (n, 6, 6) Π.
+        wrench_projector: (n, 6, 6) Π.
         free_acceleration: (n, 6) a_0, m/s² and rad/s².
         position: (n, 3) of the point, m.
         quaternion: (n, 4) x, y, z, w.
@@ -50,7 +50,7 @@ class FeltStates:
     wrenches: Array
     inverse_inertia: Array
     constraint_projector: Array
-    balanced_share: Array
+    wrench_projector: Array
     free_acceleration: Array
     position: Array
     quaternion: Array
@@ -117,7 +117,7 @@ def felt_states(
         for index in range(total):
             if places is not None and (places[index] != place).any():
                 place = places[index]
-                mechanism.grasp(grasp_of(mechanism.scene, start.name, place))
+                mechanism.set_operational_point(grasp_of(mechanism.scene, start.name, place))
                 analyser = Analyser(mechanism, start.name)
             try:
                 found = analyser.observe(q[index], v[index], active[index])
@@ -128,7 +128,7 @@ def felt_states(
             if (index + 1) % TOLD == 0:
                 show(index + 1, total)
     finally:
-        mechanism.grasp(start)
+        mechanism.set_operational_point(start)
     show(total, total)
 
     def part(name: str) -> Array:
@@ -141,7 +141,7 @@ def felt_states(
         wrenches=full,
         inverse_inertia=part("inverse_inertia").reshape(total, 6, 6),
         constraint_projector=part("constraint_projector").reshape(total, 6, 6),
-        balanced_share=part("balanced_share").reshape(total, 6, 6),
+        wrench_projector=part("wrench_projector").reshape(total, 6, 6),
         free_acceleration=part("free_acceleration"),
         position=part("position"),
         quaternion=part("quaternion"),
@@ -166,4 +166,4 @@ def analyse_states(
 def _counts(mechanism: Mechanism, s: Array, times: Array) -> npt.NDArray[np.int64]:
     counter = ConstraintCounter(mechanism.scene.perception)
     pairs = zip(s, times.tolist(), strict=True)
-    return np.array([counter.see(row, time) for row, time in pairs], dtype=np.int64)
+    return np.array([counter.update(row, time) for row, time in pairs], dtype=np.int64)

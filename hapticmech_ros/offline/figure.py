@@ -20,7 +20,7 @@ from hapticmech_ros.experiment.figure_style import (
     new_figure,
 )
 from hapticmech_ros.offline.analysis import AnalysedStates, FeltStates
-from hapticmech_ros.offline.sweep import Led, SweptStates
+from hapticmech_ros.offline.sweep import PrescribedJoint, SweptStates
 
 WHAT = (
     "Mass felt along each axis of the world, 1 / X_ii (top; none is drawn above {largest:g} kg, "
@@ -42,11 +42,13 @@ def analysis_figure(found: AnalysedStates, largest: float = LARGEST_KG) -> Figur
     return _lines(found, found.count, found.times, "time since the first sample (s)", largest)
 
 
-def sweep_figure(found: SweptStates, led: Sequence[Led], largest: float = LARGEST_KG) -> Figure:
+def sweep_figure(
+    found: SweptStates, prescribed: Sequence[PrescribedJoint], largest: float = LARGEST_KG
+) -> Figure:
     """Return the figure of a sweep: lines over one joint, maps over the last two of several."""
-    if len(led) == 1:
-        return _lines(found, found.count, found.places[:, 0], _label(led[0]), largest)
-    return _maps(found, led, largest)
+    if len(prescribed) == 1:
+        return _lines(found, found.count, found.places[:, 0], _label(prescribed[0]), largest)
+    return _maps(found, prescribed, largest)
 
 
 def _lines(
@@ -74,7 +76,7 @@ def _lines(
     return figure
 
 
-def _maps(found: SweptStates, led: Sequence[Led], largest: float) -> Figure:
+def _maps(found: SweptStates, prescribed: Sequence[PrescribedJoint], largest: float) -> Figure:
     figure = new_figure(11.0, 4.0, WHERE.format(largest=largest))
     rigid = found.s <= LOWEST_S
     smallest = np.where(rigid, np.inf, found.s).min(axis=1)
@@ -84,7 +86,7 @@ def _maps(found: SweptStates, led: Sequence[Led], largest: float) -> Figure:
         ("mass along y (kg)", _mass(found, 1, largest)),
         ("smallest s", smallest),
     )
-    across, up = led[-1], led[-2]
+    across, up = prescribed[-1], prescribed[-2]
     # Of further joints the first place of each is shown.
     kept = (found.grid[:, :-2] == found.grid[0, :-2]).all(axis=1)
     for axes, (title, values) in zip(figure.subplots(1, 3, sharey=True), shown, strict=True):
@@ -103,8 +105,8 @@ def _maps(found: SweptStates, led: Sequence[Led], largest: float) -> Figure:
     return figure
 
 
-def _label(led: Led) -> str:
-    return f"{led.joint} (rad or m)"
+def _label(prescribed: PrescribedJoint) -> str:
+    return f"{prescribed.joint} (rad or m)"
 
 
 def _mass(found: FeltStates, axis: int, largest: float) -> Array:

@@ -1,4 +1,4 @@
-"""What is felt over the motion of a mechanism: joints led over a grid, loops kept closed."""
+"""What is felt over the motion of a mechanism: joints prescribed over a grid, loops kept closed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.workers import worker_pool
 
-# The led joints move in steps no longer than this (rad or m), so that loops stay on their branch.
+# Prescribed joints move in steps no longer than this (rad or m): loops stay on their branch.
 LONGEST_STEP = 0.02
 # Loops are closed to this fraction of the mechanism's length, or cannot be.
 CLOSED, ROUNDS = 1e-12, 20
@@ -36,8 +36,8 @@ Goal = tuple[Array, list[float]]
 
 
 @dataclass(frozen=True, slots=True)
-class Led:
-    """A joint that is led.
+class PrescribedJoint:
+    """A joint with prescribed coordinates.
 
     Attributes:
         joint: name of a joint with one degree of freedom.
@@ -53,7 +53,7 @@ class SweptStates(FeltStates):
     """What is felt at every place of a grid that the mechanism can reach.
 
     Attributes:
-        places: (n, joints) coordinates of the led joints, rad or m.
+        places: (n, joints) coordinates of the prescribed joints, rad or m.
         grid: (n, joints) number of each place along each joint.
         q: (n, nq) configurations.
         count: (n,) joint constraints felt there, at rest.
@@ -67,7 +67,7 @@ class SweptStates(FeltStates):
 
 def sweep(
     scene: Scene,
-    led: Sequence[Led],
+    prescribed: Sequence[PrescribedJoint],
     point: str = "",
     processes: int = 1,
     show: Show = lambda done: None,
@@ -79,7 +79,7 @@ def sweep(
 
     Args:
         scene: with the mechanism.
-        led: the joints.
+        prescribed: the joints.
         point: name of the operational point; the scene's first one if empty.
         processes: how many share the work; it changes no bit of the result. With more than one, a
             script that calls this has to guard it by ``if __name__ == "__main__"``.
@@ -90,15 +90,15 @@ def sweep(
             twice, no values or such that are not finite, or nothing that can be reached.
     """
     mechanism = Mechanism(scene)
-    columns = _columns(mechanism, led)
+    columns = _columns(mechanism, prescribed)
     mechanism.point_index(point)
-    reached = dict([_first(mechanism, led, columns)])
+    reached = dict([_first(mechanism, prescribed, columns)])
     front = list(reached)
     with _Workers(scene, mechanism, columns, processes) as workers:
         while front:
-            wanted = _beside(front, reached, led)
+            wanted = _beside(front, reached, prescribed)
             goals = [
-                (reached[parent], [one.values[k] for one, k in zip(led, place, strict=True)])
+                (reached[parent], [one.values[k] for one, k in zip(prescribed, place, strict=True)])
                 for place, parent in wanted.items()
             ]
             found = zip(wanted, workers.lead(goals), strict=True)
@@ -108,34 +108,36 @@ def sweep(
                     reached[place] = q
                     front.append(place)
             show(len(reached))
-    return _felt(mechanism, led, sorted(reached.items(), key=lambda item: item[0]), point)
+    return _felt(mechanism, prescribed, sorted(reached.items(), key=lambda item: item[0]), point)
 
 
-def _first(mechanism: Mechanism, led: Sequence[Led], columns: list[int]) -> tuple[Place, Array]:
+def _first(
+    mechanism: Mechanism, prescribed: Sequence[PrescribedJoint], columns: list[int]
+) -> tuple[Place, Array]:
     """Return the place nearest to the scene's start, and the configuration there."""
     q, _ = consistent_initial_state(mechanism)
     here = mechanism.coordinates(q)[columns]
-    grids = np.meshgrid(*(one.values for one in led), indexing="ij")
+    grids = np.meshgrid(*(one.values for one in prescribed), indexing="ij")
     places = np.stack([grid.ravel() for grid in grids], axis=1)
-    shape = tuple(len(one.values) for one in led)
+    shape = tuple(len(one.values) for one in prescribed)
     nearest = np.argsort(np.abs(places - here).max(axis=1), kind="stable")[:MOST_STARTS]
     for index in nearest.tolist():
         there = _lead(mechanism, q, columns, places[index].tolist())
         if there is not None:
             return tuple(int(k) for k in np.unravel_index(index, shape)), there
     rule = "must hold a place that the mechanism can reach"
-    raise InvalidInputError("led joints", [one.joint for one in led], rule)
+    raise InvalidInputError("prescribed joints", [one.joint for one in prescribed], rule)
 
 
 def _beside(
-    front: list[Place], reached: Mapping[Place, Array], led: Sequence[Led]
+    front: list[Place], reached: Mapping[Place, Array], prescribed: Sequence[PrescribedJoint]
 ) -> dict[Place, Place]:
     """Return the places beside the front that are not reached yet, and from where to go there."""
     wanted: dict[Place, Place] = {}
     for place in front:
-        for axis, step in itertools.product(range(len(led)), (-1, 1)):
+        for axis, step in itertools.product(range(len(prescribed)), (-1, 1)):
             there = (*place[:axis], place[axis] + step, *place[axis + 1 :])
-            if 0 <= there[axis] < len(led[axis].values) and there not in reached:
+            if 0 <= there[axis] < len(prescribed[axis].values) and there not in reached:
                 wanted.setdefault(there, place)
     return wanted
 
@@ -182,7 +184,7 @@ def _lead_prepared(goal: Goal) -> Array | None:
 
 def _felt(
     mechanism: Mechanism,
-    led: Sequence[Led],
+    prescribed: Sequence[PrescribedJoint],
     reached: list[tuple[Place, Array]],
     point: str,
 ) -> SweptStates:
@@ -190,19 +192,21 @@ def _felt(
     q = np.array([configuration for _, configuration in reached])
     active = [mechanism.initially_active] * len(reached)
     felt = felt_states(mechanism, q, np.zeros((len(reached), mechanism.nv)), active, point)
-    places = [[joint.values[k] for joint, k in zip(led, row, strict=True)] for row in grid.tolist()]
+    places = [
+        [joint.values[k] for joint, k in zip(prescribed, row, strict=True)] for row in grid.tolist()
+    ]
     perception = mechanism.scene.perception
     count = np.array([rigid_count(s, perception) for s in felt.s], dtype=np.int64)
     return SweptStates(**felt.arrays(), places=np.array(places), grid=grid, q=q, count=count)
 
 
-def _columns(mechanism: Mechanism, led: Sequence[Led]) -> list[int]:
+def _columns(mechanism: Mechanism, prescribed: Sequence[PrescribedJoint]) -> list[int]:
     """Return where the led joints are in v; see :func:`sweep` for what is refused."""
     tree, columns = mechanism.tree, []
-    names = [joint.joint for joint in led]
+    names = [joint.joint for joint in prescribed]
     if not names or len(set(names)) < len(names):
-        raise InvalidInputError("led joints", names, "must be one at least, each named once")
-    for joint in led:
+        raise InvalidInputError("prescribed joints", names, "must be one at least, each named once")
+    for joint in prescribed:
         if joint.joint not in tree.joint_names:
             rule = f"must be one of {', '.join(tree.joint_names)}"
             raise InvalidInputError("led joint", joint.joint, rule)

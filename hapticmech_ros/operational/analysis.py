@@ -10,9 +10,9 @@ from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, failure
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
-from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.operational.late_answer import LateAnswer
+from hapticmech_ros.operational.delay_compensation import CompensatedResponse
 from hapticmech_ros.operational.metric import PLANAR_ROWS, SPATIAL_ROWS, TaskMetric
 from hapticmech_ros.operational.observation import Observation, observation_layout
 from hapticmech_ros.operational.observe_kernels import NO_SPECTRUM, observe_point
@@ -25,7 +25,7 @@ class Analyser:
     Args:
         mechanism: whose.
         point: operational point; the first one if empty.
-        lateness: τ, s, of the loop that :meth:`late` and :meth:`observe` answer for; 0 for none.
+        compensated_delay: τ, s, that :meth:`compensated` and :meth:`observe` compensate for.
 
     Attributes:
         point: operational point.
@@ -39,9 +39,11 @@ class Analyser:
         InvalidInputError: unknown point.
     """
 
-    def __init__(self, mechanism: Mechanism, point: str = "", lateness: float = 0.0) -> None:
+    def __init__(
+        self, mechanism: Mechanism, point: str = "", compensated_delay: float = 0.0
+    ) -> None:
         scene = mechanism.scene
-        self.lateness = lateness
+        self.compensated_delay = compensated_delay
         self.mechanism = mechanism
         self.point = scene.operational_point(point)
         self.index = mechanism.point_index(point)
@@ -69,9 +71,11 @@ class Analyser:
             HapticMechError: D is not positive definite, or an SVD did not converge.
         """
         if closing is not None:
-            return self._observe(q, v, closing.active_set, closing.packed, 1, self.lateness)
+            return self._observe(
+                q, v, closing.active_set, closing.packed, 1, self.compensated_delay
+            )
         active_set = self.mechanism.active_set(active)
-        return self._observe(q, v, active_set, active_set.scratch, 0, self.lateness)
+        return self._observe(q, v, active_set, active_set.scratch, 0, self.compensated_delay)
 
     def analyse(self, terms: Evaluation) -> OperationalAnalysis:
         """Analyse the point from the terms of Eq. 1 at a state.
@@ -81,8 +85,8 @@ class Analyser:
         """
         return self._observe_terms(terms, 0.0).analysis
 
-    def late(self, terms: Evaluation, found: OperationalAnalysis) -> LateAnswer:
-        """Return X and a_0 as a loop late by τ needs them; see :mod:`.late_answer`.
+    def compensated(self, terms: Evaluation, found: OperationalAnalysis) -> CompensatedResponse:
+        """Return X and a_0 as a loop late by τ needs them; see :mod:`.delay_compensation`.
 
         Args:
             terms: of Eq. 1 at a state.
@@ -91,16 +95,22 @@ class Analyser:
         Raises:
             HapticMechError: as :meth:`observe`.
         """
-        if self.lateness == 0.0:
-            return LateAnswer(found.inverse_inertia, found.free_acceleration)
-        return self._observe_terms(terms, self.lateness).late
+        if self.compensated_delay == 0.0:
+            return CompensatedResponse(found.inverse_inertia, found.free_acceleration)
+        return self._observe_terms(terms, self.compensated_delay).compensated
 
-    def _observe_terms(self, terms: Evaluation, lateness: float) -> Observation:
+    def _observe_terms(self, terms: Evaluation, compensated_delay: float) -> Observation:
         known = terms.closing
-        return self._observe(known.q, terms.v, known.active_set, known.packed, 1, lateness)
+        return self._observe(known.q, terms.v, known.active_set, known.packed, 1, compensated_delay)
 
     def _observe(
-        self, q: Array, v: Array, active_set: ActiveSet, packed: Array, known: int, lateness: float
+        self,
+        q: Array,
+        v: Array,
+        active_set: ActiveSet,
+        packed: Array,
+        known: int,
+        compensated_delay: float,
     ) -> Observation:
         mechanism, found = self.mechanism, np.empty(self.layout.size)
         self._position[:] = q
@@ -117,12 +127,14 @@ class Analyser:
             self.constants,
             self.rows,
             mechanism.length,
-            lateness,
+            compensated_delay,
             self._ahead,
             found,
         )
-        if code == UNDECIDED:
-            return self._observe(q, v, active_set.dense, active_set.dense.scratch, 0, lateness)
+        if code == NOT_DECIDED:
+            return self._observe(
+                q, v, active_set.dense, active_set.dense.scratch, 0, compensated_delay
+            )
         if code == NO_SPECTRUM:
             raise HapticMechError("SVD of S did not converge")
         if code:

@@ -32,7 +32,7 @@ class ConstraintCounter:
         """Start anew with the next s."""
         self.numbers[BEGUN] = 0.0
 
-    def see(self, s: Array, time: float) -> int:
+    def update(self, s: Array, time: float) -> int:
         """Return the count after s (t,), descending, was seen at ``time`` (s)."""
         return count_constraints(self.numbers, np.ascontiguousarray(s, dtype=float), time)
 

@@ -17,7 +17,7 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.operational.analysis import Analyser
-from hapticmech_ros.operational.late_answer import LateAnswer
+from hapticmech_ros.operational.delay_compensation import CompensatedResponse
 from hapticmech_ros.operational.results import OperationalAnalysis
 from hapticmech_ros.simulation import MechanismState, Simulator
 
@@ -49,9 +49,9 @@ class LinearSystem:
         answers = [np.linalg.solve(z * one - self.step, self.push) for z in turns]
         return np.array([self.twist @ answer for answer in answers])
 
-    def run(self, pushes: Array) -> Array:
+    def run(self, external: Array) -> Array:
         """Return twists (k, 6) from rest under wrenches (k, 6), one a period."""
-        driven = np.asarray(pushes, dtype=float) @ self.push.T
+        driven = np.asarray(external, dtype=float) @ self.push.T
         states = np.zeros((len(driven), len(self.step)))
         for index in range(len(driven) - 1):
             states[index + 1] = self.step @ states[index] + driven[index]
@@ -72,17 +72,17 @@ class LinearPoint(LinearSystem):
         acceleration: (6, n) of the point's free acceleration, m/s² and rad/s²: of a_0, or of a_τ
             for a loop late by τ.
         analysis: of the point where the mechanism is linearised.
-        late: X and a_0 there as such a loop needs them.
+        compensated: X and a_0 there as such a loop needs them.
     """
 
     pose: Array
     acceleration: Array
     analysis: OperationalAnalysis
-    late: LateAnswer
+    compensated: CompensatedResponse
 
 
 def linear_point(
-    simulator: Simulator, state: MechanismState, point: str = "", lateness: float = 0.0
+    simulator: Simulator, state: MechanismState, point: str = "", compensated_delay: float = 0.0
 ) -> LinearPoint:
     """Return the linear model of a mechanism at a state.
 
@@ -92,26 +92,26 @@ def linear_point(
         simulator: of the mechanism.
         state: where; loops may be closed.
         point: operational point; the first one if empty.
-        lateness: τ, s, of the loop that free accelerations are for; 0 for none.
+        compensated_delay: τ, s, of the loop that free accelerations are for; 0 for none.
 
     Raises:
         InvalidInputError: unknown point.
         ClosureError: a closed loop came apart.
     """
-    return _Differences(simulator, state, point, lateness).found()
+    return _Differences(simulator, state, point, compensated_delay).found()
 
 
 class _Differences:
     def __init__(
-        self, simulator: Simulator, state: MechanismState, point: str, lateness: float
+        self, simulator: Simulator, state: MechanismState, point: str, compensated_delay: float
     ) -> None:
         self._simulator, self._state = simulator, state
         self._mechanism = simulator.mechanism
-        self._analyser = Analyser(self._mechanism, point, lateness)
+        self._analyser = Analyser(self._mechanism, point, compensated_delay)
         terms = simulator.evaluate(state)
         self._pose = terms.points[self._analyser.index].pose
         self._analysis = self._analyser.analyse(terms)
-        self._late = self._analyser.late(terms, self._analysis)
+        self._compensated = self._analyser.compensated(terms, self._analysis)
         space = terms.space
         self._factor = space.factor
         nv = self._mechanism.nv
@@ -124,18 +124,18 @@ class _Differences:
         """Return the model."""
         size, calm = 2 * self._free.shape[1], np.zeros(6)
         stepped = self._columns(size, lambda x: self._stepped(self._moved(x), calm))
-        pushed = self._columns(6, lambda wrench: self._stepped(self._state, wrench))
+        external_count = self._columns(6, lambda wrench: self._stepped(self._state, wrench))
         shown = self._columns(size, lambda x: self._shown(self._moved(x)))
         rows = shown.reshape(3, 6, size)
         return LinearPoint(
             period=self._simulator.period,
             step=stepped,
-            push=pushed,
+            push=external_count,
             twist=rows[1],
             pose=rows[0],
             acceleration=rows[2],
             analysis=self._analysis,
-            late=self._late,
+            compensated=self._compensated,
         )
 
     @staticmethod
@@ -168,7 +168,7 @@ class _Differences:
         terms = self._simulator.evaluate(state)
         seen = terms.points[self._analyser.index]
         found = self._analyser.analyse(terms)
-        late = self._analyser.late(terms, found)
+        compensated = self._analyser.compensated(terms, found)
         turned = pin.log3(seen.pose.rotation @ self._pose.rotation.T)
         away = seen.pose.translation - self._pose.translation
-        return np.concatenate((away, turned, seen.twist, late.free_acceleration))
+        return np.concatenate((away, turned, seen.twist, compensated.free_acceleration))

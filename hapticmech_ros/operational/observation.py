@@ -9,14 +9,14 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.layout import OPERATIONAL_MODEL, Field, Layout
 from hapticmech_ros.mechanism.evaluation import PointKinematics
-from hapticmech_ros.operational.late_answer import LateAnswer
+from hapticmech_ros.operational.delay_compensation import CompensatedResponse
 from hapticmech_ros.operational.results import OperationalAnalysis
 from hapticmech_ros.operational.spectrum import Spectrum
 
 _FREE = OPERATIONAL_MODEL.slice("free_acceleration")
 _X, _P_C, _SHARE = (
     OPERATIONAL_MODEL.slice(name)
-    for name in ("inverse_inertia", "constraint_projector", "balanced_share")
+    for name in ("inverse_inertia", "constraint_projector", "wrench_projector")
 )
 _PLACE = OPERATIONAL_MODEL.slice("position", "quaternion")
 
@@ -84,15 +84,15 @@ class Observation:
             spectrum=found,
             weights=self._part("weights"),
             constraint_projector=self.numbers[_P_C].reshape(6, 6),
-            balanced_share=self.numbers[_SHARE].reshape(6, 6),
+            wrench_projector=self.numbers[_SHARE].reshape(6, 6),
             free_acceleration=self._part("free_acceleration_now"),
             rows=self._rows,
         )
 
     @property
-    def late(self) -> LateAnswer:
+    def compensated(self) -> CompensatedResponse:
         """X and a_0 as a late loop needs them."""
-        return LateAnswer(self.numbers[_X].reshape(6, 6), self.numbers[_FREE])
+        return CompensatedResponse(self.numbers[_X].reshape(6, 6), self.numbers[_FREE])
 
     @cached_property
     def point(self) -> PointKinematics:

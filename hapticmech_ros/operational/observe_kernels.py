@@ -11,6 +11,7 @@ from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
+from hapticmech_ros.operational.delay_compensation_kernels import compensate
 from hapticmech_ros.operational.kernels import (
     ANALYSIS_SIZE,
     FREE,
@@ -19,7 +20,6 @@ from hapticmech_ros.operational.kernels import (
     analyse_motion,
     metric_of,
 )
-from hapticmech_ros.operational.late_kernels import compensate
 from hapticmech_ros.rotation_kernels import quaternion_of
 
 # Of the analysis alone; a negative code of the closures is one of ``factor_closures``.
@@ -58,7 +58,7 @@ def observe(
     element_forces(model, data, q, v, passive, dissipative)
     for c in range(nv):
         passive[c] += model.effort[c]
-    rendered, now = observation[:MODEL_SIZE], observation[MODEL_SIZE:DETAILS]
+    operational_model, now = observation[:MODEL_SIZE], observation[MODEL_SIZE:DETAILS]
     details = observation[DETAILS : DETAILS + t * (1 + 2 * t)]
     at = DETAILS + t * (1 + 2 * t)
     jacobian = shaped(observation[at:], (6, nv))
@@ -77,21 +77,21 @@ def observe(
         rotation,
         metric,
         rows,
-        rendered[:ANALYSIS_SIZE],
+        operational_model[:ANALYSIS_SIZE],
         details,
     )
     if not converged:
         return NO_SPECTRUM
-    put(now[:36], rendered[SQUARES : SQUARES + 36])
-    put(now[36:], rendered[FREE:ANALYSIS_SIZE])
-    place = rendered[ANALYSIS_SIZE:CONTACT]
+    put(now[:36], operational_model[SQUARES : SQUARES + 36])
+    put(now[36:], operational_model[FREE:ANALYSIS_SIZE])
+    place = operational_model[ANALYSIS_SIZE:CONTACT]
     put(place[:3], pose[9:])
     quaternion_of(rotation, place[3:7])
     put(place[7:13], motion[:6])
-    rendered[CONTACT:] = 0.0
+    operational_model[CONTACT:] = 0.0
     if delay > 0.0:
-        late = local(42)
-        put(late[36:], now[36:])
+        compensated = local(42)
+        put(compensated[36:], now[36:])
         compensate(
             model,
             data,
@@ -103,15 +103,15 @@ def observe(
             jacobian,
             index,
             rows,
-            rendered[:t],
+            operational_model[:t],
             details,
             length,
             delay,
             ahead,
-            late,
+            compensated,
         )
-        put(rendered[SQUARES : SQUARES + 36], late[:36])
-        put(rendered[FREE:ANALYSIS_SIZE], late[36:])
+        put(operational_model[SQUARES : SQUARES + 36], compensated[:36])
+        put(operational_model[FREE:ANALYSIS_SIZE], compensated[36:])
     return 0
 
 
@@ -138,7 +138,7 @@ def observe_point(
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``rendered.pack``.
+        values: the others; see ``operational_model.pack``.
         packed: terms at the configuration; filled first, unless they are known.
         known: whether they are.
         q: (nq,) configuration.

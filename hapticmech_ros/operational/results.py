@@ -30,7 +30,7 @@ class OperationalAnalysis:
         weights: (t,) rigidity w(s_i).
         constraint_projector: (6, 6) P_c, symmetric positive semi-definite; maps a twist error to a
             wrench shape.
-        balanced_share: (6, 6) Π: the part of a wrench that the joints balance.
+        wrench_projector: (6, 6) Π: the part of a wrench that the joints balance.
         free_acceleration: (6,) a_0, acceleration of the point with no wrench on it; m/s², rad/s².
         rows: (t,) rows of a six-vector that the task space has.
     """
@@ -39,7 +39,7 @@ class OperationalAnalysis:
     spectrum: Spectrum
     weights: Array
     constraint_projector: Array
-    balanced_share: Array
+    wrench_projector: Array
     free_acceleration: Array
     rows: Array
 

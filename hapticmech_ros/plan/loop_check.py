@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, loop_margins
-from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Scene
@@ -33,9 +33,9 @@ def loop_warning(scene: Scene, point: str, gains: Controller) -> str:
     terms = simulator.evaluate(simulator.initial_state())
     analysis = Analyser(simulator.mechanism, point).analyse(terms)
     control = ControlArchitecture(scene)
-    control.adopt(gains)
+    control.apply_gains(gains)
     period = scene.simulation.period
-    model = rendering_model(analysis)
+    model = operational_model_of(analysis)
     margins = loop_margins(control, model, analysis.rows, period, most_periods=ENOUGH_PERIODS)
     return margins.warning(point, period, ENOUGH_PERIODS) or connection_warning(scene, gains)
 

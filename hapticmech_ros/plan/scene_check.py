@@ -9,7 +9,7 @@ import numpy as np
 
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, LoopMargins, loop_margins
-from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.operational import Analyser
@@ -114,7 +114,7 @@ def _points(simulator: Simulator, state: MechanismState) -> Iterator[PointCheck]
         moved = mobile[mobile > 1e-9 * max(float(mobile[-1]), 1e-300)]
         masses = (1.0 / float(moved[-1]), 1.0 / float(moved[0])) if moved.size else None
         count = rigid_count(analysis.spectrum.s, scene.perception)
-        model = rendering_model(analysis)
+        model = operational_model_of(analysis)
         margins = loop_margins(control, model, analysis.rows, scene.simulation.period)
         yield PointCheck(point.name, point.link, analysis.rank, count, masses, margins)
 

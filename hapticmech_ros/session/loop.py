@@ -7,12 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control import Engagement
+from hapticmech_ros.control import Clutch
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.controller_side import ControllerSide
+from hapticmech_ros.control.compensated_delay import compensated_loop_delay
 from hapticmech_ros.control.device_side import DeviceSide
-from hapticmech_ros.control.lateness import loop_lateness
 from hapticmech_ros.control.loop_layout import ANSWER, SETTINGS
+from hapticmech_ros.control.rendering_controller import RenderingController
 from hapticmech_ros.device import (
     NO_WRENCH,
     DeviceState,
@@ -76,7 +76,7 @@ class SessionLoop:
         self.scene = scene
         self.simulator = Simulator(scene)
         self.period = self.simulator.period
-        self._lateness = loop_lateness(scene, command_delay)
+        self._lateness = compensated_loop_delay(scene, command_delay)
         self._analyser = Analyser(self.simulator.mechanism, point, self._lateness)
         self._control = ControlArchitecture(scene) if control is None else control
         self._device: SimulatedDevice = device_for(scene) if device is None else device
@@ -85,8 +85,10 @@ class SessionLoop:
         start = self.simulator.evaluate(state).points[self._analyser.index].pose
         self._held: DeviceState = self._device.at_rest(start, held=True)
         self._device_state: DeviceState | None = self._held
-        self._engagement: Engagement | None = None
-        self._side = ControllerSide(self._control, self.period, scene.connection, command_delay)
+        self._clutch: Clutch | None = None
+        self._side = RenderingController(
+            self._control, self.period, scene.connection, command_delay
+        )
         self._device_side = DeviceSide(scene)
         self._device_side.envelope.place(self._held.published[:3])
         self._counter = ConstraintCounter(scene.perception)
@@ -224,15 +226,15 @@ class SessionLoop:
         done = 0
         while done < ticks:
             given = inputs[done:] if len(inputs) > 1 else inputs
-            tie = self._engagement
+            clutch = self._clutch
             waits = self._carried is not None or not plain or not alone(self._known)
-            if tie is None or tie.carried is not None or waits:
+            if clutch is None or clutch.carried is not None or waits:
                 self._tick_in_parts(given[:1], rows)
                 done += 1
                 continue
-            self._set(self.time, tie)
+            self._set(self.time, clutch)
             first = int(clock[TICK])
-            code = self._call(ALL, given, rows, 1 if control.is_passing else ticks - done)
+            code = self._call(ALL, given, rows, 1 if control.is_ramping else ticks - done)
             if code == OBSERVATION_FAILED:
                 self._observe_otherwise()
                 code = self._call(ALL & ~(SENSE | OBSERVE), given, rows)
@@ -273,11 +275,11 @@ class SessionLoop:
             self._observe_otherwise()
         data.contact[:] = self._touching(state)
         self._call(HEAR, inputs, rows)
-        tie = self._tie(time)
-        self._set(time, tie)
+        clutch = self._engaged_clutch(time)
+        self._set(time, clutch)
         answers = control.answers_in_python and bool(self._data.heard)
         if answers:
-            self._answer_otherwise(time, tie)
+            self._answer_otherwise(time, clutch)
         self._clock[ANSWERED] = control.answers_in_python
         self._call(RENDER | (DEVICE if simulated else 0), inputs, rows)
         self._clock[ANSWERED] = 0
@@ -286,11 +288,11 @@ class SessionLoop:
         if not self.simulator.steps_alone(state) or self._call(MECHANISM, inputs, rows):
             self._step_otherwise()
 
-    def _set(self, time: float, tie: Engagement) -> None:
+    def _set(self, time: float, clutch: Clutch) -> None:
         """Say what fixes the controllers at a time (s)."""
         data, control = self._parts, self._control
-        data.settings[:] = control.settings_at(time, tie)
-        data.faded[:] = control.carried_at(time, tie)
+        data.settings[:] = control.settings_at(time, clutch)
+        data.faded[:] = control.carried_at(time, clutch)
         data.locality[:] = self._side.locality(corrects=True, with_model=True)
 
     def _sense_otherwise(self, given: Array) -> None:
@@ -310,13 +312,15 @@ class SessionLoop:
         found = self._analyser.observe(state.q, state.v, state.active, closing)
         data.observation[:] = found.numbers
 
-    def _answer_otherwise(self, time: float, tie: Engagement) -> None:
+    def _answer_otherwise(self, time: float, clutch: Clutch) -> None:
         """Let a control law that is written in Python answer what was heard."""
         data, side = self._parts, self._side
         heard = data.sample if side.is_ideal else data.forth[-1]
         flying = side.in_flight() if data.locality[0] != 0.0 else None
-        rendered = data.observation[:_MODEL_SIZE]
-        found = self._control.answer(time, tie, heard.copy(), rendered.copy(), 0.0, flying)
+        operational_model = data.observation[:_MODEL_SIZE]
+        found = self._control.answer(
+            time, clutch, heard.copy(), operational_model.copy(), 0.0, flying
+        )
         self._given[_WRENCHES] = found.ravel()
 
     def _move_otherwise(self) -> None:
@@ -343,12 +347,12 @@ class SessionLoop:
         )
         return touching_wrench(terms, seen.analysis, state.touching, index)
 
-    def _tie(self, time: float) -> Engagement:
-        """Return the tie, made anew at the start and if the mechanism is held elsewhere."""
-        tie, control, data = self._engagement, self._control, self._parts
-        device, rendered = data.sample.copy(), data.observation[:_MODEL_SIZE].copy()
-        if tie is None or self._carried is not None:
-            tie = control.engage(time, device, rendered, 0.0, self._carried)
+    def _engaged_clutch(self, time: float) -> Clutch:
+        """Return the clutch, engaged anew at the start and if the mechanism is held elsewhere."""
+        clutch, control, data = self._clutch, self._control, self._parts
+        device, operational_model = data.sample.copy(), data.observation[:_MODEL_SIZE].copy()
+        if clutch is None or self._carried is not None:
+            clutch = control.engage(time, device, operational_model, 0.0, self._carried)
             self._carried = None
-        self._engagement = control.slipped(time, tie, device, rendered)
-        return self._engagement
+        self._clutch = control.with_slip(time, clutch, device, operational_model)
+        return self._clutch

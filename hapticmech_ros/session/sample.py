@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control import ControlOutput, RenderingModel
+from hapticmech_ros.control import ControlOutput, OperationalModel
 from hapticmech_ros.control.flat import model_of
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism import PointKinematics
@@ -108,6 +108,6 @@ class Sample:
         return ControlOutput(*self.wrenches)
 
     @property
-    def model(self) -> RenderingModel:
+    def model(self) -> OperationalModel:
         """What of the analysis they were computed with: X and a_0 as late as the loop is."""
         return model_of(self.seen.model)

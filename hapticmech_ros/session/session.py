@@ -13,10 +13,10 @@ from collections.abc import Callable
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control import Engagement
-from hapticmech_ros.control.controller_side import ControllerSide, LedgerEntry
+from hapticmech_ros.control import Clutch
 from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.control.passivity import PassivityController
+from hapticmech_ros.control.rendering_controller import LedgerEntry, RenderingController
 from hapticmech_ros.device.safety import SafetyEnvelope
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE
@@ -50,9 +50,9 @@ class Session(SessionLoop):
     """
 
     @property
-    def engagement(self) -> Engagement | None:
-        """The tie of the two poses; None before the first tick."""
-        return self._engagement
+    def clutch(self) -> Clutch | None:
+        """The clutch; None before the first tick."""
+        return self._clutch
 
     @property
     def energies(self) -> LedgerEntry:
@@ -70,7 +70,7 @@ class Session(SessionLoop):
         return self._device_side.envelope
 
     @property
-    def controller(self) -> ControllerSide:
+    def controller(self) -> RenderingController:
         """The controllers' side of the loop."""
         return self._side
 
@@ -179,11 +179,11 @@ class Session(SessionLoop):
         """
         self._begin(self.simulator.switch(self.mechanism, {name: closed}))
 
-    def grasp(self, frame: str, origin: Origin | None = None) -> None:
+    def set_operational_point(self, frame: str, origin: Origin | None = None) -> None:
         """Hold the mechanism elsewhere from the next tick on, without a bump.
 
         The device's wrench is carried on and fades over the scene's ``grasp_ramp``, in which the
-        new grasp closes; see :mod:`~hapticmech_ros.control.engagement`. What the hand did to
+        new grasp closes; see :mod:`~hapticmech_ros.control.clutch`. What the hand did to
         the mechanism at the old place ends at once.
 
         Args:
@@ -195,7 +195,7 @@ class Session(SessionLoop):
         """
         point = grasped(self.simulator.scene, self._analyser.point.name, frame, origin)
         state = self.mechanism
-        self.simulator.grasp(point)
+        self.simulator.set_operational_point(point)
         self._analyser = Analyser(self.simulator.mechanism, point.name, self._lateness)
         self._parts.metric[:] = self._analyser.constants
         self._side.held_elsewhere()

@@ -111,8 +111,8 @@ def hear(data: SessionData, time: float, stamp_ns: int) -> None:
 def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> None:
     """Answer what was heard, and fill what acts on device and mechanism."""
     controller, answers, connected = data.controller, data.answers, data.connected != 0
-    rendered, last = data.observation[:MODEL_SIZE], answers[answers.shape[0] - 1]
-    account_for_motion(controller, rendered[TWIST:CONTACT], controller[PERIOD])
+    operational_model, last = data.observation[:MODEL_SIZE], answers[answers.shape[0] - 1]
+    account_for_motion(controller, operational_model[TWIST:CONTACT], controller[PERIOD])
     heard = data.forth[data.forth.shape[0] - 1] if connected else data.sample
     given = data.given if connected else last
     if data.heard != 0:
@@ -121,9 +121,18 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
         if not answered:
             told, faded = data.told, data.faded
             give_answer(
-                controller, settings, faded, told, heard, rendered, time, 0.0, locality, given
+                controller,
+                settings,
+                faded,
+                told,
+                heard,
+                operational_model,
+                time,
+                0.0,
+                locality,
+                given,
             )
-        conclude(controller, settings, heard, rendered, time, locality, given)
+        conclude(controller, settings, heard, operational_model, time, locality, given)
         if connected:
             times, tag = data.times, data.forth_state[TAG]
             law = times[3], times[4], times[5]
@@ -254,7 +263,7 @@ def run_ticks(
 
     Args:
         numbers: constants of the mechanism, whole ones.
-        values: the others; see ``rendered.pack``.
+        values: the others; see ``operational_model.pack``.
         packed: (4, ...) terms at a tick's start and at its end, which change places; those that
             the delay compensation works in, and those of a step's stages.
         work: of the step; see ``step_kernels.Work``.

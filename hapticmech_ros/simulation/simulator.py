@@ -15,7 +15,7 @@ from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.motion import NOTHING, Pushes, Start, Stepped, plan_of
+from hapticmech_ros.mechanism.motion import NOTHING, ExternalWrenches, Start, Stepped, plan_of
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.mechanism.stepping import Stepper
 from hapticmech_ros.scene.document import Scene
@@ -66,9 +66,9 @@ class Simulator:
         error = self.mechanism.closing_terms(q, active).error
         return MechanismState(0.0, _frozen(q), _frozen(v), active, error)
 
-    def grasp(self, point: OperationalPoint) -> None:
-        """Put an operational point elsewhere from now on; see :meth:`Mechanism.grasp`."""
-        self.mechanism.grasp(point)
+    def set_operational_point(self, point: OperationalPoint) -> None:
+        """Put an operational point elsewhere from now on; see :meth:`Mechanism.set_operational_point`."""
+        self.mechanism.set_operational_point(point)
         self.scene = self.mechanism.scene
         # Both know where the point was.
         self._evaluated = self._projected = None
@@ -101,11 +101,11 @@ class Simulator:
             InvalidInputError: the state is no longer finite, an unknown link, or joint forces of
                 another size or not finite.
         """
-        pushes = Pushes(wrenches, on_links, joint_forces)
+        external = ExternalWrenches(wrenches, on_links, joint_forces)
         if self._contacts is None:
-            stepped = self.stepper.advance(self._start(state), pushes)
+            stepped = self.stepper.advance(self._start(state), external)
             return self._latch(self._ended(state, stepped, 1))
-        touched = self._contacts.advance(self._start(state), pushes, state.touching)
+        touched = self._contacts.advance(self._start(state), external, state.touching)
         return self._latch(self._ended(state, touched.stepped, 1, touched))
 
     def run(
@@ -144,7 +144,7 @@ class Simulator:
         end = state
         if steps:
             stepped = self.stepper.run(
-                self._start(state), Pushes(wrenches), steps, samples[1:], every
+                self._start(state), ExternalWrenches(wrenches), steps, samples[1:], every
             )
             end = self._ended(state, stepped, steps)
         time = state.time + self.period * every * np.arange(count + 1)

@@ -1,4 +1,4 @@
-"""Colours and what they mean; docs/looking.md says the same, and a test holds the two together."""
+"""Colours and what they mean; a test compares them with docs/visualization.md."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class DeviceWriter:
         self.hand_wrench: Array = self.values[DEVICE_FIELDS.slice("hand_wrench")]
         self._published = self.values[DEVICE_FIELDS.slice("position", "applied")]
 
-    def see(
+    def encode(
         self,
         state: DeviceState,
         push: Array,

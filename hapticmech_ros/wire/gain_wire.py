@@ -1,4 +1,4 @@
-"""``device/servo_gain``: how commands depend on the device, for its own loop."""
+"""``device/local_feedback_gain``: how commands depend on the device, for its own loop."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _TO_MECHANISM = GAIN_FIELDS.start("to_mechanism")
 
 
 class ServoGain(NamedTuple):
-    """A decoded ``device/servo_gain`` message.
+    """A decoded ``device/local_feedback_gain`` message.
 
     Attributes:
         stamp_ns: of the command that it goes with, ns.
@@ -44,13 +44,13 @@ class ServoGain(NamedTuple):
 
 
 def pack_gain(gain: ServoGain) -> Array:
-    """Return the data (113,) of a ``device/servo_gain`` message."""
+    """Return the data (113,) of a ``device/local_feedback_gain`` message."""
     stamps = *seconds_of(gain.stamp_ns), *seconds_of(gain.answered_ns)
     return np.concatenate(((*stamps, gain.to_mechanism), gain.model))
 
 
 def gain_bounds(limits: Limits | None = None) -> Bounds:
-    """Return the bounds of ``device/servo_gain``; of finite numbers where no scene is known."""
+    """Return the bounds of ``local_feedback_gain``; of finite numbers where no scene is known."""
     return bounds_of("gain", GAIN_FIELDS, limits)
 
 

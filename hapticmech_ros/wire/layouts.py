@@ -13,11 +13,11 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control import DeviceMeasurement, PointMeasurement, RenderingModel
+from hapticmech_ros.control import DeviceMeasurement, OperationalModel, PointMeasurement
 from hapticmech_ros.control.flat import (
     device_of,
     flat_device,
-    flat_rendered,
+    flat_operational_model,
     model_of,
     place_of,
     point_of,
@@ -39,7 +39,7 @@ from hapticmech_ros.wire.stamps import seconds_of
 STAMP = Field(2, SECONDS)
 GRASP_FIELD = Field(GRASP_SIZE, ("link", *("position",) * 3, *("angle",) * 3))
 FLAG = Field(1, ("flags",))
-RENDERING_FIELDS = Layout(
+OPERATIONAL_MODEL_FIELDS = Layout(
     {
         "stamp": STAMP,
         "count": Field(1, ("count",)),
@@ -63,10 +63,16 @@ _OLD_DEVICE_SIZE, _NOT_TOLD = DEVICE_FIELDS.start("round_trip"), (0.0, 1.0)
 DEVICE_MEASURED = DEVICE_FIELDS.slice("position", "hand_wrench")
 _APPLIED = DEVICE_FIELDS.slice("applied")
 ROUND_TRIP, OBEYS = DEVICE_FIELDS.start("round_trip"), DEVICE_FIELDS.start("obeys")
-RENDERED, GRASP = RENDERING_FIELDS.slice("s", "contact"), RENDERING_FIELDS.slice("grasp")
-COMMANDED = RENDERING_FIELDS.start("commanded")
-_COUNT, _DIRECTIONS = RENDERING_FIELDS.start("count"), RENDERING_FIELDS.start("directions")
-_S = RENDERING_FIELDS.start("s")
+POINT_MODEL_PART, GRASP = (
+    OPERATIONAL_MODEL_FIELDS.slice("s", "contact"),
+    OPERATIONAL_MODEL_FIELDS.slice("grasp"),
+)
+COMMANDED = OPERATIONAL_MODEL_FIELDS.start("commanded")
+_COUNT, _DIRECTIONS = (
+    OPERATIONAL_MODEL_FIELDS.start("count"),
+    OPERATIONAL_MODEL_FIELDS.start("directions"),
+)
+_S = OPERATIONAL_MODEL_FIELDS.start("s")
 ENERGY_FIELDS = Layout(
     {
         "stamp": STAMP,
@@ -79,8 +85,8 @@ ENERGY_FIELDS = Layout(
 
 
 @dataclass(frozen=True, slots=True)
-class Rendering:
-    """A decoded ``rendering`` message.
+class OperationalModelMessage:
+    """A decoded ``operational_model`` message.
 
     Attributes:
         stamp_ns: time it stands for, ns.
@@ -95,7 +101,7 @@ class Rendering:
     stamp_ns: int
     count: int
     s: Array
-    model: RenderingModel
+    model: OperationalModel
     point: PointMeasurement
     commanded: bool
     grasp: Array
@@ -162,28 +168,28 @@ def whole_device(values: Array) -> Array:
     return np.append(values, _NOT_TOLD) if values.shape == (_OLD_DEVICE_SIZE,) else values
 
 
-def pack_rendering(rendering: Rendering) -> Array:
+def pack_operational_model(rendering: OperationalModelMessage) -> Array:
     """Return the message's data (151,)."""
     head = (*seconds_of(rendering.stamp_ns), rendering.count, rendering.s.size)
-    rendered = flat_rendered(rendering.model, rendering.point)
-    rendered[: rendering.s.size] = rendering.s
-    return np.concatenate((head, rendered, (rendering.commanded,), rendering.grasp))
+    operational_model = flat_operational_model(rendering.model, rendering.point)
+    operational_model[: rendering.s.size] = rendering.s
+    return np.concatenate((head, operational_model, (rendering.commanded,), rendering.grasp))
 
 
-def unpack_rendering(data: object) -> Rendering:
+def unpack_operational_model(data: object) -> OperationalModelMessage:
     """Return the decoded message.
 
     Raises:
         InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
     stamp_ns, values = checked_values(data, _RENDERING)
-    rendered = values[RENDERED]
-    return Rendering(
+    operational_model = values[POINT_MODEL_PART]
+    return OperationalModelMessage(
         stamp_ns,
         int(values[_COUNT]),
         values[_S : _S + int(values[_DIRECTIONS])],
-        model_of(rendered),
-        point_of(rendered),
+        model_of(operational_model),
+        point_of(operational_model),
         bool(values[COMMANDED]),
         values[GRASP],
     )
@@ -230,8 +236,8 @@ def device_bounds(limits: Limits | None = None) -> Bounds:
 
 
 def rendering_bounds(limits: Limits | None = None) -> Bounds:
-    """Return the bounds of ``rendering``; of finite numbers where no scene is known."""
-    return bounds_of("rendering", RENDERING_FIELDS, limits)
+    """Return the bounds of ``operational_model``; of finite numbers where no scene is known."""
+    return bounds_of("operational_model", OPERATIONAL_MODEL_FIELDS, limits)
 
 
 def checked_values(data: object, bounds: Bounds) -> tuple[int, Array]:

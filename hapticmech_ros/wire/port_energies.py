@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.controller_side import LedgerEntry
+from hapticmech_ros.control.rendering_controller import LedgerEntry
 from hapticmech_ros.layout import Field, Layout
 from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.layouts import STAMP, checked_values

@@ -16,7 +16,7 @@ from hapticmech_ros.wire.layouts import (
     DEVICE_MEASURED,
     GRASP,
     OBEYS,
-    RENDERED,
+    POINT_MODEL_PART,
     ROUND_TRIP,
     device_bounds,
     rendering_bounds,
@@ -27,10 +27,10 @@ _DEVICE, _RENDERING = device_bounds(), rendering_bounds()
 
 
 class ReadingBounds(NamedTuple):
-    """Bounds of what a controller reads: ``device/state``, ``rendering``, and twists."""
+    """Bounds of what a controller reads: ``device/state``, ``model``, and twists."""
 
     device: Bounds
-    rendering: Bounds
+    model: Bounds
     twist: SixBounds
 
 
@@ -50,18 +50,18 @@ class DeviceReading(NamedTuple):
     obeys: bool
 
 
-class RenderingReading(NamedTuple):
-    """A ``rendering`` message.
+class OperationalModelReading(NamedTuple):
+    """A ``model`` message.
 
     Attributes:
         stamp_ns: time it stands for, ns.
-        rendered: (139,) an operational model; see :mod:`~hapticmech_ros.layout`.
+        operational_model: (139,) an operational model; see :mod:`~hapticmech_ros.layout`.
         commanded: whether the mechanism heard the controller's commands then.
         grasp: bytes of where the operational point is: others, where it is elsewhere.
     """
 
     stamp_ns: int
-    rendered: Array
+    operational_model: Array
     commanded: bool
     grasp: bytes
 
@@ -84,7 +84,7 @@ def read_device(values: Array, bounds: Bounds = _DEVICE) -> DeviceReading:
     return DeviceReading(stamp, values[DEVICE_MEASURED], values.item(ROUND_TRIP), obeys)
 
 
-def read_rendering(values: Array, bounds: Bounds = _RENDERING) -> RenderingReading:
+def read_operational_model(values: Array, bounds: Bounds = _RENDERING) -> OperationalModelReading:
     """Return what the control needs of a message's data.
 
     Raises:
@@ -93,4 +93,4 @@ def read_rendering(values: Array, bounds: Bounds = _RENDERING) -> RenderingReadi
     values = values.copy()
     stamp = bounds.stamp(values)
     commanded, grasp = values.item(COMMANDED) != 0.0, values[GRASP].tobytes()
-    return RenderingReading(stamp, values[RENDERED], commanded, grasp)
+    return OperationalModelReading(stamp, values[POINT_MODEL_PART], commanded, grasp)

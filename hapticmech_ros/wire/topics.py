@@ -71,7 +71,7 @@ DEVICE_COMMAND = Topic(
     rate="control",
 )
 DEVICE_GAIN = Topic(
-    "device/servo_gain",
+    "device/local_feedback_gain",
     ARRAY,
     CONTROLLER,
     "G, K and B, by which the device corrects `servo_cf` for what F_h, pose and twist have changed "
@@ -84,7 +84,8 @@ HAND_WRENCH = Topic(
     WRENCH,
     "any",
     "extra hand wrench: by the hand, on the simulated device, at the point held; with `hand: "
-    "commanded` there is no other. Also `device/hand_cf/<who>`, and `device/held_cf`, which stands",
+    "commanded` there is no other. Also `device/hand_cf/<who>`, and "
+    "`device/hand_cf/persistent`, which stays until it is replaced",
     (DEVICE,),
     rate="caller's",
     qos="command",
@@ -120,8 +121,8 @@ POINT_FORCE = Topic(
     "mechanism/{point}/measured_cf",
     WRENCH,
     MECHANISM,
-    "F_c: by the environment (`external_cf` and `held_cf` at the point), on the mechanism, at the "
-    "operational point, axes of `world`",
+    "F_c: by the environment (`external_cf` at the point), on the mechanism, at the operational "
+    "point, axes of `world`",
 )
 POINT_JOINTS = Topic(
     "mechanism/{point}/measured_js",
@@ -143,13 +144,13 @@ EXTERNAL_WRENCH = Topic(
     WRENCH,
     "any",
     "by anyone, on the mechanism, at the operational point. Also `external_cf/<who>`, and "
-    "`held_cf`, which stands until it is replaced; and the same for every link",
+    "`external_cf/persistent`, which stays until it is replaced; and the same for every link",
     (MECHANISM,),
     rate="caller's",
     qos="command",
 )
-GRASP = Topic(
-    "mechanism/{point}/grasp",
+SET_OPERATIONAL_POINT = Topic(
+    "mechanism/{point}/set_operational_point",
     POSE,
     "any",
     "puts the operational point at a pose in the frame of a link, of an operational point, or of "
@@ -158,8 +159,8 @@ GRASP = Topic(
     rate="caller's",
     qos="command",
 )
-GRASPED = Topic(
-    "mechanism/{point}/grasped",
+OPERATIONAL_POINT = Topic(
+    "mechanism/{point}/operational_point",
     POSE,
     MECHANISM,
     "where the operational point is: its pose in its link, which is the frame named",
@@ -174,8 +175,8 @@ CLOSURES = Topic(
     rate="change",
     qos="latched",
 )
-RENDERING = Topic(
-    "analysis/{point}/rendering",
+POINT_MODEL = Topic(
+    "analysis/{point}/operational_model",
     ARRAY,
     ANALYSER,
     "all that the controller needs in one message: stamp, count, s, Λ_h⁻¹ and a_0 as a late loop"
@@ -264,12 +265,12 @@ TOPICS: tuple[Topic, ...] = (
     POINT_JOINTS,
     POINT_COMMAND,
     EXTERNAL_WRENCH,
-    GRASP,
-    GRASPED,
+    SET_OPERATIONAL_POINT,
+    OPERATIONAL_POINT,
     CLOSURES,
     ENERGY,
     CONTACTS,
-    RENDERING,
+    POINT_MODEL,
     INVERSE_INERTIA,
     PROJECTOR,
     CONSTRAINT_WRENCHES,

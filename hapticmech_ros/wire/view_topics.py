@@ -9,7 +9,7 @@ MARKERS = Topic(
     "visualization_msgs/msg/MarkerArray",
     VIEWER,
     "the whole picture in `world`: mechanism, closures, device, forces, constraint directions; "
-    "colours in docs/looking.md",
+    "colours in docs/visualization.md",
     rate="marker",
 )
 FRAMES = Topic(

@@ -9,7 +9,7 @@ from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.felt_model import felt_model, loop_model
 from hapticmech_ros.control.loop_stability import loop_margins
-from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.operational.linear import linear_point
 from hapticmech_ros.scene import shipped_scenes
@@ -103,8 +103,8 @@ def test_a_swing_without_dampers_does_not_grow_by_itself():
     scene = load_scene("crane")
     simulator = Simulator(scene)
     calm = linear_point(simulator, simulator.initial_state())
-    late = loop_model(ControlArchitecture(scene), scene.device, calm, 1)
-    grows = np.log(late.growth) / scene.simulation.period
+    compensated = loop_model(ControlArchitecture(scene), scene.device, calm, 1)
+    grows = np.log(compensated.growth) / scene.simulation.period
     swing = np.abs(np.log(np.linalg.eigvals(calm.step)).imag).max() / scene.simulation.period
     # Second orders of ω τ = 0.06 are left out, as is the share of the swing that the device has.
     assert grows == pytest.approx(swing**2 * 0.0025 / 4.0, rel=0.1)
@@ -120,7 +120,7 @@ def test_springs_that_the_loop_does_not_bear_grow_in_the_model():
     model = felt_model(scene)
     margins = loop_margins(
         ControlArchitecture(scene),
-        rendering_model(model.mechanism.analysis),
+        operational_model_of(model.mechanism.analysis),
         model.mechanism.analysis.rows,
         scene.simulation.period,
     )

@@ -23,16 +23,16 @@ from hapticmech_ros.analysis.scene_variants import (
 )
 from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, Touched, touched
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.engagement import pose_error
+from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.control.loop_stability import loop_terms, spectral_radius
-from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from oracles.rough_device import RoughDevice
 
 
 def matrix_of(scene, delay, held=NOBODY):
     found = directions(scene).analysis
-    law = law_of(ControlArchitecture(scene), rendering_model(found))
+    law = law_of(ControlArchitecture(scene), operational_model_of(found))
     return tick_matrix(scene, law, found.inverse_inertia, found.rows, delay, held)
 
 
@@ -42,7 +42,7 @@ def test_without_prediction_hand_and_losses_it_is_the_loop_of_the_control(delay)
     scene = with_loop(held_by_nobody(load_scene("five_bar")), local=False)
     found = directions(scene).analysis
     control = ControlArchitecture(scene)
-    terms = loop_terms(control, rendering_model(found), found.rows)
+    terms = loop_terms(control, operational_model_of(found), found.rows)
     known = spectral_radius(terms, scene.simulation.period, delay, control.substeps)
     own = np.abs(np.linalg.eigvals(matrix_of(scene, delay))).max()
     assert known > 1.01
@@ -74,7 +74,7 @@ def test_it_moves_as_a_session_does(local):
     state[:n] = pose_error(start, first.device.pose)[rows]
     state[n : 2 * n] = state[4 * n : 5 * n] = first.device.twist[rows]
     # The push of the first tick is on its way to the mechanism, and was fed forward.
-    law = law_of(ControlArchitecture(scene), rendering_model(directions(scene).analysis))
+    law = law_of(ControlArchitecture(scene), operational_model_of(directions(scene).analysis))
     state[(6 + 2 * delay - 1) * n :] = push[rows]
     if not local:
         state[(6 + delay - 1) * n : (6 + delay) * n] = (law.force @ push)[rows]

@@ -122,7 +122,7 @@ def test_names_the_topics_of_the_graph_that_are_absent() -> None:
     assert absent([*names, "/diagnostics"]) == ()
     assert absent(names) == ("/diagnostics",)
     without = [name for name in names if not name.endswith("rendering")]
-    assert absent([*without, "/diagnostics"]) == ("analysis/{point}/rendering",)
+    assert absent([*without, "/diagnostics"]) == ("analysis/{point}/operational_model",)
     assert absent(["/chatter", "/diagnostics"]) == ()
 
 

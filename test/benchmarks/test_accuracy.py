@@ -101,7 +101,7 @@ def test_ranks_are_counted_and_compared_with_singular_times() -> None:
     upright = np.array([np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2, np.pi / 2])
     watch = Watch(case, 1e-3, mechanism)
     for number, q in enumerate([upright, upright, 0.0 * upright, upright, upright, 0.0 * upright]):
-        watch.see(number, MechanismState(1e-3 * number, q, np.zeros(5), (True, True), 1e-9))
+        watch.record(number, MechanismState(1e-3 * number, q, np.zeros(5), (True, True), 1e-9))
     assert watch.ranks == [(0.0, 4), (2e-3, 2), (3e-3, 4), (5e-3, 2)]
     # In line at 2 ms and back at 3 ms are within a step of 2.1 ms; at 5 ms it is not.
     assert watch.unexpected_ranks() == 1

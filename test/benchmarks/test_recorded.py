@@ -9,13 +9,25 @@ from benchmarks.graph.recorded import RECORDED_TRIP, recorded
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.topic import Topic
-from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_STATE, POINT_COMMAND, RENDERING, STATE
+from hapticmech_ros.wire.topics import (
+    DEVICE_COMMAND,
+    DEVICE_STATE,
+    POINT_COMMAND,
+    POINT_MODEL,
+    STATE,
+)
 
 BEGUN_NS, PERIOD_NS, COUNT = 1_700_000_000_000_000_000, 1_000_000, 100
 WINDOW = BEGUN_NS, BEGUN_NS + COUNT * PERIOD_NS
 # µs after the stamp at which the recorder gets each topic.
-DELAYS_US = {DEVICE_STATE: 100, DEVICE_COMMAND: 350, POINT_COMMAND: 360, STATE: 120, RENDERING: 500}
-LOST = {DEVICE_COMMAND: {3, 50}, POINT_COMMAND: {3}, RENDERING: {7}, STATE: {9}}
+DELAYS_US = {
+    DEVICE_STATE: 100,
+    DEVICE_COMMAND: 350,
+    POINT_COMMAND: 360,
+    STATE: 120,
+    POINT_MODEL: 500,
+}
+LOST = {DEVICE_COMMAND: {3, 50}, POINT_COMMAND: {3}, POINT_MODEL: {7}, STATE: {9}}
 
 
 def wrench(stamp_ns: int) -> bytes:

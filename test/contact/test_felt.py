@@ -77,7 +77,7 @@ def test_the_device_feels_the_contact_in_steady_state():
     # is the contact's.
     felt = sample.output.device
     assert felt[:2] == pytest.approx(-sample.hand_wrench[:2], abs=0.02 * PUSH)
-    share = np.eye(6) - sample.analysis.balanced_share
+    share = np.eye(6) - sample.analysis.wrench_projector
     assert (share @ felt)[:2] == pytest.approx((share @ sample.contact_wrench)[:2], abs=0.02 * PUSH)
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from hapticmech_ros import Simulator, analyse, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.engagement import engage
-from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.control.clutch import engage
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.scene import document_of, scene_from_document
 
 PLANE = np.array([1.0, 1.0, 0, 0, 0, 1.0])
@@ -34,7 +34,7 @@ def compute(name, time=1.0, push=None, contact=None, shift=None, rate=None, **ga
         engage(0.0, point.pose, point.pose),
         DeviceMeasurement(pose, zero if rate is None else rate, zero if push is None else push),
         PointMeasurement(point.pose, zero, zero if contact is None else contact),
-        rendering_model(found),
+        operational_model_of(found),
     )
     return control, found, out
 
@@ -48,7 +48,7 @@ def test_in_place_the_device_obeys_the_impedance_law(name, beta):
     task = PLANE if name != "spatial_arm" else np.ones(6)
     whole = task * (push + contact)
     expected = control.device_inertia @ (found.inverse_inertia @ whole + found.free_acceleration)
-    expected += (1.0 - beta) * (found.balanced_share @ whole)
+    expected += (1.0 - beta) * (found.wrench_projector @ whole)
     # Λ_d X goes up to 1e2 in units of the push: rounding of 1e-14, with margin.
     assert np.abs(task * push + out.device - expected).max() < 1e-12
     # The pose error is a rounding error of 1e-16 m or rad, met by 300 N/m and 2000 N/m.

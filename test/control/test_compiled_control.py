@@ -7,14 +7,14 @@ import pytest
 from hapticmech_ros.control import (
     ControlArchitecture,
     DeviceMeasurement,
+    OperationalModel,
     PointMeasurement,
-    RenderingModel,
 )
-from hapticmech_ros.control.engagement import engage, pose_error
+from hapticmech_ros.control.clutch import engage, pose_error
 from hapticmech_ros.control.flat import (
     device_of,
     flat_device,
-    flat_rendered,
+    flat_operational_model,
     model_of,
     point_of,
 )
@@ -59,26 +59,26 @@ class Case:
 
     def __init__(self, rng, turn=0.3, way=0.1, ahead=0.0, size=1.0):
         device, point = random_pose(rng), random_pose(rng)
-        self.tie = engage(1.0, device, point)
+        self.clutch = engage(1.0, device, point)
         step = pin.exp3(turn * unit(rng))
         moved = pin.SE3(step @ device.rotation, device.translation + way * unit(rng))
         twists, wrenches = size * rng.normal(size=(2, 6)), size * rng.normal(size=(2, 6))
         self.device = DeviceMeasurement(moved, twists[0], wrenches[0])
         self.point = PointMeasurement(point, twists[1], wrenches[1])
-        self.model = RenderingModel(*rng.normal(size=(3, 6, 6)), rng.normal(size=6))
+        self.model = OperationalModel(*rng.normal(size=(3, 6, 6)), rng.normal(size=6))
         self.ahead = ahead
         self.time = 1.0 + rng.uniform(0.2, 2.0)
         self.in_flight = None
 
     def flat(self):
-        return flat_device(self.device), flat_rendered(self.model, self.point), self.ahead
+        return flat_device(self.device), flat_operational_model(self.model, self.point), self.ahead
 
     def compute(self, control):
         given = self.device, self.point, self.model, self.in_flight
-        return control.compute(self.time, self.tie, *given).rows()
+        return control.compute(self.time, self.clutch, *given).rows()
 
     def answer(self, control):
-        return control.answer(self.time, self.tie, *self.flat(), self.in_flight)
+        return control.answer(self.time, self.clutch, *self.flat(), self.in_flight)
 
 
 def apart(found, expected):
@@ -133,7 +133,7 @@ def test_wrenches_are_the_same_at_every_error(kind, turn, way):
     # Nothing else but the error: its own rounding of some 1e-16 m and rad, times 2000 N/m, times
     # six entries of P_c of up to 3.
     still = Case(rng, turn, way, size=0.0)
-    still.model = RenderingModel(*rng.normal(size=(3, 6, 6)), np.zeros(6))
+    still.model = OperationalModel(*rng.normal(size=(3, 6, 6)), np.zeros(6))
     found, expected = still.answer(compiled), still.answer(readable)
     assert np.abs(found - expected).max() < ROUNDING * max(np.abs(expected).max(), 10.0)
 
@@ -181,7 +181,7 @@ def test_every_limit_cuts_the_same(kind, where, which):
 def test_a_wrench_of_nothing_meets_limits(kind):
     readable, compiled = both(kind, joint={}, device={})
     case = Case(np.random.default_rng(9), 0.0, 0.0, size=0.0)
-    case.model = RenderingModel(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6))
+    case.model = OperationalModel(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6))
     assert np.abs(case.answer(compiled) - case.answer(readable)).max() < ROUNDING
 
 
@@ -190,9 +190,9 @@ def test_a_wrench_of_nothing_meets_limits(kind):
 def test_the_ramp_is_the_same(duration, since):
     readable, compiled = both("spatial", engagement_ramp=duration)
     case = Case(np.random.default_rng(10))
-    case.time = case.tie.time + since
+    case.time = case.clutch.time + since
     expected, found = case.answer(readable), case.answer(compiled)
-    let_through = case.tie.ramp(case.time, duration)
+    let_through = case.clutch.ramp(case.time, duration)
     assert (found[:5] == 0.0).all() == (let_through == 0.0)
     assert apart(found, expected) < ROUNDING
 
@@ -212,8 +212,8 @@ def test_a_new_engagement_is_noticed_and_an_old_one_remembered():
     cases = [Case(rng) for _ in range(2)]
     for case in (*cases, *cases):
         same(readable, compiled, case)
-    again = engage(cases[0].tie.time, cases[0].device.pose, cases[0].point.pose)
-    cases[0].tie = again
+    again = engage(cases[0].clutch.time, cases[0].device.pose, cases[0].point.pose)
+    cases[0].clutch = again
     assert np.abs(same(readable, compiled, cases[0])[5]).max() < ROUNDING
 
 
@@ -221,11 +221,11 @@ def test_a_new_engagement_is_noticed_and_an_old_one_remembered():
 def test_flat_measurements_engage_without_error(ahead):
     for control in both("spatial"):
         case = Case(np.random.default_rng(13), ahead=ahead)
-        case.tie = control.engage(case.time, *case.flat())
-        assert case.tie.time == case.time
+        case.clutch = control.engage(case.time, *case.flat())
+        assert case.clutch.time == case.time
         assert np.abs(case.answer(control)[5]).max() < ROUNDING
         later = (*case.flat()[:2], ahead + 0.01)
-        moved = control.answer(case.time, case.tie, *later)[5, :3]
+        moved = control.answer(case.time, case.clutch, *later)[5, :3]
         assert np.abs(moved + 0.01 * case.point.twist[:3]).max() < 0.1 * np.abs(moved).max()
 
 
@@ -237,7 +237,7 @@ def test_a_device_at_rest_on_a_mechanism_at_rest_stays_at_rest(kind):
     for _ in range(200):
         case = Case(rng, size=0.0)
         pose = case.point.pose
-        case.tie = engage(1.0, pose, pose)
+        case.clutch = engage(1.0, pose, pose)
         case.device = DeviceMeasurement(pose, np.zeros(6), np.zeros(6))
         for rows in (case.answer(compiled), case.compute(compiled)):
             assert (rows[[1, 3, 4, 5]] == 0.0).all()
@@ -245,8 +245,8 @@ def test_a_device_at_rest_on_a_mechanism_at_rest_stays_at_rest(kind):
 
 def test_flat_measurements_stand_for_objects():
     case = Case(np.random.default_rng(14))
-    device, rendered, _ = case.flat()
-    back, point, model = device_of(device), point_of(rendered), model_of(rendered)
+    device, operational_model, _ = case.flat()
+    back, point, model = device_of(device), point_of(operational_model), model_of(operational_model)
     for one, other in ((back.pose, case.device.pose), (point.pose, case.point.pose)):
         # The quaternion between them: a few roundings.
         assert np.abs(pose_error(one, other)).max() < 1e-15 * 10
@@ -256,7 +256,7 @@ def test_flat_measurements_stand_for_objects():
     assert (point.contact_wrench == case.point.contact_wrench).all()
     assert (model.inverse_inertia == case.model.inverse_inertia).all()
     assert (model.constraint_projector == case.model.constraint_projector).all()
-    assert (model.balanced_share == case.model.balanced_share).all()
+    assert (model.wrench_projector == case.model.wrench_projector).all()
     assert (model.free_acceleration == case.model.free_acceleration).all()
 
 
@@ -264,11 +264,11 @@ def test_answers_are_copies_and_measurements_stay():
     _, compiled = both("spatial")
     rng = np.random.default_rng(15)
     case, other = Case(rng), Case(rng)
-    device, rendered, ahead = case.flat()
-    for numbers in (device, rendered):
+    device, operational_model, ahead = case.flat()
+    for numbers in (device, operational_model):
         numbers.flags.writeable = False
-    found = compiled.answer(case.time, case.tie, device, rendered, ahead)
-    output = compiled.compute(case.time, case.tie, case.device, case.point, case.model)
+    found = compiled.answer(case.time, case.clutch, device, operational_model, ahead)
+    output = compiled.compute(case.time, case.clutch, case.device, case.point, case.model)
     before = found.tobytes(), output.rows().tobytes()
     other.answer(compiled)
     other.compute(compiled)
@@ -276,11 +276,11 @@ def test_answers_are_copies_and_measurements_stay():
 
 
 @pytest.mark.parametrize(("device", "rendered"), [(18, 139), (20, 139), (19, 138), (0, 0)])
-def test_measurements_of_another_size_are_refused(device, rendered):
+def test_measurements_of_another_size_are_refused(device, operational_model):
     _, compiled = both("planar")
-    tie = engage(0.0, pin.SE3.Identity(), pin.SE3.Identity())
+    clutch = engage(0.0, pin.SE3.Identity(), pin.SE3.Identity())
     with pytest.raises(InvalidInputError, match="139"):
-        compiled.answer(0.0, tie, np.zeros(device), np.zeros(rendered), 0.0)
+        compiled.answer(0.0, clutch, np.zeros(device), np.zeros(operational_model), 0.0)
 
 
 def test_a_kernel_answers_unless_answer_is_overridden():

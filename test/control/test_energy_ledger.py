@@ -10,8 +10,8 @@ from hapticmech_ros.control.account_kernels import (
     account_for_springs,
     queue_wrench,
 )
-from hapticmech_ros.control.controller_side import ControllerSide
 from hapticmech_ros.control.four_channel import FourChannel
+from hapticmech_ros.control.rendering_controller import RenderingController
 from hapticmech_ros.scene.controller import (
     ForceChannelGains,
     JointConstraintGains,
@@ -22,7 +22,7 @@ PERIOD = 1e-3
 CHANNELS = FourChannel(PositionChannelGains(), ForceChannelGains())
 
 
-class Ledger(ControllerSide):
+class Ledger(RenderingController):
     """The account of a controller, by its kernels' functions."""
 
     def __init__(self):

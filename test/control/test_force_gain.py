@@ -5,11 +5,11 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.engagement import engage
+from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.flat import flat_device
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.control.prediction import InFlight, foreseen
-from hapticmech_ros.control.rendering_model import rendering_model
 from oracles.control import ReadableControl
 from oracles.local_model import local_model
 
@@ -23,8 +23,8 @@ def test_it_is_the_answer_to_the_other_wrench(name, time, beta):
     gains = scene.controller.model_copy(update={"joint_constraint": stiffened})
     control = ReadableControl(scene.model_copy(update={"controller": gains}))
     sample = Session(scene).tick()
-    model, pose = rendering_model(sample.analysis), sample.point.pose
-    tie = engage(0.0, pose, pose)
+    model, pose = operational_model_of(sample.analysis), sample.point.pose
+    clutch = engage(0.0, pose, pose)
     rng = np.random.default_rng(1)
     first, second = rng.normal(scale=0.3, size=(2, 6)) * ([1.0] * 3 + [0.02] * 3)
     twist = rng.normal(scale=0.01, size=6)
@@ -34,9 +34,9 @@ def test_it_is_the_answer_to_the_other_wrench(name, time, beta):
 
     def answer(hand):
         seen = PointMeasurement(pose, twist, np.zeros(6))
-        return control.compute(time, tie, measured(hand), seen, model).device
+        return control.compute(time, clutch, measured(hand), seen, model).device
 
-    gains = local_model(control, time, tie, model)
+    gains = local_model(control, time, clutch, model)
     then, now = flat_device(measured(first)), flat_device(measured(second))
     found = corrected(answer(first), gains.numbers, then, now)
     assert np.abs(found - answer(second)).max() < 1e-13

@@ -6,11 +6,11 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.engagement import engage
+from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.flat import flat_device
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.control.pose_kernels import displacement
-from hapticmech_ros.control.rendering_model import rendering_model
 from oracles.control import ReadableControl
 from oracles.local_model import NO_MODEL, local_model
 
@@ -60,8 +60,8 @@ def test_along_constrained_directions_it_is_the_answer_to_the_other_pose(name):
     controller = scene.controller.model_copy(update={"position_channel": channel})
     control = ReadableControl(scene.model_copy(update={"controller": controller}))
     sample = Session(scene).tick()
-    model, pose = rendering_model(sample.analysis), sample.point.pose
-    tie = engage(0.0, pose, pose)
+    model, pose = operational_model_of(sample.analysis), sample.point.pose
+    clutch = engage(0.0, pose, pose)
     rng = np.random.default_rng(3)
     task = np.array([1, 1, 0, 0, 0, 1.0]) if scene.task_space == "planar" else np.ones(6)
     ways = 1e-5 * task * rng.normal(size=(2, 6))
@@ -73,8 +73,8 @@ def test_along_constrained_directions_it_is_the_answer_to_the_other_pose(name):
 
     seen = PointMeasurement(pose, np.zeros(6), np.zeros(6))
     then, now = (measured(*state) for state in zip(ways, twists, strict=True))
-    old, new = (control.compute(5.0, tie, one, seen, model).device for one in (then, now))
-    gains = local_model(control, 5.0, tie, model)
+    old, new = (control.compute(5.0, clutch, one, seen, model).device for one in (then, now))
+    gains = local_model(control, 5.0, clutch, model)
     found = corrected(old, gains.numbers, flat_device(then), flat_device(now))
     # log6's second order in steps of 1e-5 rad and m, on 2000 N/m.
     assert np.abs(found - new).max() < 1e-6
@@ -90,8 +90,8 @@ def test_what_is_not_local_is_not_corrected():
     control = ReadableControl(scene.model_copy(update={"controller": controller}))
     assert not control.gains.local
     sample = Session(scene).tick()
-    tie = engage(0.0, sample.point.pose, sample.point.pose)
-    model = local_model(control, 1.0, tie, rendering_model(sample.analysis))
+    clutch = engage(0.0, sample.point.pose, sample.point.pose)
+    model = local_model(control, 1.0, clutch, operational_model_of(sample.analysis))
     assert all(not matrix.any() for matrix in model)
     command = np.ones(6)
     then = np.eye(19)[6]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.controller_side import ControllerSide, Reading
-from hapticmech_ros.control.lateness import jitter_allowance, loop_lateness
+from hapticmech_ros.control.compensated_delay import compensated_loop_delay, jitter_allowance
 from hapticmech_ros.control.loop_delay import (
     EVERY,
     SHORTER_AFTER_S,
@@ -17,6 +16,7 @@ from hapticmech_ros.control.loop_delay import (
     borne_round_trip,
     made_for,
 )
+from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene import load_scene
@@ -33,12 +33,14 @@ def over(connection, local=True, name="five_bar"):
 
 def test_what_is_declared_counts_in_design_as_what_is_simulated():
     simulated, declared = over(Connection(delay=0.05)), over(Connection(expected=0.05))
-    assert loop_lateness(declared) == loop_lateness(simulated) > 0.1
+    assert compensated_loop_delay(declared) == compensated_loop_delay(simulated) > 0.1
     one, two = ControlArchitecture(simulated).channels, ControlArchitecture(declared).channels
     assert np.array_equal(one.held_stiffness, two.held_stiffness)
     assert one.held_stiffness[0] < 0.1 * one.stiffness[0]
     both = over(Connection(delay=0.02, expected=0.03))
-    assert loop_lateness(both) == pytest.approx(loop_lateness(declared), abs=1e-15)
+    assert compensated_loop_delay(both) == pytest.approx(
+        compensated_loop_delay(declared), abs=1e-15
+    )
 
 
 def test_the_rule_softens_springs_that_cross_a_declared_network(tmp_path):
@@ -53,11 +55,11 @@ def test_the_rule_softens_springs_that_cross_a_declared_network(tmp_path):
 
 def answers_at_once(connection):
     scene = over(connection)
-    side = ControllerSide(ControlArchitecture(scene), scene.simulation.period, connection)
-    reading = Reading(0.0, 0, np.eye(19)[6], np.zeros(OPERATIONAL_MODEL.size), 0.0, 0.001)
-    reading.rendered[OPERATIONAL_MODEL.slice("quaternion").stop - 1] = 1.0
-    engagement = side.control.engage(0.0, reading.device, reading.rendered, 0.0)
-    return side.tick(reading, engagement, corrects=True) is not None
+    side = RenderingController(ControlArchitecture(scene), scene.simulation.period, connection)
+    inputs = ControllerInput(0.0, 0, np.eye(19)[6], np.zeros(OPERATIONAL_MODEL.size), 0.0, 0.001)
+    inputs.operational_model[OPERATIONAL_MODEL.slice("quaternion").stop - 1] = 1.0
+    clutch = side.control.engage(0.0, inputs.device, inputs.operational_model, 0.0)
+    return side.tick(inputs, clutch, corrects=True) is not None
 
 
 def test_what_is_declared_is_not_simulated():
@@ -129,7 +131,7 @@ def test_gains_pass_to_another_delay_without_a_bump(kind):
     assert control.aim == (scene.controller, 0.05)
     ramp, seen = scene.controller.gain_ramp, []
     for share in np.linspace(0.0, 1.0, 301):
-        control.pass_on_to(1.0 + share * ramp)
+        control.apply_gains_at(1.0 + share * ramp)
         seen.append(control.channels.held_stiffness[0])
     assert seen[0] == near
     assert np.all(np.diff(seen) <= 0.0)

@@ -29,8 +29,8 @@ class Compared(Session):
         self.readable.envelope.place(self.device.published[:3])
         self.ticks, self.most, self.apart, self.energies_apart = 0, 0.0, 0.0, 0.0
 
-    def grasp(self, frame, origin=None):
-        super().grasp(frame, origin)
+    def set_operational_point(self, frame, origin=None):
+        super().set_operational_point(frame, origin)
         self.readable.side.held_elsewhere()
 
     def tune(self, gains):
@@ -43,7 +43,7 @@ class Compared(Session):
         readable, own = self.readable, sample.device.published
         measured = np.concatenate((own[:13], sample.hand_wrench))
         expected = readable.tick(
-            sample.time, self.engagement, measured, own[19:], sample.seen.model, added
+            sample.time, self.clutch, measured, own[19:], sample.seen.model, added
         )
         apart = np.abs(sample.acting - np.array(expected)).max()
         rows = np.abs(sample.wrenches - readable.output.rows()).max()
@@ -115,7 +115,7 @@ def test_while_the_grasp_passes_and_gains_change():
     for _ in range(200):
         session.tick(hand_wrench=PUSH)
     link = session.simulator.scene.operational_points[0].link
-    session.grasp(link, Origin(xyz=(0.01, 0.02, 0.0)))
+    session.set_operational_point(link, Origin(xyz=(0.01, 0.02, 0.0)))
     for _ in range(100):
         session.tick(hand_wrench=PUSH)
     softer = with_controller(session.scene, joint_constraint={"stiffness": 200.0}).controller
@@ -145,10 +145,10 @@ def test_commands_are_held_as_by_the_readable_account(lag, filtered):
             told = None if rng.uniform() < 0.05 else 1e-3 * rng.normal()
             command, added = (rng.normal(size=6) * ([1.0] * 3 + [0.02] * 3) for _ in range(2))
             for account in (found, expected):
-                account.see(sample, applied)
-                account.tell(told)
+                account.record(sample, applied)
+                account.set_mechanism_energy(told)
             assert found.available == pytest.approx(expected.available, rel=1e-12)
-            one, two = (account.hold(command, sample, added) for account in (found, expected))
+            one, two = (account.enforce(command, sample, added) for account in (found, expected))
             # Roots of a difference lose digits where it is near zero.
             assert one == pytest.approx(two, rel=1e-7, abs=1e-10)
             applied = one

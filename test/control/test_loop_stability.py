@@ -7,7 +7,7 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.analysis.impedance import alone
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import LoopTerms, loop_margins, spectral_radius
-from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.plan.scene_check import check_scene
 
 T = 1e-3
@@ -84,7 +84,7 @@ def errors_after_a_touch(scene, delay):
 def test_sessions_diverge_where_it_says(name, delay, local):
     scene = with_gains(alone(load_scene(name)), 1.0, local)
     analysis = Session(scene).tick().analysis
-    control, model = ControlArchitecture(scene), rendering_model(analysis)
+    control, model = ControlArchitecture(scene), operational_model_of(analysis)
     margin = loop_margins(control, model, analysis.rows, scene.simulation.period, delay).gain
     calm = errors_after_a_touch(with_gains(scene, 0.95 * margin, local), delay)
     wild = errors_after_a_touch(with_gains(scene, 1.05 * margin, local), delay)

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.control.device_side_kernels import foreseen_gift
+from hapticmech_ros.control.device_side_kernels import predicted_transfer
 from hapticmech_ros.control.passivity import PassivityController, passivity_for
 from hapticmech_ros.scene.controller import Passivity
 
@@ -24,7 +24,7 @@ def at(position=(0, 0, 0), twist=(0,) * 6, push=(0,) * 6):
 
 def given_by(account, command, twist, hand):
     """Return what a command gives in the next period, J."""
-    return foreseen_gift(account.account, command, twist, hand)
+    return predicted_transfer(account.account, command, twist, hand)
 
 
 def moved(sample, command):
@@ -41,11 +41,11 @@ def test_work_of_held_commands_is_exact():
     account, sample, rng = controller(), at(), np.random.default_rng(1)
     applied, apart = np.zeros(6), 0.0
     for _ in range(200):
-        account.see(sample, applied)
+        account.record(sample, applied)
         applied = np.array((*rng.normal(1.0, size=3), 0, 0, 0))
         apart += 0.5 * PERIOD**2 / SUBSTEPS * float(applied @ (applied / INERTIA))
         sample = moved(sample, applied)
-    account.see(sample, applied)
+    account.record(sample, applied)
     kinetic = 0.5 * sample[7:13] @ (INERTIA * sample[7:13])
     assert kinetic > 0.1
     # 200 sums of parts of up to 1e-2 J.
@@ -57,11 +57,11 @@ def test_nothing_is_changed_while_there_is_enough_or_nothing_is_known():
     account = controller(allowance=1.0)
     command = np.array([5.0, 0, 0, 0, 0, 0])
     fast = at(twist=(0.5, 0, 0, 0, 0, 0))
-    account.see(fast, np.zeros(6))
-    assert account.hold(100.0 * command, fast) is not None
+    account.record(fast, np.zeros(6))
+    assert account.enforce(100.0 * command, fast) is not None
     assert account.available == np.inf
-    account.tell(0.0)
-    assert np.array_equal(account.hold(command, fast), command)
+    account.set_mechanism_energy(0.0)
+    assert np.array_equal(account.enforce(command, fast), command)
     assert account.changed == 0
 
 
@@ -73,10 +73,10 @@ def test_a_command_that_would_give_more_is_changed_to_give_what_there_is(speed, 
         allowance = 10.0 ** rng.uniform(-7, -3)
         account = controller(allowance=allowance)
         sample = at(twist=speed * rng.normal(size=6), push=push * rng.normal(size=6))
-        account.see(sample, np.zeros(6))
-        account.tell(0.0)
+        account.record(sample, np.zeros(6))
+        account.set_mechanism_energy(0.0)
         command = 10.0 * rng.normal(size=6) * ([1.0] * 3 + [0.02] * 3)
-        held = account.hold(command, sample)
+        held = account.enforce(command, sample)
         given = given_by(account, held, sample[7:13], sample[13:])
         if given_by(account, command, sample[7:13], sample[13:]) <= allowance:
             assert np.array_equal(held, command)
@@ -91,17 +91,17 @@ def test_a_static_force_is_left_alone():
     account = controller(allowance=1e-9)
     push = np.array([5.0, -2.0, 0, 0, 0, 0.1])
     sample = at(push=push)
-    account.see(sample, np.zeros(6))
-    account.tell(0.0)
-    assert np.array_equal(account.hold(-push, sample), -push)
+    account.record(sample, np.zeros(6))
+    account.set_mechanism_energy(0.0)
+    assert np.array_equal(account.enforce(-push, sample), -push)
 
 
 def test_damping_is_the_least_that_does_it_and_leaves_what_is_across():
     account = controller(allowance=1e-4)
     sample = at(twist=(0.1, 0, 0, 0, 0, 0))
-    account.see(sample, np.zeros(6))
-    account.tell(0.0)
-    held = account.hold(np.array([3.0, 2.0, 0, 0, 0, 0]), sample)
+    account.record(sample, np.zeros(6))
+    account.set_mechanism_energy(0.0)
+    held = account.enforce(np.array([3.0, 2.0, 0, 0, 0, 0]), sample)
     assert held[1] == 2.0
     assert held[0] < 3.0
     assert given_by(account, held, sample[7:13], sample[13:]) == pytest.approx(1e-4, rel=1e-9)
@@ -109,18 +109,18 @@ def test_damping_is_the_least_that_does_it_and_leaves_what_is_across():
 
 def test_bounds_follow_what_the_mechanism_got():
     account = controller(allowance=1e-3, slack=0.1)
-    account.tell(0.05)
+    account.set_mechanism_energy(0.05)
     assert account.available == pytest.approx(1e-3)
     # It got more than slack allows: that much has to come from the hand first.
-    account.tell(0.3)
+    account.set_mechanism_energy(0.3)
     assert account.available == pytest.approx(-0.2)
     # It gave: the hand may have that.
-    account.tell(-0.4)
+    account.set_mechanism_energy(-0.4)
     assert account.available == pytest.approx(0.401)
     account.begin()
     assert account.available == np.inf
     off = controller(control=False)
-    off.tell(5.0)
+    off.set_mechanism_energy(5.0)
     assert off.available == np.inf
 
 
@@ -130,17 +130,17 @@ def test_what_was_given_before_anybody_told_of_the_mechanism_is_no_debt():
     push = np.array([0.5, 0, 0, 0, 0, 0])
     for place in np.arange(0.0, 0.2, 1e-3):
         sample = at(position=(place, 0.0, 0.0), twist=(1.0, 0, 0, 0, 0, 0))
-        account.see(sample, push)
-        assert np.array_equal(account.hold(push, sample), push)
+        account.record(sample, push)
+        assert np.array_equal(account.enforce(push, sample), push)
     assert account.actuators == pytest.approx(-0.5 * 0.199)
-    account.tell(0.0)
+    account.set_mechanism_energy(0.0)
     assert account.available == pytest.approx(1e-4)
     # Of a force that gives nothing, nothing is held back: 20 N of damping were, of a debt of 0.1 J.
     braking = -push
-    assert np.array_equal(account.hold(braking, sample), braking)
+    assert np.array_equal(account.enforce(braking, sample), braking)
     # From then on it counts.
-    account.see(at(position=(0.2, 0.0, 0.0)), push)
-    account.tell(0.1)
+    account.record(at(position=(0.2, 0.0, 0.0)), push)
+    account.set_mechanism_energy(0.1)
     assert account.actuators == pytest.approx(-0.5e-3)
 
 

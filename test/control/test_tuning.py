@@ -5,7 +5,7 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.gain_passage import Passage, blended
+from hapticmech_ros.control.gain_ramp import GainRamp, blended
 from hapticmech_ros.control.tuning import TUNED, tuned
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Controller
@@ -41,7 +41,7 @@ def test_an_unknown_name_is_told():
 def test_gains_pass_in_a_straight_line():
     old = Controller()
     new = tuned(old, {"constraint_stiffness": 1000.0, "c1": 0.0})
-    passage = Passage(1.0, old, new)
+    passage = GainRamp(1.0, old, new)
     for time, share in ((0.5, 0.0), (1.0, 0.0), (1.15, 0.5)):
         gains, arrived = passage.at(time)
         assert not arrived
@@ -50,7 +50,7 @@ def test_gains_pass_in_a_straight_line():
         assert gains.joint_constraint.damping == old.joint_constraint.damping
     assert passage.at(1.3 + 1e-12) == (new, True)
     at_once = new.model_copy(update={"gain_ramp": 0.0})
-    assert Passage(1.0, old, at_once).at(1.0) == (at_once, True)
+    assert GainRamp(1.0, old, at_once).at(1.0) == (at_once, True)
 
 
 def test_what_is_no_number_is_new():

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.device import Grip, ImpedanceDevice, device_for, grip_of
+from hapticmech_ros.device import GraspSchedule, ImpedanceDevice, device_for, grasp_schedule_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ArmHand, Waypoint
@@ -37,14 +37,16 @@ def test_a_spring_of_ones_own_swings_a_mass_at_its_frequency():
 
 
 def test_a_law_is_asked_while_its_grip_holds_and_its_mass_is_in_what_a_sensor_reads():
-    grip = Grip(start=0.01, switches=(0.02, 0.03), mass=0.5, inertia=1e-3)
+    schedule = GraspSchedule(start=0.01, switches=(0.02, 0.03), mass=0.5, inertia=1e-3)
     asked = []
 
     def watching(elapsed, pose, twist, held):
         asked.append(elapsed)
         return np.array([0.4, 0.0, 0.0, 0.0, 0.0, 0.0])
 
-    body = ImpedanceDevice(Device(mass=0.3, substeps=2), PERIOD, False, law=watching, grip=grip)
+    body = ImpedanceDevice(
+        Device(mass=0.3, substeps=2), PERIOD, False, law=watching, schedule=schedule
+    )
     states = run(body, 50)
     times = np.array(asked)
     holding = (times > 0.01 - 1e-9) & ((times < 0.03 - 1e-9) | (times > 0.04 - 1e-9))
@@ -67,7 +69,7 @@ def test_a_law_on_a_scenes_device_holds_as_the_scenes_hand_would():
         return np.zeros(6)
 
     Session(scene, device=device_for(scene, law=watching)).run(400)
-    assert grip_of(hand).mass > 0.0
+    assert grasp_schedule_of(hand).mass > 0.0
     assert min(times) == pytest.approx(0.1, abs=1e-9)
     assert max(times) < 0.2 - 1e-9
 
@@ -95,7 +97,11 @@ def test_what_a_law_is_given_is_its_own():
 @pytest.mark.parametrize("wrong", [np.zeros(3), 1.0, np.zeros((6, 1))])
 def test_what_is_no_wrench_is_refused(wrong):
     body = ImpedanceDevice(
-        Device(), PERIOD, False, law=lambda elapsed, pose, twist, held: wrong, grip=Grip(start=0.01)
+        Device(),
+        PERIOD,
+        False,
+        law=lambda elapsed, pose, twist, held: wrong,
+        schedule=GraspSchedule(start=0.01),
     )
     start = body.at_rest(START, held=True)
     with pytest.raises(InvalidInputError, match=r"shape of the hand's wrench: must be \(6,\)"):

@@ -12,17 +12,17 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.experiment import ExperimentRecord, run_session
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.session import Sample, Session
 from hapticmech_ros.wire.layouts import (
     DeviceSample,
     Energy,
-    Rendering,
+    OperationalModelMessage,
     pack_device,
     pack_energy,
-    pack_rendering,
+    pack_operational_model,
 )
 
 DURATION = 2.5
@@ -126,16 +126,21 @@ def _messages(scene: Scene, samples: list[tuple[Sample, tuple[float, float]]]) -
         yield "device/state", arrays, t, array(pack_device(DeviceSample(t, measured, np.zeros(6))))
         state_message = types[joints](header(t), names, state.q.copy(), state.v.copy(), np.zeros(0))
         yield "mechanism/measured_js", joints, t, state_message
-        rendering = Rendering(
+        rendering = OperationalModelMessage(
             t,
             sample.count,
             sample.analysis.spectrum.s,
-            rendering_model(sample.analysis),
+            operational_model_of(sample.analysis),
             PointMeasurement(sample.point.pose, sample.point.twist, sample.external_wrench),
             True,
             np.zeros(7),
         )
-        yield "analysis/handle/rendering", arrays, t, array(pack_rendering(rendering))
+        yield (
+            "analysis/handle/operational_model",
+            arrays,
+            t,
+            array(pack_operational_model(rendering)),
+        )
         if index % VIEW_EVERY == 0:
             part = wrench(t, sample.output.joint_constraint)
             yield "controller/joint_constraint_cf", wrenches, t, part

@@ -91,7 +91,7 @@ def test_order_of_arrival_and_repeats_do_not_matter(make_bag, messages, scene, s
 
 
 def test_lost_messages_leave_gaps(make_bag, scene, session_record):
-    lost = {"device/state": 11, "analysis/handle/rendering": 13}
+    lost = {"device/state": 11, "analysis/handle/operational_model": 13}
     seen = dict.fromkeys(lost, 0)
 
     def lose(topic, time_ns, message):
@@ -131,7 +131,9 @@ def test_names_what_is_empty(make_bag, scene):
     def silent(topic, time_ns, message):
         return None if topic.startswith("analysis") else message
 
-    with pytest.raises(BagError, match=r"topics without messages: /analysis/handle/rendering$"):
+    with pytest.raises(
+        BagError, match=r"topics without messages: /analysis/handle/operational_model$"
+    ):
         record_from_bag(make_bag(change=silent), scene)
 
 
@@ -162,7 +164,7 @@ def test_joint_states_are_only_welcome(make_bag, scene):
     ("topic", "spoil", "message"),
     [
         (
-            "analysis/handle/rendering",
+            "analysis/handle/operational_model",
             lambda m: dataclasses.replace(m, data=m.data[:-1]),
             "rendering, message 0: .*must hold 151 numbers",
         ),

@@ -36,7 +36,7 @@ def test_holds_what_the_session_measured(session_record, samples):
         assert (session_record.constraint_wrench[index] == sample.output.joint_constraint).all()
         assert session_record.count[index] == sample.count
         assert session_record.kinetic[index] == kinetic
-        balanced = sample.analysis.balanced_share @ sample.hand_wrench
+        balanced = sample.analysis.wrench_projector @ sample.hand_wrench
         assert (session_record.expected_wrench[index] == -balanced).all()
 
 

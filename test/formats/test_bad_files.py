@@ -50,9 +50,13 @@ def huge_files():
     yield "sdf", model([f'<link name="a">{"x&#10;" * 1_200_000}</link>']), "no joint moves"
     frames = [f'<frame name="f{k + 1}" attached_to="f{k}"/>' for k in range(60_000)]
     yield "sdf", model([SDF_LINK.format("f0"), *frames]), "more than 100 deep"
-    ties = '<weld body1="a"/>' * 20_000
+    loop_joints = '<weld body1="a"/>' * 20_000
     text = world(['<body name="a"><joint/><geom size="1"/></body>'])
-    yield "xml", text.replace("</mujoco>", f"<equality>{ties}</equality></mujoco>"), "at most 1000"
+    yield (
+        "xml",
+        text.replace("</mujoco>", f"<equality>{loop_joints}</equality></mujoco>"),
+        "at most 1000",
+    )
     classes = "".join(f'<default class="c{k}"/>' for k in range(60_000))
     yield "xml", f"<mujoco><default>{classes}</default><worldbody/></mujoco>", "1000 classes"
     entities = "".join(f'<!ENTITY a{k + 1} "{f"&a{k};" * 10}">' for k in range(20))

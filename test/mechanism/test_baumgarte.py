@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism.motion import Plan, Pushes, Start
+from hapticmech_ros.mechanism.motion import ExternalWrenches, Plan, Start
 from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
@@ -50,8 +50,10 @@ def test_steps_by_kernels_are_the_same(document, integrator):
     state = sims[0].initial_state()
     q = off_the_closures(sims[0].mechanism, state, 1e-5)
     start = Start(q, state.v, state.active)
-    pushes = Pushes(np.random.default_rng(0).normal(size=(len(sims[0].mechanism.point_names), 6)))
-    one, other = (sim.stepper.advance(start, pushes) for sim in sims)
+    external = ExternalWrenches(
+        np.random.default_rng(0).normal(size=(len(sims[0].mechanism.point_names), 6))
+    )
+    one, other = (sim.stepper.advance(start, external) for sim in sims)
     terms = sims[0].mechanism.evaluate(q, state.v, state.active)
     close = 1e-12 * condition(terms.space)
     assert apart(other.q, one.q, 1.0) < close
@@ -71,9 +73,9 @@ def test_an_open_loop_closes_as_the_equation_says(kind):
     stepper = type(sim.stepper)(mechanism, Plan("rk4", period, baumgarte_rate=rate))
     q, v = off_the_closures(mechanism, state, 1e-3), np.zeros(state.v.size)
     first = mechanism.closing_terms(q, state.active).residual
-    pushes = Pushes(np.zeros((len(mechanism.point_names), 6)))
+    external = ExternalWrenches(np.zeros((len(mechanism.point_names), 6)))
     for _ in range(steps):
-        q, v, *_ = stepper.advance(Start(q, v, state.active), pushes)
+        q, v, *_ = stepper.advance(Start(q, v, state.active), external)
     found = mechanism.closing_terms(q, state.active).residual
     turned = rate * period * steps
     expected = first * (1.0 + turned) * np.exp(-turned)
@@ -97,16 +99,16 @@ def test_a_loop_that_is_lost_is_named(kind):
     sim = held(FIVE_BAR, kind=kind)
     state = sim.initial_state()
     limit = BAUMGARTE_FAILURE * sim.mechanism.length
-    pushes = Pushes(np.zeros((len(sim.mechanism.point_names), 6)))
+    external = ExternalWrenches(np.zeros((len(sim.mechanism.point_names), 6)))
     rests = np.zeros(state.v.size)
     for size in (0.1, 30.0):
         q = off_the_closures(sim.mechanism, state, size * limit / sim.mechanism.length)
         start = Start(q, rests, state.active)
         if size < 1.0:
-            assert 0.0 < sim.stepper.advance(start, pushes).error < limit
+            assert 0.0 < sim.stepper.advance(start, external).error < limit
             continue
         with pytest.raises(ClosureError, match="came apart") as caught:
-            sim.stepper.advance(start, pushes)
+            sim.stepper.advance(start, external)
         assert caught.value.closures == ("pin",)
         assert caught.value.residual > limit
 

@@ -5,7 +5,7 @@ import pytest
 
 from hapticmech_ros.errors import ClosureError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.motion import Pushes, Start
+from hapticmech_ros.mechanism.motion import ExternalWrenches, Start
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
@@ -73,7 +73,7 @@ def test_steps_far_off_the_closures_are_refused(kind, speed, any_refused):
         v = sim.mechanism.closing_terms(q, (True,)).space.closed_rates(rng.normal(size=4))
         start = Start(state.q, speed / np.linalg.norm(v) * v, (True,))
         try:
-            assert sim.stepper.advance(start, Pushes(zeros)).error < 1e-12
+            assert sim.stepper.advance(start, ExternalWrenches(zeros)).error < 1e-12
         except ClosureError as error:
             refused += "jumped" in str(error)
     assert (refused > 0) == any_refused
@@ -120,7 +120,7 @@ def test_axes_the_other_way_are_refused(kind, stabilisation):
     sim = stepping(hinge(), kind, period=1e-3, stabilisation=stabilisation)
     turned = Start(np.array([0.0, 1.0, 0.0, 0.0]), np.zeros(3), (True,))
     with pytest.raises(ClosureError, match="other branch") as caught:
-        sim.stepper.advance(turned, Pushes(np.zeros((1, 6))))
+        sim.stepper.advance(turned, ExternalWrenches(np.zeros((1, 6))))
     assert caught.value.closures == ("hinge",)
     state = sim.initial_state()
     assert sim.step(state, np.zeros((1, 6))).closure_error < 1e-12

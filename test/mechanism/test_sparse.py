@@ -10,7 +10,7 @@ from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
 from hapticmech_ros.mechanism.kernels import layout
-from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures, solve_motion
 from hapticmech_ros.mechanism.kernels.layout import MANY_RATES
 from hapticmech_ros.operational import Analyser
@@ -184,7 +184,7 @@ def test_next_to_a_singular_position_it_gives_up(angle):
     level = pair.readable.integrate(pair.q, (np.pi / 2 - angle) * pair.v / np.abs(pair.v).max())
     active_set = sparse(pair)
     packed = np.empty(active_set.size)
-    assert factor_closures(*active_set.constants, level, packed) == UNDECIDED
+    assert factor_closures(*active_set.constants, level, packed) == NOT_DECIDED
     closing = pair.mechanism.closing_terms(level, pair.mechanism.initially_active)
     assert isinstance(closing, Closing)
     assert not closing.active_set.is_sparse

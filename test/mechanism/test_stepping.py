@@ -9,7 +9,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import ClosureError, InvalidInputError
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
-from hapticmech_ros.mechanism.motion import Plan, Pushes, Start, plan_of
+from hapticmech_ros.mechanism.motion import ExternalWrenches, Plan, Start, plan_of
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.stepping import Stepper
 from hapticmech_ros.scene import scene_from_document, shipped_scenes
@@ -94,7 +94,7 @@ def test_steps_are_the_same(document, integrator):
     magnified = ROUNDING * condition(terms.space)
     for pushed in ({}, links):
         one, other = (
-            sim.stepper.advance(start_of(state), Pushes(push(sim), pushed))
+            sim.stepper.advance(start_of(state), ExternalWrenches(push(sim), pushed))
             for sim in (readable, found)
         )
         compare(one, other, magnified)
@@ -116,7 +116,9 @@ def test_steps_of_shipped_scenes_are_the_same(name, integrator):
     for state in run(readable, 0.02, push(readable))[::5]:
         magnified = ROUNDING * condition(readable.evaluate(state).space)
         wrenches = push(readable, 2)
-        found = [stepper.advance(start_of(state), Pushes(wrenches)) for stepper in (one, other)]
+        found = [
+            stepper.advance(start_of(state), ExternalWrenches(wrenches)) for stepper in (one, other)
+        ]
         compare(*found, magnified)
 
 
@@ -132,7 +134,7 @@ def test_what_is_known_changes_no_bit(document):
     starts = [start_of(state), start_of(state, closing=closing), start_of(state, terms, closing)]
     bits = set()
     for start in starts:
-        q, v, error, _, *energies = stepper.advance(start, Pushes(wrenches))
+        q, v, error, _, *energies = stepper.advance(start, ExternalWrenches(wrenches))
         bits.add((q.tobytes(), v.tobytes(), error, *energies))
     assert len(bits) == 1
 
@@ -143,22 +145,22 @@ def test_wrenches_on_links_are_forgotten():
     _, sim = both(document, "rk4")
     start, wrenches = start_of(sim.initial_state()), push(sim)
     before, pushed, after = (
-        sim.stepper.advance(start, Pushes(wrenches, links))
+        sim.stepper.advance(start, ExternalWrenches(wrenches, links))
         for links in ({}, {link: np.ones(6)}, {})
     )
     assert after.v.tobytes() == before.v.tobytes()
     assert pushed.v.tobytes() != before.v.tobytes()
     links = {link: np.ones(6), "nothing": np.ones(6)}
     with pytest.raises(InvalidInputError, match="nothing"):
-        sim.stepper.advance(start, Pushes(wrenches, links))
-    assert sim.stepper.advance(start, Pushes(wrenches)).v.tobytes() == before.v.tobytes()
+        sim.stepper.advance(start, ExternalWrenches(wrenches, links))
+    assert sim.stepper.advance(start, ExternalWrenches(wrenches)).v.tobytes() == before.v.tobytes()
 
 
 def test_a_closing_of_the_step_is_that_of_its_state():
     for document in DOCUMENTS[::5]:
         _, sim = both(document, "rk2")
         state = sim.initial_state()
-        stepped = sim.stepper.advance(start_of(state), Pushes(push(sim)))
+        stepped = sim.stepper.advance(start_of(state), ExternalWrenches(push(sim)))
         anew = sim.mechanism.closing_terms(stepped.q, state.active)
         assert stepped.closing.error == anew.error == stepped.error
         assert stepped.closing.jacobian.tobytes() == anew.jacobian.tobytes()
@@ -168,9 +170,9 @@ def test_a_closing_of_the_step_is_that_of_its_state():
 def test_steps_leave_earlier_ones_alone():
     _, sim = both(DOCUMENTS[0], "rk4")
     first = sim.initial_state()
-    one = sim.stepper.advance(start_of(first), Pushes(push(sim)))
+    one = sim.stepper.advance(start_of(first), ExternalWrenches(push(sim)))
     held = one.q.tobytes(), one.v.tobytes(), one.closing.packed.tobytes()
-    sim.stepper.advance(start_of(first), Pushes(push(sim, 3)))
+    sim.stepper.advance(start_of(first), ExternalWrenches(push(sim, 3)))
     assert (one.q.tobytes(), one.v.tobytes(), one.closing.packed.tobytes()) == held
 
 
@@ -229,7 +231,7 @@ class TestErrors:
         stepper = kind(scene).stepper
         start = Start(np.array([0.3, 0.2, 0.1, -0.1]), np.zeros(4), (True,))
         with pytest.raises(ClosureError, match="came apart") as caught:
-            stepper.advance(start, Pushes(np.zeros((len(scene.operational_points), 6))))
+            stepper.advance(start, ExternalWrenches(np.zeros((len(scene.operational_points), 6))))
         assert caught.value.closures == ("pin",)
 
     def test_a_massless_end_link_is_singular(self, kind):

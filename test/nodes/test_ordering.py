@@ -142,7 +142,7 @@ def test_over_a_network_nothing_is_obeyed_that_lacks_its_correction():
     loop.take(pack_gain(ServoGain(50 * MS, 50 * MS, 0.0, none)), 61 * MS, lockstep=False)
     assert answers.begin(62 * MS)
     assert answers.lost(62 * MS) == ""
-    assert answers.lost(61 * MS + FRESH_NS + 1) == "servo_gain is lost"
+    assert answers.lost(61 * MS + FRESH_NS + 1) == "local_feedback_gain is lost"
     # What answers no sample needs none: nobody closes a loop with it.
     answers.is_next(500 * MS + 7, 500 * MS + 8)
     assert answers.lost(61 * MS + FRESH_NS + 1) == ""
@@ -181,7 +181,7 @@ class Control:
 
     aim = None
 
-    def adopt(self, gains, delay):
+    def apply_gains(self, gains, delay):
         self.aim = gains, delay
         self.way = "at once"
 

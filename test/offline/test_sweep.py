@@ -8,7 +8,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.offline import Led, SweptStates, sweep
+from hapticmech_ros.offline import PrescribedJoint, SweptStates, sweep
 from hapticmech_ros.offline.figure import sweep_figure
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import closed_chain
@@ -17,8 +17,8 @@ from oracles.operational import ReadableAnalyser
 from oracles.planar_linkages import LENGTHS, PIVOT, elbow
 from oracles.running import with_start
 
-WIDE = Led("joint1", tuple(np.linspace(-3.0, 3.0, 25).tolist()))
-BENT = Led("joint2", tuple(np.linspace(-2.0, 2.0, 17).tolist()))
+WIDE = PrescribedJoint("joint1", tuple(np.linspace(-3.0, 3.0, 25).tolist()))
+BENT = PrescribedJoint("joint2", tuple(np.linspace(-2.0, 2.0, 17).tolist()))
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +36,8 @@ def swept(five_bar):
 
 def test_led_joints_are_where_they_were_led(swept):
     assert np.abs(swept.q[:, :2] - swept.places).max() < 1e-15 * 8
-    for axis, led in enumerate((WIDE, BENT)):
-        assert (np.array(led.values)[swept.grid[:, axis]] == swept.places[:, axis]).all()
+    for axis, prescribed in enumerate((WIDE, BENT)):
+        assert (np.array(prescribed.values)[swept.grid[:, axis]] == swept.places[:, axis]).all()
     assert len({tuple(row) for row in swept.grid.tolist()}) == len(swept.grid)
 
 
@@ -105,9 +105,9 @@ def test_processes_share_the_work_and_change_nothing(five_bar, swept):
 def test_an_open_chain_goes_everywhere():
     scene = load_scene("two_link")
     joint = Mechanism(scene).tree.joint_names[1]
-    led = Led(joint, tuple(np.linspace(-np.pi, np.pi, 31).tolist()))
-    found = sweep(scene, [led])
-    assert found.places[:, 0].tolist() == list(led.values)
+    prescribed = PrescribedJoint(joint, tuple(np.linspace(-np.pi, np.pi, 31).tolist()))
+    found = sweep(scene, [prescribed])
+    assert found.places[:, 0].tolist() == list(prescribed.values)
     # Two joints in a plane's three directions.
     assert (found.count == 1).all()
 
@@ -117,15 +117,22 @@ def test_an_open_chain_goes_everywhere():
     [
         ([], "one at least"),
         ([WIDE, WIDE], "named once"),
-        ([Led("elbow", (0.0,))], "must be one of joint1"),
-        ([Led("joint1", ())], "one number at least"),
-        ([Led("joint1", (0.0, float("nan")))], "finite"),
-        ([Led("joint1", (0.5,)), Led("joint2", (3.1,)), Led("joint3", (3.1,))], "can reach"),
+        ([PrescribedJoint("elbow", (0.0,))], "must be one of joint1"),
+        ([PrescribedJoint("joint1", ())], "one number at least"),
+        ([PrescribedJoint("joint1", (0.0, float("nan")))], "finite"),
+        (
+            [
+                PrescribedJoint("joint1", (0.5,)),
+                PrescribedJoint("joint2", (3.1,)),
+                PrescribedJoint("joint3", (3.1,)),
+            ],
+            "can reach",
+        ),
     ],
 )
-def test_what_cannot_be_led_is_refused(five_bar, led, rule):
+def test_what_cannot_be_led_is_refused(five_bar, prescribed, rule):
     with pytest.raises(InvalidInputError, match=rule):
-        sweep(five_bar, led, processes=1)
+        sweep(five_bar, prescribed, processes=1)
 
 
 def test_a_joint_of_several_degrees_of_freedom_is_refused():
@@ -134,7 +141,7 @@ def test_a_joint_of_several_degrees_of_freedom_is_refused():
     joints = [link["joint"] for link in sample.document["links"]]
     names = [joint["name"] for joint in joints if joint["type"] == "spherical"]
     with pytest.raises(InvalidInputError, match="one degree of freedom"):
-        sweep(scene, [Led(names[0], (0.0,))])
+        sweep(scene, [PrescribedJoint(names[0], (0.0,))])
 
 
 @pytest.mark.parametrize("joints", [["joint1=-1:1:9"], ["joint1=-1:1:9", "joint2=-1:1:7"]])
@@ -156,13 +163,16 @@ def test_a_mechanism_that_is_rigid_everywhere_has_a_picture_too(swept, places):
     arrays = {name: np.zeros((n, *array.shape[1:])) for name, array in swept.arrays().items()}
     arrays["grid"] = np.array([(i, k) for i in range(2) for k in range(places)])
     arrays["count"] = np.full(n, 3)
-    led = [Led("up", (0.0, 1.0)), Led("across", tuple(map(float, range(places))))]
-    figure = sweep_figure(SweptStates(**arrays), led)
+    prescribed = [
+        PrescribedJoint("up", (0.0, 1.0)),
+        PrescribedJoint("across", tuple(map(float, range(places)))),
+    ]
+    figure = sweep_figure(SweptStates(**arrays), prescribed)
     figure.canvas.draw()
     said = {axes.get_title().split(": ")[1] for axes in figure.axes}
     assert said == {"rigid wherever it comes"}
     arrays["inverse_inertia"][:] = np.eye(6)
-    figure = sweep_figure(SweptStates(**arrays), led)
+    figure = sweep_figure(SweptStates(**arrays), prescribed)
     figure.canvas.draw()
     assert figure.axes[0].get_title() == "mass along x (kg)"
 

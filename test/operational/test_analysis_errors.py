@@ -46,7 +46,7 @@ def test_planar_scenes_have_three_rows(mechanism):
     assert found.rows.tolist() == [0, 1, 5]
     assert found.spectrum.s.shape == (3,)
     out_of_plane = [2, 3, 4]
-    matrices = (found.inverse_inertia, found.constraint_projector, found.balanced_share)
+    matrices = (found.inverse_inertia, found.constraint_projector, found.wrench_projector)
     assert all(not m[out_of_plane].any() and not m[:, out_of_plane].any() for m in matrices)
     assert not found.constraint_wrenches[out_of_plane].any()
 

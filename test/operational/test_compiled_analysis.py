@@ -42,7 +42,7 @@ def compare(expected, found, free, falls, magnified):
     steep = 100.0 * magnified
     assert apart(found.weights, expected.weights, 1.0) < steep
     assert apart(found.constraint_projector, expected.constraint_projector) < steep
-    assert apart(found.balanced_share, expected.balanced_share, 1.0) < steep
+    assert apart(found.wrench_projector, expected.wrench_projector, 1.0) < steep
     assert apart(found.free_acceleration, expected.free_acceleration, falls) < magnified
     wrenches, duals = found.spectrum.wrenches, found.spectrum.duals
     assert np.abs(duals.T @ wrenches - np.eye(found.rows.size)).max() < ROUNDING

@@ -14,8 +14,10 @@ PERIOD = 0.001
 def run(s, perception=PERCEPTION, start=None):
     """Return the count after each row of s (ticks, directions)."""
     counter = ConstraintCounter(perception)
-    counter.see(np.atleast_1d(s[0] if start is None else start), 0.0)
-    return np.array([counter.see(np.atleast_1d(row), tick * PERIOD) for tick, row in enumerate(s)])
+    counter.update(np.atleast_1d(s[0] if start is None else start), 0.0)
+    return np.array(
+        [counter.update(np.atleast_1d(row), tick * PERIOD) for tick, row in enumerate(s)]
+    )
 
 
 def changes(counts):
@@ -97,4 +99,4 @@ def test_every_count_is_that_of_the_readable_counter(dwell):
         state = (
             first_count(s, perception) if state is None else next_count(state, s, time, perception)
         )
-        assert counter.see(s, time) == state.count
+        assert counter.update(s, time) == state.count

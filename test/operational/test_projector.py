@@ -10,7 +10,7 @@ from hapticmech_ros.operational.spectrum import Spectrum
 from oracles.analysed import sample_terms, terms_of
 from oracles.differences import relative
 from oracles.generator import random_mechanism
-from oracles.operational.projector import balanced_share, constraint_projector, rigidity
+from oracles.operational.projector import constraint_projector, rigidity, wrench_projector
 from oracles.operational.spectrum import spectrum
 from oracles.planar_linkages import five_bar, five_bar_bent
 
@@ -73,7 +73,7 @@ def test_indifferent_to_sign_order_and_choice_in_a_degenerate_subspace(seed):
     other = Spectrum(
         found.s[order], (found.wrenches @ mix)[:, order], (found.duals @ mix)[:, order]
     )
-    for function in (lambda f, w: constraint_projector(f, w, 1.0), balanced_share):
+    for function in (lambda f, w: constraint_projector(f, w, 1.0), wrench_projector):
         one = function(found, rigidity(found.s, S_ON, S_OFF))
         two = function(other, rigidity(other.s, S_ON, S_OFF))
         assert relative(two, one) < 1e-13  # sums of the same terms, condition of the metric
@@ -84,12 +84,12 @@ def test_indifferent_to_sign_order_and_choice_in_a_degenerate_subspace(seed):
 def test_rigid_directions_are_balanced_entirely(seed, planar):
     terms = sample_terms(random_mechanism(seed, planar))
     rows = terms.analysis.rows
-    share = terms.analysis.balanced_share[np.ix_(rows, rows)]
+    share = terms.analysis.wrench_projector[np.ix_(rows, rows)]
     rigid = terms.analysis.constraint_wrenches[rows]
     # Products with I_l and its inverse: eps times cond(I_l) < 1e3.
     assert np.linalg.norm(share @ rigid - rigid) <= 1e-12 * np.linalg.norm(rigid)
     crisp = (terms.analysis.spectrum.s < 1e-10).astype(float)
-    pi = balanced_share(terms.analysis.spectrum, crisp)
+    pi = wrench_projector(terms.analysis.spectrum, crisp)
     assert np.linalg.norm(pi @ pi - pi) <= 1e-12 * np.linalg.norm(pi)
     assert np.linalg.norm(terms.x @ pi) <= 1e-11 * terms.scale * np.linalg.norm(pi)
 

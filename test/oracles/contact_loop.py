@@ -48,7 +48,7 @@ class ContactLoop:
         force = sum(w @ one.jacobian for w, one in zip(wrenches, terms.points, strict=True))
         contacts.free[:] = v + step * terms.acceleration(force)[0]
         near_pairs(contacts, contacts.free, STEPS_AHEAD * step, SLACK)
-        count, space, pushes = touching_points(contacts), terms.space, {}
+        count, space, external = touching_points(contacts), terms.space, {}
         contacts.report[:] = 0.0
         if count:
             halfway = pin.integrate(self._model, q, 0.5 * step * (v + contacts.free))
@@ -59,13 +59,13 @@ class ContactLoop:
             )
             contact_forces(model, metric, contacts, later, v, step, count)
             contact_effects(contacts, places, count)
-            rows = contacts.pushes[: len(self._links), 4:]
-            pushes = {link: row.copy() for link, row in zip(self._links, rows, strict=True)}
+            rows = contacts.external[: len(self._links), 4:]
+            external = {link: row.copy() for link, row in zip(self._links, rows, strict=True)}
         held, work = contacts.report[HELD], contacts.report[WORK]
         self.loss += self._held - held - work
         self._held, self.forces = held, contacts.forces[:count].copy()
         assert contacts.report[TOTAL_WORK] == 0.0
-        return self.alone.step(state, wrenches, pushes)
+        return self.alone.step(state, wrenches, external)
 
     def _kinematics(self, q):
         """Return joint axes (nv, 6) about the world's origin, and poses of joints (joints, 12)."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.device import Grip, ImpedanceDevice, grip_of
+from hapticmech_ros.device import GraspSchedule, ImpedanceDevice, grasp_schedule_of
 from oracles.device.hand import hand_law, no_hand
 from oracles.device.impedance_device import ReadableDevice
 
@@ -18,10 +18,12 @@ def body_of(kind, device, hand=None, planar=False, period=PERIOD):
     """Return a device of a scene, held by a scene's hand."""
     if kind == "kernel":
         return ImpedanceDevice(device, period, planar, hand)
-    law, grip = (no_hand, Grip()) if hand is None else (hand_law(hand), grip_of(hand))
+    law, schedule = (
+        (no_hand, GraspSchedule()) if hand is None else (hand_law(hand), grasp_schedule_of(hand))
+    )
     if kind == "own hand":
-        return ImpedanceDevice(device, period, planar, law=law, grip=grip)
-    return ReadableDevice(device, period, planar, law, grip)
+        return ImpedanceDevice(device, period, planar, law=law, schedule=schedule)
+    return ReadableDevice(device, period, planar, law, schedule)
 
 
 def readable_device_for(scene, with_hand=True):

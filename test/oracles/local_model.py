@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control import ControlArchitecture, Engagement, RenderingModel
+from hapticmech_ros.control import Clutch, ControlArchitecture, OperationalModel
 from hapticmech_ros.control.force_gain import force_gain
 from hapticmech_ros.layout import DEVICE_SAMPLE
 
@@ -51,15 +51,15 @@ NO_MODEL = LocalModel(_NOTHING, _NOTHING, _NOTHING)
 
 
 def local_model(
-    control: ControlArchitecture, time: float, engagement: Engagement, model: RenderingModel
+    control: ControlArchitecture, time: float, clutch: Clutch, model: OperationalModel
 ) -> LocalModel:
     """Return how a control's answer depends on the device, as let through at ``time`` (s)."""
     joint, force = control.gains.joint_constraint, control.gains.force_channel
-    ramp = engagement.ramp(time, control.ramp_of(engagement))
+    ramp = clutch.ramp(time, control.ramp_of(clutch))
     through = ramp * np.outer(control.task, control.task)
     gain = spring = damper = NO_MODEL.force
     if force.local:
-        x, share = model.inverse_inertia, model.balanced_share
+        x, share = model.inverse_inertia, model.wrench_projector
         feedback = force.device_feedback
         gain = force_gain(control.device_inertia, x, share, joint.feedforward, feedback)
         gain = through * gain

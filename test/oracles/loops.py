@@ -32,9 +32,9 @@ def loop(seed: int, cut: int, kinds: tuple[str, ...], planar: bool, held: int) -
     gravity = rng.uniform(-9.0, 9.0, 3)
     inertials = [random_inertial(rng, planar) for _ in range(bodies)]
     coms = 0.5 * (joints[:-1] + joints[1:]) + rng.uniform(-0.05, 0.05, (bodies, 3))
-    grip = coms[held - 1] + rng.uniform(-0.1, 0.1, 3)
+    schedule = coms[held - 1] + rng.uniform(-0.1, 0.1, 3)
     if planar:
-        joints[:, 2] = coms[:, 2] = grip[2] = gravity[2] = 0.0
+        joints[:, 2] = coms[:, 2] = schedule[2] = gravity[2] = 0.0
         axes = [np.array([0.0, 0.0, 1.0])] * len(kinds)
     document = blank(planar, gravity)
     at = {"world": np.zeros(3)}
@@ -63,7 +63,7 @@ def loop(seed: int, cut: int, kinds: tuple[str, ...], planar: bool, held: int) -
     origins = [{"xyz": floats(joints[cut] - at[side]), "rpy": rpy} for side in sides]
     frames = [{"link": s, "origin": o} for s, o in zip(sides, origins, strict=True)]
     document["closures"] = [{"name": "cut", "kind": kind, "a": frames[0], "b": frames[1]}]
-    grip_origin = {"xyz": floats(grip - at[f"body{held}"])}
+    grip_origin = {"xyz": floats(schedule - at[f"body{held}"])}
     document["operational_points"] = [
         {"name": "grip", "link": f"body{held}", "origin": grip_origin}
     ]

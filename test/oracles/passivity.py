@@ -92,7 +92,7 @@ class PassivityController:
         self._place: Array | None = None
         self._added = self._rate = self._applied = NO_WRENCH
 
-    def tell(self, mechanism: float | None) -> None:
+    def set_mechanism_energy(self, mechanism: float | None) -> None:
         """Take E_m, J; None while nobody tells it.
 
         When it is told first, the account begins: what a commander without one gave before, be it
@@ -115,7 +115,7 @@ class PassivityController:
         least = min(0.0, self.mechanism) - self.bounds.allowance
         return self.actuators - max(least, self.mechanism - self.bounds.slack)
 
-    def see(self, sample: Array, applied: Array) -> None:
+    def record(self, sample: Array, applied: Array) -> None:
         """Account for the last period.
 
         Args:
@@ -129,7 +129,7 @@ class PassivityController:
         self._place = sample[:7].copy()
         self._applied = applied - self._added if self._kept else NO_WRENCH
 
-    def hold(self, command: Array, sample: Array, added: Array = NO_WRENCH) -> Array:
+    def enforce(self, command: Array, sample: Array, added: Array = NO_WRENCH) -> Array:
         """Return the command (6,), changed where it would give more than there is.
 
         Args:

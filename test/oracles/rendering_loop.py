@@ -9,15 +9,15 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.controller_side import Reading
-from hapticmech_ros.control.engagement import Engagement
+from hapticmech_ros.control.clutch import Clutch
 from hapticmech_ros.control.measurements import ControlOutput
+from hapticmech_ros.control.rendering_controller import ControllerInput
 from hapticmech_ros.device.safety import safety_limits
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.times import nanoseconds
-from oracles.controller_side import Answer, ControllerSide
 from oracles.local_model import corrected
 from oracles.passivity import NO_WRENCH, PassivityController, passivity_for
+from oracles.rendering_controller import ControllerCommand, RenderingController
 from oracles.safety import SafetyEnvelope
 
 
@@ -53,9 +53,9 @@ class RenderingLoop:
         self._limits = safety_limits(scene.device)
         self._period = scene.simulation.period
         self._period_ns = nanoseconds(self._period)
-        self.side = ControllerSide(control, self._period, scene.connection, delay)
-        self._on_the_way: deque[Answer | None] = deque([None] * delay)
-        self._arrived: Answer | None = None
+        self.side = RenderingController(control, self._period, scene.connection, delay)
+        self._on_the_way: deque[ControllerCommand | None] = deque([None] * delay)
+        self._arrived: ControllerCommand | None = None
         self._tick = 0
 
     @property
@@ -67,37 +67,37 @@ class RenderingLoop:
     def tick(
         self,
         time: float,
-        engagement: Engagement,
+        clutch: Clutch,
         device: Array,
         applied: Array,
-        rendered: Array,
+        operational_model: Array,
         added: Array = NO_WRENCH,
     ) -> Acting:
         """Answer, and return what acts from now on.
 
         Args:
             time: s.
-            engagement: the tie of the two poses.
+            clutch: that connects the two poses.
             device: (19,) its sample, see :mod:`~hapticmech_ros.control.flat`.
             applied: (6,) by the actuators until now.
-            rendered: (139,) operational model, F_c included.
+            operational_model: (139,) operational model, F_c included.
             added: (6,) by the device's driver, to the next command.
         """
         stamp_ns = self._tick * self._period_ns
         self._tick += 1
-        reading = Reading(time, stamp_ns, device, rendered, 0.0, self._period)
-        arrived = self.side.tick(reading, engagement, corrects=True)
+        inputs = ControllerInput(time, stamp_ns, device, operational_model, 0.0, self._period)
+        arrived = self.side.tick(inputs, clutch, corrects=True)
         self._arrived = self._arrived if arrived is None else arrived
         self._on_the_way.append(self._arrived)
-        _, mechanism = self.side.tell()
+        _, mechanism = self.side.command_mechanism()
         answer = self._on_the_way.popleft()
-        self.passivity.see(device, applied)
+        self.passivity.record(device, applied)
         wrench = NO_WRENCH
         if answer is not None:
-            self.passivity.tell(answer.to_mechanism)
+            self.passivity.set_mechanism_energy(answer.to_mechanism)
             wrench = corrected(answer.wrenches[0], answer.model, answer.answered, device)
         safe = self.envelope.apply(self._limits, wrench, device[:3])
-        passive = self.passivity.hold(safe, device, added)
+        passive = self.passivity.enforce(safe, device, added)
         if passive is not safe:
             passive = self.envelope.bound(self._limits, passive, device[:3])
         return Acting(passive, mechanism)

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros import Session
-from hapticmech_ros.control.engagement import engage
+from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample
 
@@ -64,7 +64,7 @@ class SessionRun:
 def take_hold_beside(session: Session, pose: pin.SE3) -> None:
     """Put a new session's device elsewhere, tied as if it had stayed with the mechanism."""
     start = session.device.pose
-    session._engagement = engage(0.0, start, start)
+    session._clutch = engage(0.0, start, start)
     moved = session._device.at_rest(pose)
     session._parts.state[:] = moved.flat
     session._device_state = moved

@@ -126,15 +126,15 @@ def broken_law(sim, before, after):
             np.subtract(*(rate_of(sim, state, link, found.points[point]) for link in links))
             for state in (before, after)
         )
-        pushes = found.forces[point] @ normal
-        friction = found.forces[point] - pushes * normal
+        external = found.forces[point] @ normal
+        friction = found.forces[point] - external * normal
         ahead = found.depths[point] - 0.5 * sim.period * (start @ normal)
         damping = law.damping + law.dissipation * law.stiffness * max(0.0, ahead)
         resistance = max(damping, law.stiffness * sim.period)
         wanted = max(0.0, law.stiffness * ahead - resistance * (end @ normal))
         slip = end - (end @ normal) * normal
-        most = law.friction * pushes
-        worst = max(worst, abs(pushes - wanted), np.linalg.norm(friction) - most)
+        most = law.friction * external
+        worst = max(worst, abs(external - wanted), np.linalg.norm(friction) - most)
         # Slip of so many m/s has its direction from rounding.
         if np.linalg.norm(slip) > 1e-6:
             against = -most * slip / np.linalg.norm(slip)

@@ -24,12 +24,12 @@ from hapticmech_ros.wire.wrench import decode_wrench
 CONTROLLER, DEVICE = "teleoperation_controller", "haptic_device"
 MECHANISM, ANALYSER = "mechanism_simulator", "nullspace_analyser"
 ON_LINK, ON_HAND = "/mechanism/link2/external_cf/x", "/device/hand_cf/x"
-HELD = "/mechanism/link2/held_cf/x"
+HELD = "/mechanism/link2/external_cf/persistent/x"
 STATE_TOPICS = {
     "device/state": CONTROLLER,
     "mechanism/state": ANALYSER,
-    "analysis/handle/rendering": CONTROLLER,
-    "device/servo_gain": DEVICE,
+    "analysis/handle/operational_model": CONTROLLER,
+    "device/local_feedback_gain": DEVICE,
 }
 
 
@@ -266,11 +266,11 @@ def test_broken_poses_twists_and_wrenches_are_refused_and_counted(graph):
     good = serialize_message(message)
     before = host.refused
     for wrong in (b"", b"\0\1\0\0", good[:20], good[:-9]):
-        graph.put("/mechanism/handle/grasp", wrong)
+        graph.put("/mechanism/handle/set_operational_point", wrong)
     message.pose.position.x = 1e9
-    graph.put("/mechanism/handle/grasp", serialize_message(message))
+    graph.put("/mechanism/handle/set_operational_point", serialize_message(message))
     message.pose.position.x, message.pose.orientation.w = 0.0, 0.0
-    graph.put("/mechanism/handle/grasp", serialize_message(message))
+    graph.put("/mechanism/handle/set_operational_point", serialize_message(message))
     assert host.refused == before + 6
     assert host.actor.failures.count == 0
 

@@ -10,13 +10,13 @@ from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.messages import write_array
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.wire.layouts import unpack_rendering
+from hapticmech_ros.wire.layouts import unpack_operational_model
 from hapticmech_ros.wire.state import StateLayout, WireState
 from ros.harness import Peer, refuses, running
 
 pytestmark = pytest.mark.ros
 # Of the scene's loop, with a period of 1 ms: 2 d + 1/2 periods, d being 1.
-LATENESS = 0.0025
+COMPENSATED_DELAY = 0.0025
 CONTACT = np.array([[0.1, -0.2, 0.0, 0.0, 0.0, 0.003]])
 
 
@@ -43,8 +43,10 @@ def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
     v = np.array([0.3, -0.2, 0.1, 0.4])
     expected = analyse(mechanism, q, v=v)
     terms = mechanism.evaluate(q, v, mechanism.initially_active)
-    late = Analyser(mechanism, lateness=LATENESS).late(terms, expected)
-    renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)
+    compensated = Analyser(mechanism, compensated_delay=COMPENSATED_DELAY).compensated(
+        terms, expected
+    )
+    models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
     counts = peer.listen("analysis/handle/constraint_count", UInt8)
     matrices = peer.listen("analysis/handle/inverse_inertia", Float64MultiArray)
     wrenches = peer.listen("analysis/handle/constraint_wrenches", Float64MultiArray)
@@ -53,15 +55,15 @@ def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
 
         def answered() -> bool:
             states.publish(_state(peer, q, v))
-            return bool(renderings and counts and matrices and wrenches)
+            return bool(models and counts and matrices and wrenches)
 
         peer.until(answered, "an analysis")
-    found = unpack_rendering(renderings[-1].data)
+    found = unpack_operational_model(models[-1].data)
     # The same code on the same bits, in another process: equal, not merely close.
-    assert np.array_equal(found.model.inverse_inertia, late.inverse_inertia)
+    assert np.array_equal(found.model.inverse_inertia, compensated.inverse_inertia)
     assert np.array_equal(found.model.constraint_projector, expected.constraint_projector)
-    assert np.array_equal(found.model.balanced_share, expected.balanced_share)
-    assert np.array_equal(found.model.free_acceleration, late.free_acceleration)
+    assert np.array_equal(found.model.wrench_projector, expected.wrench_projector)
+    assert np.array_equal(found.model.free_acceleration, compensated.free_acceleration)
     assert np.array_equal(found.s, expected.spectrum.s)
     assert np.array_equal(found.point.contact_wrench, CONTACT[0])
     assert counts[-1].data == found.count == 1
@@ -76,7 +78,7 @@ def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
 
 
 def test_bad_states_are_refused(domain: int, peer: Peer) -> None:
-    renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)
+    models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
     statuses = peer.statuses()
     zero = np.zeros(4)
     with running("nullspace_analyser", domain, diagnostics_period=0.02) as process:
@@ -91,7 +93,7 @@ def test_bad_states_are_refused(domain: int, peer: Peer) -> None:
         ):
             refuses(peer, statuses, "nullspace_analyser", states, bad)
         assert process.poll() is None
-    assert not renderings
+    assert not models
 
 
 def test_an_open_loop_is_analysed_as_a_chain(domain: int, peer: Peer) -> None:
@@ -99,16 +101,16 @@ def test_an_open_loop_is_analysed_as_a_chain(domain: int, peer: Peer) -> None:
     q, _ = consistent_initial_state(mechanism)
     v, opened = np.zeros(4), (False,)
     terms = mechanism.evaluate(q, v, opened)
-    analyser = Analyser(mechanism, lateness=LATENESS)
-    expected = analyser.late(terms, analyser.analyse(terms))
-    renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)
+    analyser = Analyser(mechanism, compensated_delay=COMPENSATED_DELAY)
+    expected = analyser.compensated(terms, analyser.analyse(terms))
+    models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
     with running("nullspace_analyser", domain):
         states = peer.publisher("mechanism/state", Float64MultiArray)
 
         def answered() -> bool:
             states.publish(_state(peer, q, np.zeros(4), closed=False))
-            return bool(renderings)
+            return bool(models)
 
         peer.until(answered, "the analysis of the open chain")
-    found = unpack_rendering(renderings[-1].data)
+    found = unpack_operational_model(models[-1].data)
     assert np.array_equal(found.model.inverse_inertia, expected.inverse_inertia)

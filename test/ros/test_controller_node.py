@@ -12,15 +12,20 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.engagement import engage
+from hapticmech_ros.control.clutch import engage
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.control.prediction import InFlight
-from hapticmech_ros.control.rendering_model import rendering_model
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.messages import write_array, write_pose
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.wire.layouts import DeviceSample, Rendering, pack_device, pack_rendering
+from hapticmech_ros.wire.layouts import (
+    DeviceSample,
+    OperationalModelMessage,
+    pack_device,
+    pack_operational_model,
+)
 from ros.harness import Peer, figures, refuses, running, six
 
 pytestmark = pytest.mark.ros
@@ -37,14 +42,14 @@ class World:
         self.commanded = True
         self.grasp = flat_grasps(SCENE)[0]
         self.sample = Session(SCENE).tick()
-        self.model = rendering_model(self.sample.analysis)
+        self.model = operational_model_of(self.sample.analysis)
         self.pose = self.sample.point.pose
         self.device_force = peer.publisher(f"{device}/measured_cf", WrenchStamped)
         self.device_twist = peer.publisher(f"{device}/measured_cv", TwistStamped)
         self.device_pose = peer.publisher(f"{device}/measured_cp", PoseStamped)
         if packed:
             self.state = peer.publisher("device/state", Float64MultiArray)
-        self.rendering = peer.publisher("analysis/handle/rendering", Float64MultiArray)
+        self.model = peer.publisher("analysis/handle/operational_model", Float64MultiArray)
         self.commands = peer.listen(f"{device}/servo_cf", WrenchStamped)
         self.to_mechanism = peer.listen("mechanism/handle/servo_cf", WrenchStamped)
 
@@ -58,9 +63,13 @@ class World:
             point = PointMeasurement(self.pose, np.zeros(6), np.zeros(6))
             write_array(
                 message,
-                pack_rendering(Rendering(now, 1, s, self.model, point, self.commanded, self.grasp)),
+                pack_operational_model(
+                    OperationalModelMessage(
+                        now, 1, s, self.model, point, self.commanded, self.grasp
+                    )
+                ),
             )
-            self.rendering.publish(message)
+            self.model.publish(message)
         moved = pin.SE3(self.pose.rotation, self.pose.translation + np.array([0.0, offset, 0.0]))
         if self.packed:
             peer.run(0.002)
@@ -82,10 +91,10 @@ class World:
 def test_answers_as_the_core_does(domain: int, peer: Peer, packed: bool) -> None:
     control = ControlArchitecture(SCENE)
     start = Session(SCENE).tick()
-    model = rendering_model(start.analysis)
+    model = operational_model_of(start.analysis)
     pose = start.point.pose
     moved = pin.SE3(pose.rotation, pose.translation + np.array([0.0, 2e-4, 0.0]))
-    tie = engage(0.0, pose, pose)
+    clutch = engage(0.0, pose, pose)
     told = np.zeros(6)
     # What the mechanism was told last is in flight when a device that corrects commands is answered
     # again: the answer to measurements that stay comes to stay too.
@@ -93,7 +102,7 @@ def test_answers_as_the_core_does(domain: int, peer: Peer, packed: bool) -> None
         period = SCENE.simulation.period
         expected = control.compute(
             10.0,
-            tie,
+            clutch,
             DeviceMeasurement(moved, np.zeros(6), np.array(HAND)),
             PointMeasurement(pose, np.zeros(6), np.zeros(6)),
             model,
@@ -219,7 +228,7 @@ def test_bad_measurements_are_refused(domain: int, peer: Peer) -> None:
             refuses(peer, statuses, "teleoperation_controller", world.device_pose, bad)
         for bad_data in ([1.0, 2.0], [math.nan] * 144):
             bad = Float64MultiArray(data=bad_data)
-            refuses(peer, statuses, "teleoperation_controller", world.rendering, bad)
+            refuses(peer, statuses, "teleoperation_controller", world.model, bad)
         assert process.poll() is None
     assert not world.commands
 
@@ -238,12 +247,12 @@ def test_gains_change_while_it_renders_without_a_step(domain: int, peer: Peer) -
     aside = 1e-3
     names = {"position_stiffness": 0.0, "constraint_stiffness": 0.0}
     start = Session(SCENE).tick()
-    pose, model = start.point.pose, rendering_model(start.analysis)
+    pose, model = start.point.pose, operational_model_of(start.analysis)
     moved = pin.SE3(pose.rotation, pose.translation + np.array([0.0, aside, 0.0]))
 
     def answer(gains: Controller) -> np.ndarray:
         control = ControlArchitecture(SCENE)
-        control.adopt(gains)
+        control.apply_gains(gains)
         device = DeviceMeasurement(moved, np.zeros(6), np.array(HAND))
         seen = PointMeasurement(pose, np.zeros(6), np.zeros(6))
         return control.compute(10.0, engage(0.0, pose, pose), device, seen, model).device

@@ -12,7 +12,7 @@ from ros.harness import Peer, refuses, running, six
 pytestmark = pytest.mark.ros
 MASS = load_scene("five_bar").device.mass
 QUICK = {"view_rate": 1000.0, "diagnostics_period": 0.02}
-STILL = {"hand_waits": True, **QUICK}
+STILL = {"wait_for_start": True, **QUICK}
 
 
 def test_measures_pose_twist_and_hand_wrench_in_world(domain: int, peer: Peer) -> None:

@@ -11,7 +11,7 @@ from hapticmech_ros.scene import document_of
 from ros.harness import Peer, running, six
 
 pytestmark = pytest.mark.ros
-QUICK = {"view_rate": 1000.0, "hand_waits": True}
+QUICK = {"view_rate": 1000.0, "wait_for_start": True}
 # Less than the friction, so that it stays where it is when nothing carries it.
 WEIGHT = {"gravity_load": [0.0, -0.4, 0.0], "coulomb_friction": 0.5}
 

@@ -13,7 +13,7 @@ from std_msgs.msg import Float64MultiArray, UInt8
 from hapticmech_ros.graph import Graph, private_environment, stop_process
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.messages import stamp_ns
-from hapticmech_ros.wire.layouts import unpack_rendering
+from hapticmech_ros.wire.layouts import unpack_operational_model
 from real_time import grants_real_time
 from ros.harness import Peer, figures, running, six
 
@@ -43,7 +43,7 @@ def test_the_hand_moves_the_mechanism(domain: int, peer: Peer, composed: bool) -
 def test_a_node_dies_and_comes_back(domain: int, peer: Peer, victim: str) -> None:
     commands = peer.listen("device/servo_cf", WrenchStamped)
     forces = peer.listen("device/measured_cf", WrenchStamped)
-    renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)
+    models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
     with Graph("five_bar", environment=private_environment(domain)) as graph:
         peer.until(lambda: forces and six(forces[-1])[0] == -0.5, "the hand pushing")
         graph.processes[victim].kill()
@@ -55,9 +55,9 @@ def test_a_node_dies_and_comes_back(domain: int, peer: Peer, victim: str) -> Non
             seen = len(commands)
             peer.until(lambda: len(commands) > seen + 200, "commands again")
             peer.until(lambda: six(forces[-1])[0] == -0.5, "the hand pushing again")
-            peer.until(lambda: renderings, "renderings")
+            peer.until(lambda: models, "renderings")
     assert all(np.isfinite(six(m)).all() for m in commands)
-    assert unpack_rendering(renderings[-1].data).count >= 1
+    assert unpack_operational_model(models[-1].data).count >= 1
 
 
 def test_composed_nodes_hear_each_other_once_and_others_too(domain: int, peer: Peer) -> None:

@@ -30,7 +30,7 @@ def test_nodes_left_to_others_go_up_and_down_by_services(domain: int, peer: Peer
     streams = {
         "haptic_device": peer.listen("device/state", Float64MultiArray),
         "mechanism_simulator": peer.listen("mechanism/state", Float64MultiArray),
-        "nullspace_analyser": peer.listen("analysis/handle/rendering", Float64MultiArray),
+        "nullspace_analyser": peer.listen("analysis/handle/operational_model", Float64MultiArray),
         "teleoperation_controller": peer.listen("mechanism/handle/servo_cf", WrenchStamped),
     }
 

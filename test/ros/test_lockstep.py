@@ -21,7 +21,7 @@ from hapticmech_ros.graph import private_environment, start_process, stop_proces
 from hapticmech_ros.lockstep import LockstepError, LockstepRun, run_lockstep
 from hapticmech_ros.share import shared
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import unpack_device, unpack_rendering
+from hapticmech_ros.wire.layouts import unpack_device, unpack_operational_model
 from hapticmech_ros.wire.port_energies import unpack_device_energy
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import TOPICS
@@ -94,26 +94,28 @@ def test_a_run_is_repeated_to_the_bit_whatever_the_machine_does(
 def test_a_run_is_the_session_tick_by_tick(runs: dict[str, Path], scene: str) -> None:
     bag = messages(runs[scene])
     devices = [unpack_device(decode(data)) for data in bag["/device/state"]]
-    renderings = [unpack_rendering(decode(data)) for data in bag["/analysis/handle/rendering"]]
+    models = [
+        unpack_operational_model(decode(data)) for data in bag["/analysis/handle/operational_model"]
+    ]
     session = Session(load_scene(scene))
     samples = [session.tick() for _ in devices]
     stamps = [START_NS + tick * PERIOD_NS for tick in range(len(samples))]
     assert [device.stamp_ns for device in devices] == stamps
-    assert [rendering.stamp_ns for rendering in renderings] == stamps
-    assert [rendering.count for rendering in renderings] == [sample.count for sample in samples]
+    assert [model.stamp_ns for model in models] == stamps
+    assert [model.count for model in models] == [sample.count for sample in samples]
     outputs = [sample.output for sample in samples]
     for found, expected in (
         ([_place(d.measured.pose) for d in devices], [_place(s.device.pose) for s in samples]),
         ([d.measured.twist for d in devices], [s.device.twist for s in samples]),
         ([d.measured.hand_wrench for d in devices], [s.hand_wrench for s in samples]),
-        ([_place(r.point.pose) for r in renderings], [_place(s.point.pose) for s in samples]),
-        ([r.point.twist for r in renderings], [s.point.twist for s in samples]),
+        ([_place(r.point.pose) for r in models], [_place(s.point.pose) for s in samples]),
+        ([r.point.twist for r in models], [s.point.twist for s in samples]),
         (
-            [r.model.inverse_inertia for r in renderings],
+            [r.model.inverse_inertia for r in models],
             [s.model.inverse_inertia for s in samples],
         ),
         (
-            [r.model.free_acceleration for r in renderings],
+            [r.model.free_acceleration for r in models],
             [s.model.free_acceleration for s in samples],
         ),
         (_wrenches(bag["/device/servo_cf"]), [output.device for output in outputs]),
@@ -217,7 +219,10 @@ def test_a_replay_with_a_change_differs(runs: dict[str, Path], tmp_path: Path) -
     lockstep(str(heavier), tmp_path / "bag", feed_from=runs["five_bar"], feed=("hand",))
     one, two = messages(runs["five_bar"]), messages(tmp_path / "bag")
     first, second = (
-        [unpack_rendering(decode(data)) for data in bag["/analysis/handle/rendering"]]
+        [
+            unpack_operational_model(decode(data))
+            for data in bag["/analysis/handle/operational_model"]
+        ]
         for bag in (one, two)
     )
     assert [r.stamp_ns for r in first] == [r.stamp_ns for r in second]
@@ -239,7 +244,7 @@ def test_a_silent_node_is_named(domain: int) -> None:
         stall_timeout=2.0,
         parameters={"nullspace_analyser.autostart": False},
     )
-    with pytest.raises(LockstepError, match="/analysis/handle/rendering"):
+    with pytest.raises(LockstepError, match="/analysis/handle/operational_model"):
         run_lockstep(run, private_environment(domain), lambda: False)
 
 

@@ -14,7 +14,7 @@ from ros.harness import Peer, allowing, figures, running, six
 pytestmark = pytest.mark.ros
 MS = 1_000_000
 # Nothing pushes but the commands; what the actuators apply is told at every sample.
-STILL = {"hand_waits": True, "view_rate": 1000.0, "diagnostics_period": 0.05}
+STILL = {"wait_for_start": True, "view_rate": 1000.0, "diagnostics_period": 0.05}
 PUSH = (0.06, 0.0, 0.0, 0.0, 0.0, 0.002)
 
 

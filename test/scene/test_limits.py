@@ -9,7 +9,7 @@ from hapticmech_ros.scene.limit_rules import check_limits
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.bounds import FIXED
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, RENDERING_FIELDS
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS
 from hapticmech_ros.wire.state import StateLayout
 
 
@@ -65,6 +65,6 @@ def test_shipped_scenes_are_far_from_their_limits(name):
 
 def test_every_quantity_in_messages_has_a_limit_and_every_limit_a_quantity():
     state = StateLayout(Mechanism(load_scene("five_bar"))).fields
-    layouts = (DEVICE_FIELDS, RENDERING_FIELDS, GAIN_FIELDS, state)
+    layouts = (DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS, GAIN_FIELDS, state)
     used = {name for layout in layouts for name in layout.quantities()}
     assert used == {*Limits.model_fields, *FIXED}

@@ -42,7 +42,7 @@ def test_the_knob_is_heavy_along_its_circle_and_held_across_it(angle):
     wrenches = found.constraint_wrenches
     assert wrenches.shape == (6, 5)
     # Across the circle, and along the axis, all force is balanced; along it none is.
-    balanced = found.balanced_share
+    balanced = found.wrench_projector
     for across in (place / radius, (0.0, 0.0, 1.0)):
         push = np.concatenate((across, np.zeros(3)))
         assert balanced @ push == pytest.approx(push, abs=1e-9)

@@ -44,9 +44,9 @@ def test_the_arms_have_more_joints_than_they_need():
     found = check_scene(load_scene("shared_payload"))
     assert (found.nv, found.rank, found.mobility) == (26, 12, 14)
     assert found.warnings == ()
-    (grip,) = found.points
+    (grasp_schedule,) = found.points
     # With the payload held, base (6) and both elbows can still move.
-    assert (grip.rank, grip.count) == (6, 0)
+    assert (grasp_schedule.rank, grasp_schedule.count) == (6, 0)
 
 
 @pytest.mark.parametrize("time", [0.0, 0.8, 1.8, 3.6])
@@ -64,12 +64,12 @@ def test_heavier_than_the_payload_and_lighter_than_all_of_it_in_one_piece(time):
     sample = whole().at(time)
     jacobians = Jacobians(document(), sample.mechanism.q)
     rotation, middle = jacobians.poses["payload"]
-    grip = middle + rotation @ np.array(GRIP["origin"]["xyz"])
-    arm = np.hstack((np.eye(3), -skew(middle - grip)))
+    grasp_schedule = middle + rotation @ np.array(GRIP["origin"]["xyz"])
+    arm = np.hstack((np.eye(3), -skew(middle - grasp_schedule)))
     turn = np.hstack((np.zeros((3, 3)), np.eye(3)))
     alone = np.linalg.inv(PAYLOAD_MASS * arm.T @ arm + PAYLOAD_MOMENT * turn.T @ turn)
     # All joints locked, what the base's rates move is everything; the payload goes with it.
-    of_base = jacobians.at("base", grip)[:, :6]
+    of_base = jacobians.at("base", grasp_schedule)[:, :6]
     own = np.linalg.inv(alone)
     frozen = jacobians.inertia()[:6, :6] + of_base.T @ own @ of_base
     rigid = of_base @ np.linalg.solve(frozen, of_base.T)
@@ -188,9 +188,9 @@ def test_locked_arms_and_one_grasp_feel_as_one_body():
     found = analyse(simulator.mechanism, state.q, active=state.active).inverse_inertia
     mass, centre = Jacobians(document(), whole().samples[0].mechanism.q).centre_of_mass()
     force = np.array([1.0, 0.5, -0.2])
-    grip = np.array([0.24, 0.0, 0.0])
+    grasp_schedule = np.array([0.24, 0.0, 0.0])
     # A push without turning moment about the centre of mass moves all alike.
-    wrench = np.concatenate((force, np.cross(centre - grip, force)))
+    wrench = np.concatenate((force, np.cross(centre - grasp_schedule, force)))
     moved = found @ wrench
     assert moved[:3] == pytest.approx(force / mass, rel=1e-7)
     assert np.abs(moved[3:]).max() < 1e-7

@@ -17,7 +17,7 @@ from hapticmech_ros.view import Picture, Placer, Snapshot, palette, vanished
 from oracles.kinematics import link_poses
 
 FORCE_SCALE, TORQUE_SCALE = 0.05, 4.0
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "looking.md"
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "visualization.md"
 
 
 class Drawn:

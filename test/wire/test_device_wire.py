@@ -25,7 +25,7 @@ def test_what_is_written_is_what_is_packed_with_pushes_added():
             before, stamp = state.hand_wrench.copy(), STAMP + ticks
             push = rng.normal(size=6) if ticks % 2 else NO_WRENCH
             told = 0.01 * ticks, bool(ticks % 2)
-            writer.see(state, push, stamp, *told)
+            writer.encode(state, push, stamp, *told)
             hand = push + state.hand_wrench
             measured = DeviceMeasurement(state.measured_pose, state.measured_twist, hand)
             expected = pack_device(DeviceSample(stamp, measured, state.applied, *told))

@@ -4,36 +4,36 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.control import DeviceMeasurement, PointMeasurement, RenderingModel
-from hapticmech_ros.control.flat import flat_device, flat_rendered
+from hapticmech_ros.control import DeviceMeasurement, OperationalModel, PointMeasurement
+from hapticmech_ros.control.flat import flat_device, flat_operational_model
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.cdr import FlatArray, decode
 from hapticmech_ros.wire.layouts import (
     DEVICE_FIELDS,
     DEVICE_MEASURED,
-    RENDERED,
-    RENDERING_FIELDS,
+    OPERATIONAL_MODEL_FIELDS,
+    POINT_MODEL_PART,
     DeviceSample,
-    Rendering,
+    OperationalModelMessage,
     device_bounds,
     pack_device,
-    pack_rendering,
+    pack_operational_model,
     rendering_bounds,
     unpack_device,
-    unpack_rendering,
+    unpack_operational_model,
 )
-from hapticmech_ros.wire.readings import read_device, read_rendering
+from hapticmech_ros.wire.readings import read_device, read_operational_model
 
 STAMP = 1_700_000_000_123_456_789
 # Reader, readable reader, name in errors, first index of the quaternion.
 KINDS = {
     "device": (read_device, unpack_device, "device state", DEVICE_FIELDS.start("quaternion")),
     "rendering": (
-        read_rendering,
-        unpack_rendering,
+        read_operational_model,
+        unpack_operational_model,
         "rendering",
-        RENDERING_FIELDS.start("quaternion"),
+        OPERATIONAL_MODEL_FIELDS.start("quaternion"),
     ),
 }
 
@@ -48,14 +48,14 @@ def sample(kind, seed=0, stamp=STAMP):
     if kind == "device":
         measured = DeviceMeasurement(pose(rng), *rng.normal(size=(2, 6)))
         return pack_device(DeviceSample(stamp, measured, rng.normal(size=6))), flat_device(measured)
-    model = RenderingModel(*rng.normal(size=(3, 6, 6)), rng.normal(size=6))
+    model = OperationalModel(*rng.normal(size=(3, 6, 6)), rng.normal(size=6))
     point = PointMeasurement(pose(rng), *rng.normal(size=(2, 6)))
-    rendering = Rendering(
+    rendering = OperationalModelMessage(
         stamp, 2, rng.normal(size=5), model, point, bool(seed % 2), rng.normal(size=7)
     )
-    rendered = flat_rendered(model, point)
-    rendered[: rendering.s.size] = rendering.s
-    return pack_rendering(rendering), rendered
+    operational_model = flat_operational_model(model, point)
+    operational_model[: rendering.s.size] = rendering.s
+    return pack_operational_model(rendering), operational_model
 
 
 def refusal(read, data):
@@ -68,7 +68,7 @@ def refusal(read, data):
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_part_for_the_control_is_read_to_the_bit(kind):
     read, unpack, _, _ = KINDS[kind]
-    fields = {"device": DEVICE_FIELDS, "rendering": RENDERING_FIELDS}[kind]
+    fields = {"device": DEVICE_FIELDS, "rendering": OPERATIONAL_MODEL_FIELDS}[kind]
     for seed in range(20):
         data, expected = sample(kind, seed)
         wire = decode(FlatArray(fields).encode(data))
@@ -112,7 +112,7 @@ def test_objects_hold_the_same_numbers(kind):
     if kind == "device":
         again = flat_device(found.measured)
     else:
-        again = flat_rendered(found.model, found.point)
+        again = flat_operational_model(found.model, found.point)
         again[: found.s.size] = found.s
     # A quaternion becomes a matrix and a quaternion again.
     assert np.abs(again - expected).max() < 1e-15
@@ -157,7 +157,9 @@ def test_the_quaternion_has_to_be_of_unit_length(kind):
         data, _ = sample(kind)
         data[at : at + 4] *= length
         # Handed on as it came: whoever uses it divides by its length.
-        assert (read(data)[1] == data[DEVICE_MEASURED if kind == "device" else RENDERED]).all()
+        assert (
+            read(data)[1] == data[DEVICE_MEASURED if kind == "device" else POINT_MODEL_PART]
+        ).all()
 
 
 @pytest.mark.parametrize("kind", KINDS)

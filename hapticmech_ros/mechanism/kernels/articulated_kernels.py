@@ -20,8 +20,8 @@ from hapticmech_ros.mechanism.kernels.small_matrices import clear, dot6
 
 @inner
 def articulate(model: Model, data: Data) -> int:
-    """Fill ``data.hinges``; return the first rate that moves no mass, or -1."""
-    joints, axes, hinges = model.joints, data.joint_jacobian, data.hinges
+    """Fill ``data.pivots``; return the first rate that moves no mass, or -1."""
+    joints, axes, pivots = model.joints, data.joint_jacobian, data.pivots
     sweep, bodies = model.sweep, data.bodies
     clear(sweep, 36)
     carried = shaped(sweep, (joints.shape[0], 6, 6))
@@ -29,20 +29,20 @@ def articulate(model: Model, data: Data) -> int:
         inertia = carried[joint]
         _add_body(bodies[joint], inertia)
         for row in range(joints[joint, 1] + joints[joint, 2] - 1, joints[joint, 1] - 1, -1):
-            hinge = hinges[row]
+            found = pivots[row]
             for i in range(6):
-                hinge[i] = dot6(inertia[i], axes[row])
-            pivot = dot6(axes[row], hinge)
+                found[i] = dot6(inertia[i], axes[row])
+            pivot = dot6(axes[row], found)
             if not pivot > 0.0:
                 return int(row)
             root = np.sqrt(pivot)
             inverse = 1.0 / root
-            hinge[6], hinge[7] = root, inverse
+            found[6], found[7] = root, inverse
             for i in range(6):
-                hinge[i] *= inverse
+                found[i] *= inverse
             for i in range(6):
                 for j in range(6):
-                    inertia[i, j] -= hinge[i] * hinge[j]
+                    inertia[i, j] -= found[i] * found[j]
         parent = joints[joint, 0]
         if parent > 0:
             for i in range(6):
@@ -81,16 +81,16 @@ def _add_body(body: Array, inertia: Array) -> None:
 @inner
 def force_to_metric(model: Model, data: Data, vector: Array) -> None:
     """Replace joint forces (nv,) by L⁻¹ of them."""
-    joints, axes, hinges = model.joints, data.joint_jacobian, data.hinges
+    joints, axes, pivots = model.joints, data.joint_jacobian, data.pivots
     wrenches = model.sweep
     clear(wrenches, 6)
     for joint in range(joints.shape[0] - 1, 0, -1):
         wrench = wrenches[joint]
         for row in range(joints[joint, 1] + joints[joint, 2] - 1, joints[joint, 1] - 1, -1):
-            left = (vector[row] - dot6(axes[row], wrench)) * hinges[row, 7]
+            left = (vector[row] - dot6(axes[row], wrench)) * pivots[row, 7]
             vector[row] = left
             for i in range(6):
-                wrench[i] += hinges[row, i] * left
+                wrench[i] += pivots[row, i] * left
         parent = joints[joint, 0]
         for i in range(6):
             wrenches[parent, i] += wrench[i]
@@ -114,7 +114,7 @@ def _sweep_outwards(model: Model, data: Data, vector: Array, from_rates: bool) -
 
     ``vector`` (nv,) is v, to be replaced by y = Lᵀv, if it is said to be rates; else the reverse.
     """
-    joints, axes, hinges = model.joints, data.joint_jacobian, data.hinges
+    joints, axes, pivots = model.joints, data.joint_jacobian, data.pivots
     twists = model.sweep
     for i in range(6):
         twists[0, i] = 0.0
@@ -123,11 +123,11 @@ def _sweep_outwards(model: Model, data: Data, vector: Array, from_rates: bool) -
         for i in range(6):
             twist[i] = parent[i]
         for row in range(joints[joint, 1], joints[joint, 1] + joints[joint, 2]):
-            rate, carried = vector[row], dot6(hinges[row], twist)
+            rate, carried = vector[row], dot6(pivots[row], twist)
             if from_rates:
-                vector[row] = hinges[row, 6] * rate + carried
+                vector[row] = pivots[row, 6] * rate + carried
             else:
-                rate = (rate - carried) * hinges[row, 7]
+                rate = (rate - carried) * pivots[row, 7]
                 vector[row] = rate
             for i in range(6):
                 twist[i] += axes[row, i] * rate
@@ -142,7 +142,7 @@ def pair_to_metric(
     ``column`` is filled at the places that ``model.order`` gives the rates of joints a, b and
     those before them, and nowhere else.
     """
-    joints, axes, hinges, order = model.joints, data.joint_jacobian, data.hinges, model.order
+    joints, axes, pivots, order = model.joints, data.joint_jacobian, data.pivots, model.order
     wrenches = model.small
     for i in range(6):
         wrenches[0, i], wrenches[1, i] = scale * pair[i], scale * pair[6 + i]
@@ -154,10 +154,10 @@ def pair_to_metric(
         side, joint = (0, a) if a > b else (1, b)
         wrench = wrenches[side]
         for row in range(joints[joint, 1] + joints[joint, 2] - 1, joints[joint, 1] - 1, -1):
-            left = dot6(axes[row], wrench) * hinges[row, 7]
+            left = dot6(axes[row], wrench) * pivots[row, 7]
             column[order[row]] = left
             for i in range(6):
-                wrench[i] -= hinges[row, i] * left
+                wrench[i] -= pivots[row, i] * left
         if side == 0:
             a = joints[a, 0]
         else:

@@ -25,7 +25,7 @@ BEGIN, PIVOT, INVERSE, LAST, FIRST = range(5)
 WELL_DETERMINED = PASSING
 # How much the estimate of the smallest singular value may be too large.
 _DOUBT = 10.0
-UNDECIDED = -1_000_000
+NOT_DECIDED = -1_000_000
 _ROUNDS = 2
 
 
@@ -54,7 +54,7 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
         for i in range(hit, j):
             last = max(last, int(places[i, LAST]))
         if last - begin >= width:
-            return UNDECIDED
+            return NOT_DECIDED
         for place in range(begin, last + 1):
             column[place] = 0.0
         pair_to_metric(model, data, a, b, pairs[row], 1.0 / lengths[row], column)
@@ -71,17 +71,17 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
             left += column[place] * column[place]
         left = np.sqrt(left)
         if not np.isfinite(left):
-            return UNDECIDED
+            return NOT_DECIDED
         places[j, BEGIN], places[j, FIRST] = begin, hit
         for place in range(begin, last + 1):
             band[j, place - begin] = column[place]
         if left <= max(RESOLVED, tolerance) * largest:
             if tolerance <= SOLVER_RANK_TOLERANCE and left > RESOLVED * largest:
-                return UNDECIDED
+                return NOT_DECIDED
             places[j, PIVOT], places[j, LAST], places[j, INVERSE] = -1.0, -1.0, 0.0
             continue
         if left <= WELL_DETERMINED * largest:
-            return UNDECIDED
+            return NOT_DECIDED
         head = column[free]
         goal = -left if head > 0.0 else left
         share = 1.0 / np.sqrt(2.0 * left * (left + abs(head)))
@@ -92,10 +92,10 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
         free += 1
         rank += 1
     if model.independent >= 0 and rank != model.independent:
-        return UNDECIDED
+        return NOT_DECIDED
     least = _least(model, data, rank) / largest if rank > 0 else 1.0
     if not least > max(WELL_DETERMINED, _DOUBT * tolerance):
-        return UNDECIDED
+        return NOT_DECIDED
     data.tail[2], data.tail[3] = least, rank
     return rank
 

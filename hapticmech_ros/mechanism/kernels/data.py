@@ -30,7 +30,7 @@ class Data(Structure):
         basis: (k, nv) Uᵀ; dense.
         sigma: (k,) σ; dense.
         rows: (k, m) (V / row length)ᵀ; dense.
-        hinges: (nv, 8) articulated inertia times each axis over the root of its pivot, that root,
+        pivots: (nv, 8) articulated inertia times each axis over the root of its pivot, that root,
             and its inverse; sparse.
         band: (m, width) rows of R over reflectors, by ``sequence``; sparse.
         row_places: (m, 5) per closure row where its band begins, its pivot or -1, the inverse of
@@ -52,7 +52,7 @@ class Data(Structure):
     basis = Part(24, 2)
     sigma = Part(25, 1)
     rows = Part(26, 2)
-    hinges = Part(27, 2)
+    pivots = Part(27, 2)
     band = Part(28, 2)
     row_places = Part(29, 2)
     tail = Part(30, 1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local_whole
-from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED
+from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
 from hapticmech_ros.mechanism.kernels.coupling_kernels import add_gear
 from hapticmech_ros.mechanism.kernels.data import Data
@@ -42,10 +42,10 @@ def factor_dense(model: Model, data: Data, tolerance: float) -> int:
             add_pair(joints, axes, carriers[a], carriers[b], pairs[row], 1.0, jacobian[row])
         if kind == COUPLING:
             add_gear(model, a, b, jacobian[first])
-    rank = UNDECIDED
+    rank = NOT_DECIDED
     if m > FEW_ROWS:
         rank = _resolve_many(model, tolerance, data)
-    if rank == UNDECIDED:
+    if rank == NOT_DECIDED:
         rank = _resolve_few(model, tolerance, data)
     return rank
 
@@ -85,7 +85,7 @@ def _resolve_many(model: Model, tolerance: float, data: Data) -> int:
     order, reflectors = local_whole(m), model.reflectors
     resolved = triangularise(scaled, most, RESOLVED, order, reflectors, sums)
     if resolved > 0 and not abs(scaled[resolved - 1, resolved - 1]) > tolerance * abs(scaled[0, 0]):
-        return UNDECIDED
+        return NOT_DECIDED
     if resolved > 0:
         data.tail[2] = abs(scaled[resolved - 1, resolved - 1] / scaled[0, 0])
     data.tail[3] = resolved

@@ -10,7 +10,7 @@ from __future__ import annotations
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.mechanism.kernels.articulated_kernels import articulate
-from hapticmech_ros.mechanism.kernels.band_kernels import UNDECIDED, factor_band
+from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED, factor_band
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, residual_of, wrenches_of
 from hapticmech_ros.mechanism.kernels.coupling_kernels import gear_error
 from hapticmech_ros.mechanism.kernels.data import Data, unpack
@@ -31,7 +31,7 @@ from hapticmech_ros.mechanism.tolerances import (
 )
 
 # What a kernel returns that could not do its work, beside ``dense_kernels.NO_SVD`` and
-# ``band_kernels.UNDECIDED``; below SINGULAR: D is not positive definite at degree of freedom
+# ``band_kernels.NOT_DECIDED``; below SINGULAR: D is not positive definite at degree of freedom
 # SINGULAR - code.
 NOT_FINITE, SINGULAR = -2, -3
 
@@ -57,7 +57,7 @@ def factor(model: Model, q: Array, data: Data) -> int:
         drift = max(drift, abs(residual[i] / lengths[i]))
     tolerance = max(SOLVER_RANK_TOLERANCE, min(DRIFT_FACTOR * drift, DRIFT_CAP))
     tail[0], tail[1], tail[2], tail[3] = worst, 0.0, 1.0, 0.0
-    rank = UNDECIDED
+    rank = NOT_DECIDED
     if model.path == SPARSE:
         bad = articulate(model, data)
         if bad < 0:

@@ -24,7 +24,7 @@ TAIL = 4
 # Of a step's work; see ``step_kernels.Work``.
 SETTINGS, MOST_STAGES, ACCOUNT = 9, 4, 6
 # What a sparse factorisation keeps of a rate, and of a closure row beside its band.
-_HINGE, _ROW = 8, 5
+_PIVOT, _ROW = 8, 5
 
 
 class Constants(NamedTuple):
@@ -147,10 +147,10 @@ def _data_places(constants: Constants) -> tuple[list[int], int]:
     dense = constants.path == DENSE
     # Of the two kinds one has its sizes, the other none.
     n, rows, k = (nv, m, min(m, nv)) if dense else (0, 0, 0)
-    hinges, band = (0, 0) if dense else (nv, m)
+    pivots, band = (0, 0) if dense else (nv, m)
     shapes = [(m, 1), (m, 12), (nv, 6), (frames, 12), (joints, 12), (joints, 12)]
     shapes += [(n, n), (rows, n), (k, n), (k, 1), (k, rows)]
-    shapes += [(hinges, _HINGE), (band, constants.width), (band, _ROW), (TAIL, 1)]
+    shapes += [(pivots, _PIVOT), (band, constants.width), (band, _ROW), (TAIL, 1)]
     return _stacked(shapes)
 
 
@@ -187,8 +187,8 @@ def _stacked(shapes: Sequence[tuple[int, int]], start: int = 0) -> tuple[list[in
 class Model(Structure):
     """:class:`Constants`, packed: each part a view, found when it is asked for.
 
-    What follows the constants is a workspace, which no function expects to find as it left it, and of
-    which it uses nothing that a function above it still needs.
+    What follows the constants is a workspace. No function finds it as it left it; none writes to
+    what its caller still needs.
 
     Attributes:
         sweep: (joints, 36) what is carried from joint to joint.

@@ -135,19 +135,19 @@ def add_point_forces(model: Model, data: Data, wrenches: Array, force: Array) ->
 
 
 @inner
-def add_link_forces(model: Model, data: Data, pushes: Array, force: Array) -> None:
+def add_link_forces(model: Model, data: Data, external: Array, force: Array) -> None:
     """Add Σ Jᵀ F of wrenches on links to ``force`` (nv,).
 
     Args:
         model: the mechanism's.
         data: filled at a configuration.
-        pushes: (pushes, 10) per wrench the joint that carries the link, the origin of the link in
+        external: (pushes, 10) per wrench the joint that carries the link, the origin of the link in
             that joint (3,), and the wrench (6,) there, world axes.
         force: to add to.
     """
     origin = model.small[1]
-    for index in range(pushes.shape[0]):
-        push = pushes[index]
+    for index in range(external.shape[0]):
+        push = external[index]
         joint = int(push[0])
         place = data.places[joint]
         for i in range(3):

@@ -24,7 +24,7 @@ from hapticmech_ros.mechanism.tolerances import NEAR, PASSING
 # next to one.
 NEEDS_CARE = 10
 # What a step heeds: nothing, its stages only, or all of that.
-HEEDLESS, STAGES, EVERYTHING = 0, 1, 2
+UNCHECKED, STAGES, EVERYTHING = 0, 1, 2
 # A failure in a stage rather than at the end: rates that are not finite.
 RATES_NOT_FINITE = -1_000_001
 
@@ -38,7 +38,7 @@ def _advance(
     end: Data,
     parts: Work,
     spring_work: Array,
-    pushes: Array,
+    external: Array,
     stages: int,
     implicit: bool,
     limit: float,
@@ -64,7 +64,7 @@ def _advance(
             if bad >= 0:
                 return SINGULAR - bad
         weight = parts.scheme[stage, 0]
-        find_rates(model, data, parts, weight, pushes, result)
+        find_rates(model, data, parts, weight, external, result)
         if implicit:
             aim_implicitly(model, start, parts, spring_work, stage, result[: model.nv])
         else:
@@ -111,7 +111,7 @@ def step_once(
     last: Data,
     parts: Work,
     spring_work: Array,
-    pushes: Array,
+    external: Array,
     stages: int,
     implicit: bool,
 ) -> int:
@@ -125,7 +125,7 @@ def step_once(
         last: terms at the end, to fill.
         parts: see :class:`Work`.
         spring_work: of implicit rules.
-        pushes: wrenches on links.
+        external: wrenches on links.
         stages: of the rule.
         implicit: whether it is an implicit one.
 
@@ -138,13 +138,23 @@ def step_once(
         if code < 0:
             return code
         known = True
-    if heeded != HEEDLESS:
+    if heeded != UNCHECKED:
         limit = _care_limit(parts)
     if heeded == EVERYTHING and first.tail[2] < limit:
         return NEEDS_CARE
     work_in, lost = account[0], account[1]
     code = _advance(
-        model, first, known, stage_space, last, parts, spring_work, pushes, stages, implicit, limit
+        model,
+        first,
+        known,
+        stage_space,
+        last,
+        parts,
+        spring_work,
+        external,
+        stages,
+        implicit,
+        limit,
     )
     if heeded == EVERYTHING and code == SETTLED and last.tail[3] > first.tail[3]:
         code = NEEDS_CARE
@@ -163,7 +173,7 @@ def advance_many(
     end: Array,
     scratch: Array,
     spring_work: Array,
-    pushes: Array,
+    external: Array,
     samples: Array,
     steps: int,
     every: int,
@@ -179,7 +189,7 @@ def advance_many(
             begin_next(parts)
             first, last, known = last, first, True
         code = step_once(
-            model, first, known, stage_space, last, parts, spring_work, pushes, stages, implicit
+            model, first, known, stage_space, last, parts, spring_work, external, stages, implicit
         )
         if code != SETTLED:
             if step % 2 == 1:
@@ -206,7 +216,7 @@ def advance(
     scratch: Array,
     work: Array,
     spring_work: Array,
-    pushes: Array,
+    external: Array,
     samples: Array,
     plan: Array,
 ) -> int:
@@ -221,7 +231,7 @@ def advance(
         work: see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, account 0, 1
             and 5 add up.
         spring_work: of implicit rules; see ``implicit_kernels.Springs``.
-        pushes: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
+        external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
         samples: (samples, nq + nv) to fill.
         plan: (5,) number of steps, steps from one sample to the next (0: none), number of stages,
             1 for an implicit rule, 1 where terms at the start are known.
@@ -241,7 +251,7 @@ def advance(
         end,
         scratch,
         spring_work,
-        pushes,
+        external,
         samples,
         plan[0],
         plan[1],

@@ -95,7 +95,7 @@ def start_step(work: Work) -> None:
 
 @inner
 def find_rates(
-    model: Model, data: Data, parts: Work, weight: float, pushes: Array, result: Array
+    model: Model, data: Data, parts: Work, weight: float, external: Array, result: Array
 ) -> None:
     """Fill ``result`` (nv + m,) with v̇ and λ at ``parts.q`` and ``parts.v``.
 
@@ -115,8 +115,8 @@ def find_rates(
     for c in range(nv):
         result[c] = held[c] + effort[c]
     add_point_forces(model, data, parts.wrenches, result)
-    if pushes.shape[0] > 0:
-        add_link_forces(model, data, pushes, result)
+    if external.shape[0] > 0:
+        add_link_forces(model, data, external, result)
     step = weight * parts.settings[0]
     for c in range(nv):
         account[0] += step * (result[c] * v[c])

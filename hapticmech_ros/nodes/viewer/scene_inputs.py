@@ -57,7 +57,7 @@ class Heard:
     touching: ContactPoints | None = None
 
 
-class Ear(Generic[T]):
+class SceneInput(Generic[T]):
     """The newest message of one topic.
 
     Args:
@@ -122,10 +122,10 @@ class SceneInputs:
     def __init__(self, actor: Actor[Any], mechanism: Mechanism) -> None:
         layout = StateLayout(mechanism)
         directions = 3 if mechanism.scene.task_space == "planar" else 6
-        self._state = Ear(
+        self._state = SceneInput(
             actor, STATE.name, Float64MultiArray, lambda data: layout.unpack(decode(data))
         )
-        self._device = Ear(
+        self._device = SceneInput(
             actor,
             DEVICE_POSE.name,
             PoseStamped,
@@ -135,13 +135,13 @@ class SceneInputs:
         def wrench(data: bytes) -> Array:
             return read_wrench(deserialized(data, WrenchStamped), actor.wrenches)
 
-        self._hand = Ear(actor, DEVICE_FORCE.name, WrenchStamped, wrench)
-        self._command = Ear(actor, DEVICE_COMMAND.name, WrenchStamped, wrench)
+        self._hand = SceneInput(actor, DEVICE_FORCE.name, WrenchStamped, wrench)
+        self._command = SceneInput(actor, DEVICE_COMMAND.name, WrenchStamped, wrench)
         self._points = {
-            name: Ear(actor, POINT_COMMAND.of(name), WrenchStamped, wrench)
+            name: SceneInput(actor, POINT_COMMAND.of(name), WrenchStamped, wrench)
             for name in mechanism.point_names
         }
-        self._count = Ear(
+        self._count = SceneInput(
             actor,
             COUNT.of(actor.point),
             UInt8,
@@ -150,7 +150,9 @@ class SceneInputs:
         names = [contact.name for contact in mechanism.scene.contacts]
         touched = ContactLayout(names)
         self._touching = [
-            Ear(actor, CONTACTS.name, Float64MultiArray, lambda data: touched.unpack(decode(data)))
+            SceneInput(
+                actor, CONTACTS.name, Float64MultiArray, lambda data: touched.unpack(decode(data))
+            )
             for _ in names[:1]
         ]
 
@@ -167,8 +169,14 @@ class SceneInputs:
         for ear in self._ears():
             ear.forget()
 
-    def _ears(self) -> list[Ear[Any]]:
-        alone: list[Ear[Any]] = [self._state, self._device, self._hand, self._command, self._count]
+    def _ears(self) -> list[SceneInput[Any]]:
+        alone: list[SceneInput[Any]] = [
+            self._state,
+            self._device,
+            self._hand,
+            self._command,
+            self._count,
+        ]
         return [*alone, *self._points.values(), *self._touching]
 
     def now(self, now_ns: int, timeout_ns: int) -> Heard | None:

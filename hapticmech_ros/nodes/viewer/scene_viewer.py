@@ -54,9 +54,9 @@ class SceneViewer(ClockedActor[ViewerParameters]):
         """Time between pictures, s."""
         return 1.0 / self.parameters.marker_rate
 
-    def adopt(self, parameters: ViewerParameters) -> None:
+    def apply_parameters(self, parameters: ViewerParameters) -> None:
         """Take new parameters; a new rate counts from now on."""
-        super().adopt(parameters)
+        super().apply_parameters(parameters)
         self._timeout_ns = nanoseconds(parameters.input_timeout)
         if parameters.marker_rate != self._drawn_rate:
             self._drawn_rate = parameters.marker_rate
@@ -125,7 +125,7 @@ class SceneViewer(ClockedActor[ViewerParameters]):
         """Draw operational points where the mechanism says that they are from now on."""
         mechanism = self._mechanism
         for name, numbers in zip(mechanism.point_names, grasps, strict=True):
-            mechanism.grasp(grasp_of(mechanism.scene, name, numbers))
+            mechanism.set_operational_point(grasp_of(mechanism.scene, name, numbers))
         self._analyser = Analyser(mechanism, self.point)
         self._placer = Placer(mechanism)
         self._outputs.show_fixed_frames(self.now_ns())

@@ -6,15 +6,15 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import (
+    Clutch,
     ControlArchitecture,
     ControlOutput,
     DeviceMeasurement,
-    Engagement,
+    OperationalModel,
     PointMeasurement,
-    RenderingModel,
 )
-from hapticmech_ros.control.engagement import pose_error
-from hapticmech_ros.control.flat import device_of, flat_rendered, model_of
+from hapticmech_ros.control.clutch import pose_error
+from hapticmech_ros.control.flat import device_of, flat_operational_model, model_of
 from hapticmech_ros.control.prediction import InFlight, point_ahead
 from hapticmech_ros.saturation import limited
 from oracles.control.four_channel import channel_wrenches
@@ -28,32 +28,32 @@ class ReadableControl(ControlArchitecture):
     def answer(
         self,
         time: float,
-        engagement: Engagement,
+        clutch: Clutch,
         device: Array,
-        rendered: Array,
+        operational_model: Array,
         ahead: float,
         in_flight: InFlight | None = None,
     ) -> Array:
         """Return the wrenches for measurements, (6, 6): rows as in :class:`ControlOutput`."""
-        point = point_ahead(rendered, ahead, in_flight)
-        found = self.compute(time, engagement, device_of(device), point, model_of(rendered))
+        point = point_ahead(operational_model, ahead, in_flight)
+        found = self.compute(time, clutch, device_of(device), point, model_of(operational_model))
         return found.rows()
 
     def compute(
         self,
         time: float,
-        engagement: Engagement,
+        clutch: Clutch,
         device: DeviceMeasurement,
         point: PointMeasurement,
-        model: RenderingModel,
+        model: OperationalModel,
         in_flight: InFlight | None = None,
     ) -> ControlOutput:
         """Return the wrenches for measurements at ``time`` (s)."""
-        self.pass_on_to(time)
+        self.apply_gains_at(time)
         if in_flight is not None:
-            point = point_ahead(flat_rendered(model, point), 0.0, in_flight)
+            point = point_ahead(flat_operational_model(model, point), 0.0, in_flight)
         gains, task = self.gains, self.task
-        error = task * pose_error(point.pose, engagement.mapped(device.pose))
+        error = task * pose_error(point.pose, clutch.mapped(device.pose))
         error_rate = task * (device.twist - point.twist)
         hand = task * device.hand_wrench
         contact = task * point.contact_wrench
@@ -61,7 +61,7 @@ class ReadableControl(ControlArchitecture):
         impedance = task * impedance_wrench(
             self.device_inertia,
             model.inverse_inertia,
-            model.balanced_share,
+            model.wrench_projector,
             model.free_acceleration,
             hand + force.contact * contact,
             gains.joint_constraint.feedforward,
@@ -71,12 +71,12 @@ class ReadableControl(ControlArchitecture):
         constraint = joint_constraint_wrench(
             gains.joint_constraint, model.constraint_projector, error, error_rate
         )
-        share = model.balanced_share
+        share = model.wrench_projector
         channels = channel_wrenches(self.channels, share, error, error_rate, hand, contact)
-        ramp = engagement.ramp(time, self.ramp_of(engagement))
+        ramp = clutch.ramp(time, self.ramp_of(clutch))
         total = ramp * (impedance + constraint + channels.device)
         return ControlOutput(
-            device=self.joined(time, engagement, limited(total, *self.limits)),
+            device=self.joined(time, clutch, limited(total, *self.limits)),
             mechanism=limited(ramp * channels.mechanism, *self.limits),
             impedance=ramp * impedance,
             joint_constraint=ramp * constraint,

@@ -23,7 +23,7 @@ class ChannelWrenches:
 
 def channel_wrenches(
     channels: FourChannel,
-    balanced_share: Array,
+    wrench_projector: Array,
     error: Array,
     error_rate: Array,
     hand_wrench: Array,
@@ -33,7 +33,7 @@ def channel_wrenches(
 
     Args:
         channels: their gains.
-        balanced_share: (6, 6) Π.
+        wrench_projector: (6, 6) Π.
         error: (6,) e, twist that takes the operational point to the device, m and rad.
         error_rate: (6,) ė.
         hand_wrench: (6,) F_h, by the hand on the device.
@@ -41,7 +41,7 @@ def channel_wrenches(
     """
     coupling = channels.stiffness * error + channels.damping * error_rate
     held = channels.held_stiffness * error + channels.held_damping * error_rate
-    in_range = channels.position.to_device * (held - balanced_share @ held)
+    in_range = channels.position.to_device * (held - wrench_projector @ held)
     told = channels.force.hand * hand_wrench + channels.force.mechanism_feedback * contact_wrench
     return ChannelWrenches(
         device=channels.force.contact * contact_wrench - in_range,

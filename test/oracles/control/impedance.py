@@ -18,7 +18,7 @@ from hapticmech_ros.control.force_gain import force_gain
 def impedance_wrench(
     device_inertia: Array,
     inverse_inertia: Array,
-    balanced_share: Array,
+    wrench_projector: Array,
     free_acceleration: Array,
     wrench: Array,
     feedforward: float,
@@ -30,14 +30,14 @@ def impedance_wrench(
     Args:
         device_inertia: (6, 6) Λ_d, kg and kg m².
         inverse_inertia: (6, 6) X.
-        balanced_share: (6, 6) Π.
+        wrench_projector: (6, 6) Π.
         free_acceleration: (6,) a_0, m/s² and rad/s².
         wrench: (6,) F_h + C2 F_c.
         feedforward: β in [0, 1], share of Π F that is cancelled ahead.
         device_bias: (6,) the device's own Coriolis, gravity and friction wrench.
         local_feedback: (6,) C6 F_h; none if left out.
     """
-    gain = force_gain(device_inertia, inverse_inertia, balanced_share, feedforward)
+    gain = force_gain(device_inertia, inverse_inertia, wrench_projector, feedforward)
     answer = gain @ wrench + device_inertia @ free_acceleration + device_bias
     if local_feedback is not None:
         answer = answer + device_inertia @ (inverse_inertia @ local_feedback)

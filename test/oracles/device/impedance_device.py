@@ -5,7 +5,7 @@
 u follows the command, limited by the actuators and held over a sample period (zero-order hold),
 with the actuators' lag; F_o, by others than the hand, is held as well. The hand's own law F_s acts
 all through the period, and its own mass Λ_a while it holds. w is weight, f end stops and Coulomb
-friction (:mod:`~oracles.device.resistance`). F_h, between device and hand, is F_s - Λ_a ẍ.
+friction (:mod:`~oracles.device.friction`). F_h, between device and hand, is F_s - Λ_a ẍ.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.device import NO_WRENCH, DeviceState, Grip, HandLaw
-from hapticmech_ros.device.grip import ALWAYS, OPEN
+from hapticmech_ros.device import NO_WRENCH, DeviceState, GraspSchedule, HandLaw
+from hapticmech_ros.device.grasp_schedule import ALWAYS, OPEN
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.device import Device
 from oracles.device.driver import DeviceDriver
-from oracles.device.grip import window_of
+from oracles.device.friction import Friction
+from oracles.device.grasp_schedule import window_of
 from oracles.device.hand import no_hand
-from oracles.device.resistance import Resistance
 
 
 class ReadableDevice:
@@ -34,7 +34,7 @@ class ReadableDevice:
         period: s.
         planar: whether it moves in x, y and about z only.
         law: of the hand.
-        grip: when it holds.
+        schedule: when it holds.
     """
 
     def __init__(
@@ -43,22 +43,22 @@ class ReadableDevice:
         period: float,
         planar: bool,
         law: HandLaw = no_hand,
-        grip: Grip = ALWAYS,
+        schedule: GraspSchedule = ALWAYS,
     ) -> None:
         self.device = device
         self.period = period
         self._law = law
-        self._grip = grip
+        self._grip = schedule
         self._step = period / device.substeps
         self._damping = np.array([device.damping] * 3 + [device.angular_damping] * 3)
         task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
         # Change of the twist per wrench and step, in the directions that the scene has.
         body = np.array([device.mass] * 3 + [device.inertia] * 3)
-        self._arm = np.array([grip.mass] * 3 + [grip.inertia] * 3)
+        self._arm = np.array([schedule.mass] * 3 + [schedule.inertia] * 3)
         self._gain = self._step * task / body
         self._held_gain = self._step * task / (body + self._arm)
         self._lag = _lag(device.actuator_bandwidth, self._step)
-        self._resistance = Resistance(device, self._step)
+        self._resistance = Friction(device, self._step)
         self._driver = DeviceDriver(device, period, task)
         self._ideal = device.position_resolution == 0.0 and device.angle_resolution == 0.0
         cut_off = 2.0 * np.pi * device.velocity_filter * period

@@ -65,8 +65,8 @@ class ReadableJoint(JointElement):
         stiffness, damping = joint.stiffness, steep * joint.friction / joint.friction_speed
         for limits, contact in self._contacts(q, v):
             soft = limits.damping * min(contact.depth / limits.depth, 1.0)
-            pushes = limits.stiffness * contact.depth + soft * contact.speed > 0.0
-            if contact.depth > 0.0 and pushes:
+            external = limits.stiffness * contact.depth + soft * contact.speed > 0.0
+            if contact.depth > 0.0 and external:
                 stiffness += limits.stiffness
                 damping += soft
         return stiffness, damping

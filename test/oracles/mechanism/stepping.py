@@ -11,12 +11,12 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.motion import (
+    ExternalWrenches,
     HeldMotion,
     Plan,
-    Pushes,
     Start,
     Stepped,
-    check_pushes,
+    check_external,
     not_finite,
     plan_of,
 )
@@ -66,13 +66,13 @@ class ReadableStepper(Stepper):
         self._pulled = plan.baumgarte_rate > 0.0
 
     def run(
-        self, start: Start, pushes: Pushes, periods: int, samples: Array, every: int
+        self, start: Start, external: ExternalWrenches, periods: int, samples: Array, every: int
     ) -> Stepped:
         """Advance by many periods with pushes held, and fill samples."""
-        check_pushes(pushes, len(self._mechanism.point_names), self._mechanism.nv)
+        check_external(external, len(self._mechanism.point_names), self._mechanism.nv)
         work_in, energy_lost, substeps = 0.0, 0.0, self._plan.substeps
         for step in range(1, periods * substeps + 1):
-            stepped = self.careful_substep(start, pushes)
+            stepped = self.careful_substep(start, external)
             work_in += stepped.work_in
             energy_lost += stepped.energy_lost
             start = end_of(stepped, start)
@@ -80,23 +80,23 @@ class ReadableStepper(Stepper):
                 samples[step // (every * substeps) - 1] = np.concatenate((stepped.q, stepped.v))
         return stepped._replace(work_in=work_in, energy_lost=energy_lost)
 
-    def _substep(self, start: Start, pushes: Pushes) -> Stepped:
+    def _substep(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Do a step of the integrator, and bring it onto the closures."""
         return self._follow(
-            ReadableMotion(self._mechanism, start, pushes, self._plan.baumgarte_rate), start
+            ReadableMotion(self._mechanism, start, external, self._plan.baumgarte_rate), start
         )
 
-    def _watched_substep(self, start: Start, pushes: Pushes) -> Stepped | None:
+    def _watched_substep(self, start: Start, external: ExternalWrenches) -> Stepped | None:
         """Do a step; None if a stage of it lies where a relative σ is below the limit of care."""
-        motion = ReadableMotion(self._mechanism, start, pushes, self._plan.baumgarte_rate)
+        motion = ReadableMotion(self._mechanism, start, external, self._plan.baumgarte_rate)
         stepped = self._follow(motion, start)
         limit = care_limit(self._step * float(np.abs(start.v).max()))
         return None if motion.least < limit else stepped
 
-    def _part(self, start: Start, pushes: Pushes, step: float) -> Stepped:
+    def _part(self, start: Start, external: ExternalWrenches, step: float) -> Stepped:
         """Do a step of another length."""
         plan = self._plan._replace(period=step, substeps=1)
-        return ReadableStepper(self._mechanism, plan)._substep(start, pushes)
+        return ReadableStepper(self._mechanism, plan)._substep(start, external)
 
     def _follow(self, motion: HeldMotion, start: Start) -> Stepped:
         mechanism, step = self._mechanism, self._step

@@ -11,12 +11,12 @@ from hapticmech_ros.mechanism import Evaluation, Mechanism
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.evaluation import PointKinematics
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
-from hapticmech_ros.operational.late_answer import LateAnswer
+from hapticmech_ros.operational.delay_compensation import CompensatedResponse
 from hapticmech_ros.operational.metric import PLANAR_ROWS, SPATIAL_ROWS, TaskMetric
 from hapticmech_ros.operational.observation import Observation, observation_layout
 from oracles.mechanism.mechanism import ReadableEvaluation, ReadableMechanism
-from oracles.operational.late_answer import late_answer
-from oracles.operational.projector import balanced_share, constraint_projector, rigidity
+from oracles.operational.delay_compensation import compensated_response
+from oracles.operational.projector import constraint_projector, rigidity, wrench_projector
 from oracles.operational.spectrum import (
     embed,
     factors_in_world,
@@ -32,10 +32,10 @@ class ReadableAnalyser:
     """Analyses one operational point; arguments and results as of ``operational.Analyser``."""
 
     def __init__(
-        self, mechanism: ReadableMechanism, point: str = "", lateness: float = 0.0
+        self, mechanism: ReadableMechanism, point: str = "", compensated_delay: float = 0.0
     ) -> None:
         scene = mechanism.scene
-        self.lateness = lateness
+        self.compensated_delay = compensated_delay
         self.mechanism = mechanism
         self.point = scene.operational_point(point)
         self.index = mechanism.point_index(point)
@@ -46,9 +46,9 @@ class ReadableAnalyser:
         """Evaluate Eq. 1 at a state and analyse the point there."""
         terms = self.mechanism.evaluate(q, v, active)
         found, point = self.analyse(terms), terms.points[self.index]
-        late = self.late(terms, q, v, active, found)
+        compensated = self.compensated(terms, q, v, active, found)
         layout = observation_layout(self.rows.size, self.mechanism.nv)
-        return observation_of(layout, found, late, point)
+        return observation_of(layout, found, compensated, point)
 
     def analyse(self, terms: ReadableEvaluation | Evaluation) -> OperationalAnalysis:
         """Analyse the point from the terms of Eq. 1 at a state, by NumPy or by kernels."""
@@ -64,46 +64,49 @@ class ReadableAnalyser:
             spectrum=found,
             weights=weights,
             constraint_projector=embed(constraint_projector(found, weights, self.metric.mass)),
-            balanced_share=embed(balanced_share(found, weights)),
+            wrench_projector=embed(wrench_projector(found, weights)),
             free_acceleration=point.jacobian @ free_rates + point.drift,
             rows=self.rows,
         )
 
-    def late(
+    def compensated(
         self,
         terms: ReadableEvaluation,
         q: Array,
         v: Array,
         active: Active,
         found: OperationalAnalysis,
-    ) -> LateAnswer:
+    ) -> CompensatedResponse:
         """Return X and a_0 as a loop late by τ needs them."""
         free = found.free_acceleration
-        if self.lateness == 0.0:
-            return LateAnswer(found.inverse_inertia, free)
+        if self.compensated_delay == 0.0:
+            return CompensatedResponse(found.inverse_inertia, free)
         place = self.mechanism, terms, q, v, active, self.index, self.rows
-        return late_answer(*place, found.spectrum, free, self.lateness)
+        return compensated_response(*place, found.spectrum, free, self.compensated_delay)
 
 
 def analyser_of(
-    mechanism: ReadableMechanism | Mechanism, point: str = "", lateness: float = 0.0
+    mechanism: ReadableMechanism | Mechanism, point: str = "", compensated_delay: float = 0.0
 ) -> ReadableAnalyser | Analyser:
     """Return the analyser that belongs to a mechanism, readable or of kernels."""
     kind = ReadableAnalyser if isinstance(mechanism, ReadableMechanism) else Analyser
-    return kind(mechanism, point, lateness)
+    return kind(mechanism, point, compensated_delay)
 
 
 def observation_of(
-    layout: Layout, found: OperationalAnalysis, late: LateAnswer, point: PointKinematics
+    layout: Layout,
+    found: OperationalAnalysis,
+    compensated: CompensatedResponse,
+    point: PointKinematics,
 ) -> Observation:
     """Return what was found as an observation."""
     numbers, nv = np.zeros(layout.size), point.jacobian.shape[1]
     spectrum, rows = found.spectrum, found.rows
     parts = {
-        "inverse_inertia": late.inverse_inertia,
+        "inverse_inertia": compensated.inverse_inertia,
         "constraint_projector": found.constraint_projector,
-        "balanced_share": found.balanced_share,
-        "free_acceleration": late.free_acceleration,
+        "wrench_projector": found.wrench_projector,
+        "free_acceleration": compensated.free_acceleration,
         "twist": point.twist,
         "inverse_inertia_now": found.inverse_inertia,
         "free_acceleration_now": found.free_acceleration,

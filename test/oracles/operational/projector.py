@@ -19,6 +19,6 @@ def constraint_projector(spectrum: Spectrum, weights: Array, mass: float) -> Arr
     return np.asarray((spectrum.wrenches * (weights / mass)) @ spectrum.wrenches.T)
 
 
-def balanced_share(spectrum: Spectrum, weights: Array) -> Array:
+def wrench_projector(spectrum: Spectrum, weights: Array) -> Array:
     """Return Π (t, t): the part of a wrench that the joints balance."""
     return np.asarray((spectrum.wrenches * weights) @ spectrum.duals.T)

@@ -19,11 +19,14 @@ from hapticmech_ros.nodes.messages import WORLD, read_framed_pose, write_pose
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, LATCHED
 from hapticmech_ros.scene.mechanism import OperationalPoint
-from hapticmech_ros.wire.topics import GRASP, GRASPED
+from hapticmech_ros.wire.topics import OPERATIONAL_POINT, SET_OPERATIONAL_POINT
 
 
-class Grasps:
-    """Listens to ``mechanism/<point>/grasp`` and announces ``mechanism/<point>/grasped``.
+class OperationalPoints:
+    """Moves operational points, and announces where they are.
+
+    Subscribes to ``mechanism/<point>/set_operational_point`` and publishes
+    ``mechanism/<point>/operational_point``.
 
     Args:
         actor: the mechanism's.
@@ -49,9 +52,9 @@ class Grasps:
         self.numbers: Array = flat_grasps(mechanism.scene)
         self._outlets: list[Outlet] = []
         for name in mechanism.point_names:
-            self._outlets.append(actor.output(GRASPED, PoseStamped, LATCHED, point=name))
+            self._outlets.append(actor.output(OPERATIONAL_POINT, PoseStamped, LATCHED, point=name))
             accept = partial(self._on_grasp, name)
-            actor.input(GRASP.of(name), PoseStamped, COMMAND_SUBSCRIBER, accept)
+            actor.input(SET_OPERATIONAL_POINT.of(name), PoseStamped, COMMAND_SUBSCRIBER, accept)
 
     def announce(self) -> None:
         """Tell where every operational point is."""

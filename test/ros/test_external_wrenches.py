@@ -117,18 +117,18 @@ def test_pushes_add_up_and_run_out_each_by_itself(domain: int, peer: Peer) -> No
         arm.until_status("pushed_by", "nobody")
 
         # A wrench that is held stands when its publisher is gone, until another one comes.
-        arm.push("handle/held_cf", 0.02, 0.0, 0.0, 0.0, 0.0, 0.0)
-        arm.push("handle/held_cf/mass", 0.0, 0.0, 0.01, 0.0, 0.0, 0.0)
+        arm.push("handle/external_cf/persistent", 0.02, 0.0, 0.0, 0.0, 0.0, 0.0)
+        arm.push("handle/external_cf/persistent/mass", 0.0, 0.0, 0.01, 0.0, 0.0, 0.0)
         arm.until_force(0.02, 0.0, 0.01, 0.0, 0.0, 0.0)
-        arm.stop("handle/held_cf", leave=True)
-        arm.stop("handle/held_cf/mass")
+        arm.stop("handle/external_cf/persistent", leave=True)
+        arm.stop("handle/external_cf/persistent/mass")
         seen = len(arm.forces)
         # Twice the timeout that others have, by the mechanism's own samples.
         arm.until(lambda: len(arm.forces) > seen + 100, "a second of samples")
         assert all(six(force)[:3] == [0.02, 0.0, 0.01] for force in arm.forces[seen:])
-        arm.push("handle/held_cf", 0.0, -0.02, 0.0, 0.0, 0.0, 0.0)
+        arm.push("handle/external_cf/persistent", 0.0, -0.02, 0.0, 0.0, 0.0, 0.0)
         arm.until_force(0.0, -0.02, 0.01, 0.0, 0.0, 0.0)
-        arm.push("handle/held_cf", *[0.0] * 6)
+        arm.push("handle/external_cf/persistent", *[0.0] * 6)
         arm.until_force(0.0, 0.0, 0.01, 0.0, 0.0, 0.0)
 
 
@@ -137,7 +137,7 @@ def test_a_pushed_link_moves_the_mechanism_as_the_core_says(domain: int, peer: P
     wrench = np.array([0.1, 0.2, -0.3, 0.01, 0.0, 0.02])
     fast = 0.2
     with running(NODE, domain, "spatial_arm"):
-        arm.push("forearm/held_cf", *wrench)
+        arm.push("forearm/external_cf/persistent", *wrench)
         arm.until(
             lambda: arm.joints and np.abs(arm.joints[-1].velocity).max() > fast, "the arm to move"
         )
@@ -170,7 +170,7 @@ def test_axes_of_a_push_are_those_of_its_frame(domain: int, peer: Peer) -> None:
     assert np.abs(hand - poses["upper_arm"][0]).max() > 0.3
     with running(NODE, domain, "spatial_arm"):
         for frame, turn in expected.items():
-            arm.push("handle/held_cf", *force, *torque, frame=frame)
+            arm.push("handle/external_cf/persistent", *force, *torque, frame=frame)
             # Only the axes turn: the force acts at the handle, and brings no torque of its own.
             arm.until_force(*(turn @ force), *(turn @ torque), tolerance=1e-6)
             assert np.abs(np.array(arm.joints[-1].velocity)).max() < 0.1
@@ -180,10 +180,10 @@ def test_slips_are_refused_and_named(domain: int, peer: Peer) -> None:
     arm = Pushed(peer)
     with running(NODE, domain, "spatial_arm", diagnostics_period=0.05):
         arm.push("handle/external_cf", 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, frame="tool0")
-        arm.push("elbow/held_cf/me", np.nan, 0.0, 0.0, 0.0, 0.0, 0.0)
+        arm.push("elbow/external_cf/persistent/me", np.nan, 0.0, 0.0, 0.0, 0.0, 0.0)
         arm.push("tip/external_cf", 0.1, 0.0, 0.0, 0.0, 0.0, 0.0)
         arm.until_status("last_refusal", "handle/external_cf", "tool0", "handle_world", "hand")
-        arm.until_status("last_refusal", "elbow/held_cf/me", "nan", "finite")
+        arm.until_status("last_refusal", "elbow/external_cf/persistent/me", "nan", "finite")
         status = figures(arm.statuses[NODE])
         assert int(status["refused_messages"]) > 1
         assert status["pushed_by"] == "nobody"

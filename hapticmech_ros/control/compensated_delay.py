@@ -1,4 +1,4 @@
-"""How late a loop is with what a mechanism does by itself: the τ of ``operational/late_answer``.
+"""The delay τ of a loop that ``operational/delay_compensation`` compensates for.
 
 A command computed from a state acts d periods later, on average half a period longer for being
 held. Where the device closes the force channel, the mechanism's state is d periods late besides: it
@@ -22,7 +22,7 @@ def jitter_allowance(connection: Connection) -> float:
     return min(connection.expected_jitter * connection.expected, MOST_ALLOWED_S)
 
 
-def loop_lateness(scene: Scene, delay: int = 1) -> float:
+def compensated_loop_delay(scene: Scene, delay: int = 1) -> float:
     """Return τ in s: 2 t_c + (2 d + ½) T with the force channel closed in the device, else half.
 
     Closed in the controller it is t_c + (d + ½) T, t_c the delay of the connection.

@@ -9,15 +9,15 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import NO_WRENCH
 from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
 from hapticmech_ros.nodes.inputs import Stamped
 from hapticmech_ros.nodes.parameters import DeviceParameters
-from hapticmech_ros.nodes.pushes import Pushes
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.topics import HAND_WRENCH
 
 
-class HandPort:
-    """Listens to ``device/hand_cf`` and ``device/held_cf``, and to what is below these names.
+class HandWrenches:
+    """Listens to ``device/hand_cf``, ``device/hand_cf/persistent``, and names below these.
 
     Args:
         actor: the device.
@@ -33,40 +33,41 @@ class HandPort:
     ) -> None:
         self._rotation = rotation
         self._go_on = go_on
-        self._pushes: Pushes | None = None
+        self._external: ExternalWrenches | None = None
         self._awaited: Stamped[Array] = Stamped()
         if actor.lockstep and actor.parameters.hand == "commanded":
             qos = actor.control_input
             actor.input_command(HAND_WRENCH.name, qos, self._on_awaited, unstamped_is_now=False)
             return
-        verbs = {"hand_cf": False, "held_cf": True}
-        self._pushes = Pushes(actor, {"hand": "device"}, verbs, ["device", "device_world"])
-        self._pushes.listen(HAND_WRENCH.name)
-        self.adopt(actor.parameters)
+        self._external = ExternalWrenches(
+            actor, {"hand": "device"}, "hand_cf", ["device", "device_world"]
+        )
+        self._external.listen(HAND_WRENCH.name)
+        self.apply_parameters(actor.parameters)
 
-    def adopt(self, parameters: DeviceParameters) -> None:
+    def apply_parameters(self, parameters: DeviceParameters) -> None:
         """Take new parameters."""
-        if self._pushes is not None:
-            self._pushes.set_timeout(nanoseconds(parameters.hand_timeout))
+        if self._external is not None:
+            self._external.set_timeout(nanoseconds(parameters.hand_timeout))
 
     def forget(self) -> None:
         """Drop what was heard."""
-        if self._pushes is not None:
-            self._pushes.forget()
+        if self._external is not None:
+            self._external.forget()
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether what a tick in lockstep needs is there."""
-        return self._pushes is not None or self._awaited.has(deadline_ns)
+        return self._external is not None or self._awaited.has(deadline_ns)
 
     def at(self, now_ns: int) -> Array:
         """Return the wrench (6,) from now on, N and N m, axes of the world."""
-        if self._pushes is None:
+        if self._external is None:
             return self._awaited.take(now_ns)
-        return self._pushes.at(now_ns, self._rotation_of).get("hand", NO_WRENCH)
+        return self._external.at(now_ns, self._rotation_of).get("hand", NO_WRENCH)
 
     def figures(self, now_ns: int) -> dict[str, str]:
         """Return who pushes now, for diagnostics."""
-        return {} if self._pushes is None else self._pushes.figures(now_ns)
+        return {} if self._external is None else self._external.figures(now_ns)
 
     def _rotation_of(self, frame: str) -> Array:
         return np.eye(3) if frame == "device_world" else self._rotation()

@@ -15,9 +15,9 @@ from oracles.implementations import apart, condition, falling, pair_of, sample_p
 from oracles.operational import analyser_of
 from oracles.running import with_start
 
-# As in test_seeing_a_point: sums in another order, and what conditions take.
+# As in test_observation: sums in another order, and what conditions take.
 ROUNDING = 1e-12
-LATENESS = 0.0025
+COMPENSATED_DELAY = 0.0025
 
 
 def resisting(seed, planar):
@@ -45,26 +45,29 @@ def rates(pair, active):
     return pair.readable.evaluate(pair.q, pair.v, active).space.closed_rates(pair.v)
 
 
-def late(mechanism, pair, active, lateness=LATENESS, name=""):
+def compensated(mechanism, pair, active, compensated_delay=COMPENSATED_DELAY, name=""):
     """Return terms, analysis and late answer of one implementation."""
-    return answered(mechanism, pair.q, rates(pair, active), active, lateness, name)
+    return answered(mechanism, pair.q, rates(pair, active), active, compensated_delay, name)
 
 
-def answered(mechanism, q, v, active, lateness, name=""):
+def answered(mechanism, q, v, active, compensated_delay, name=""):
     """Return terms, analysis and late answer at a state."""
-    analyser, terms = analyser_of(mechanism, name, lateness), mechanism.evaluate(q, v, active)
+    analyser, terms = (
+        analyser_of(mechanism, name, compensated_delay),
+        mechanism.evaluate(q, v, active),
+    )
     found = analyser.analyse(terms)
     if isinstance(analyser, Analyser):
-        return terms, found, analyser.late(terms, found)
-    return terms, found, analyser.late(terms, q, v, active, found)
+        return terms, found, analyser.compensated(terms, found)
+    return terms, found, analyser.compensated(terms, q, v, active, found)
 
 
 @pytest.mark.parametrize("pair", list(pairs()))
 def test_both_implementations_answer_the_same(pair):
     for active in pair.sets:
         for name in pair.readable.point_names:
-            terms, found, expected = late(pair.readable, pair, active, name=name)
-            _, _, answer = late(pair.mechanism, pair, active, name=name)
+            terms, found, expected = compensated(pair.readable, pair, active, name=name)
+            _, _, answer = compensated(pair.mechanism, pair, active, name=name)
             bound = ROUNDING * condition(terms.space)
             size = np.abs(found.inverse_inertia).max()
             assert apart(answer.inverse_inertia, expected.inverse_inertia, size) < bound
@@ -76,8 +79,8 @@ def test_both_implementations_answer_the_same(pair):
 @pytest.mark.parametrize("pair", list(pairs())[::3])
 def test_in_one_go_or_not_is_the_same_to_the_bit(pair):
     for active in pair.sets:
-        analyser = Analyser(pair.mechanism, "", LATENESS)
-        _, _, answer = late(pair.mechanism, pair, active)
+        analyser = Analyser(pair.mechanism, "", COMPENSATED_DELAY)
+        _, _, answer = compensated(pair.mechanism, pair, active)
         seen = analyser.observe(pair.q, rates(pair, active), active).model
         inverse_inertia = seen[OPERATIONAL_MODEL.slice("inverse_inertia")].reshape(6, 6)
         assert (inverse_inertia == answer.inverse_inertia).all()
@@ -89,8 +92,10 @@ def test_in_one_go_or_not_is_the_same_to_the_bit(pair):
 def test_no_gain_is_larger_than_that_of_a_loop_in_time(pair):
     """X - X_τ and X_τ are positive semi-definite, and X_τ falls as τ grows."""
     before = None
-    for lateness in (0.0, 1e-3, 1e-2, 1e-1):
-        terms, found, answer = late(pair.readable, pair, pair.readable.initially_active, lateness)
+    for compensated_delay in (0.0, 1e-3, 1e-2, 1e-1):
+        terms, found, answer = compensated(
+            pair.readable, pair, pair.readable.initially_active, compensated_delay
+        )
         size = np.abs(found.inverse_inertia).max()
         bound = ROUNDING * condition(terms.space) * size
         assert np.linalg.eigvalsh(answer.inverse_inertia)[0] > -bound
@@ -103,7 +108,7 @@ def test_no_gain_is_larger_than_that_of_a_loop_in_time(pair):
 def test_as_many_joints_as_ways_make_it_the_inertia_with_dampers_on(name):
     """X_τ is then J (D + τ C)⁻¹ Jᵀ to the last digit, not only to first order."""
     pair = pair_of(load_scene(name))
-    terms, found, answer = late(pair.readable, pair, (), lateness=0.01)
+    terms, found, answer = compensated(pair.readable, pair, (), compensated_delay=0.01)
     elements = pair.readable.elements
     _, damping = elements.tangents(pair.readable.model, pair.readable.data, pair.q, pair.v)
     jacobian = terms.points[0].jacobian
@@ -148,10 +153,10 @@ def test_the_answer_of_now_is_the_acceleration_of_then(name):
         twists[number] = simulator.evaluate(state).points[0].twist
         state = simulator.step(state, held)
     for count in steps:
-        lateness = count * simulator.period
+        compensated_delay = count * simulator.period
         then = (twists[count + 1] - twists[count - 1]) / (2.0 * simulator.period)
-        analyser = Analyser(simulator.mechanism, point, lateness)
-        answer = analyser.late(first, analyser.analyse(first))
+        analyser = Analyser(simulator.mechanism, point, compensated_delay)
+        answer = analyser.compensated(first, analyser.analyse(first))
         now = answer.inverse_inertia @ wrench + answer.free_acceleration
         errors.append(np.linalg.norm((then - now)[rows]) / np.linalg.norm(then[rows]))
     assert np.log2(np.divide(errors[1:], errors[:-1])) == pytest.approx(2.0, abs=0.15)
@@ -161,7 +166,7 @@ def test_the_answer_of_now_is_the_acceleration_of_then(name):
 
 def test_a_loop_in_time_gets_x_and_a_0_themselves():
     pair = pair_of(load_scene("spatial_arm"))
-    _, found, answer = late(pair.mechanism, pair, (), lateness=0.0)
+    _, found, answer = compensated(pair.mechanism, pair, (), compensated_delay=0.0)
     assert answer.inverse_inertia is found.inverse_inertia
     assert answer.free_acceleration is found.free_acceleration
 
@@ -172,7 +177,7 @@ def test_where_closures_will_not_be_known_the_state_is_taken_as_it_is():
     active = pair.readable.initially_active
     torn = pair.v + np.array([2.0, -1.0, 0.5, 3.0])
     for mechanism in (pair.readable, pair.mechanism):
-        terms, found, answer = answered(mechanism, pair.q, torn, active, LATENESS)
+        terms, found, answer = answered(mechanism, pair.q, torn, active, COMPENSATED_DELAY)
         own, _ = terms.acceleration(np.zeros(mechanism.nv))
         elements = pair.readable.elements
         pair.readable.evaluate(pair.q, torn, active)
@@ -181,7 +186,7 @@ def test_where_closures_will_not_be_known_the_state_is_taken_as_it_is():
         # In as many ways as the loop leaves free, B says it all: (D + τ C) v̇ = -τ C v̇_0.
         free = np.linalg.qr(np.hstack((space.basis, np.eye(4))))[0][:, space.rank : 4]
         way = np.linalg.solve(space.factor.T, free)
-        slope = LATENESS * damping
+        slope = COMPENSATED_DELAY * damping
         change = way @ np.linalg.solve(
             np.eye(free.shape[1]) + way.T @ slope @ way, way.T @ slope @ own
         )

@@ -9,22 +9,22 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.controller_side import Reading
-from hapticmech_ros.control.engagement import Engagement
+from hapticmech_ros.control.clutch import Clutch
 from hapticmech_ros.control.flat import model_of
 from hapticmech_ros.control.prediction import InFlight
+from hapticmech_ros.control.rendering_controller import ControllerInput
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.scene.controller import Connection
 from oracles.delay_line import DelayLine
 from oracles.energy_ledger import EnergyLedger
 from oracles.local_model import NO_MODEL, LocalModel, local_model
-from oracles.mechanism_port import MechanismPort
+from oracles.port_passivity import PortPassivity
 
 _NO_WRENCH = np.zeros(6)
 _TWIST = OPERATIONAL_MODEL.slice("twist")
 
 
-class Answer(NamedTuple):
+class ControllerCommand(NamedTuple):
     """An answer to a sample of the device.
 
     Attributes:
@@ -42,12 +42,12 @@ class Answer(NamedTuple):
     to_mechanism: float
 
     @classmethod
-    def nothing(cls, stamp_ns: int) -> Answer:
+    def nothing(cls, stamp_ns: int) -> ControllerCommand:
         """Return what stands for an answer before there is one."""
         return cls(np.zeros((6, 6)), NO_MODEL, np.zeros(DEVICE_SAMPLE.size), stamp_ns, 0.0)
 
 
-class ControllerSide:
+class RenderingController:
     """Answers samples, and keeps the account of what the mechanism gets.
 
     Args:
@@ -68,23 +68,23 @@ class ControllerSide:
         period: float,
         connection: Connection,
         delay: int = 1,
-        before: ControllerSide | None = None,
+        before: RenderingController | None = None,
     ) -> None:
         self.control = control
         self.ledger: EnergyLedger = EnergyLedger() if before is None else before.ledger
         self.ledger.held_elsewhere()
-        self.last: Answer | None = None
+        self.last: ControllerCommand | None = None
         self._period = period
         self._told: deque[Array] = deque([_NO_WRENCH] * delay)
         inertia = np.diag(control.device_inertia).copy()
-        self.port: MechanismPort = MechanismPort(inertia) if before is None else before.port
+        self.port: PortPassivity = PortPassivity(inertia) if before is None else before.port
         self.port.pause()
         self._twist: Array = _NO_WRENCH
-        self._lines: tuple[DelayLine[Reading], DelayLine[Answer]] | None = None
+        self._lines: tuple[DelayLine[ControllerInput], DelayLine[ControllerCommand]] | None = None
         if not connection.ideal:
             self._lines = DelayLine(connection, 0), DelayLine(connection, 1)
 
-    def _paid(self) -> Array:
+    def _passive_command(self) -> Array:
         """Return what the mechanism is told (6,): the last answer, as far as the hand pays."""
         if self.last is None:
             return _NO_WRENCH
@@ -93,7 +93,7 @@ class ControllerSide:
         if not passivity.control:
             return np.asarray(wrench)
         short = self.ledger.entry.to_mechanism - self.port.from_hand - passivity.slack
-        return self.port.hold(wrench, self._twist) if short > 0.0 else wrench
+        return self.port.enforce(wrench, self._twist) if short > 0.0 else wrench
 
     @property
     def lost(self) -> int:
@@ -101,36 +101,36 @@ class ControllerSide:
         return 0 if self._lines is None else self._lines[0].lost + self._lines[1].lost
 
     def tick(
-        self, reading: Reading, engagement: Engagement, corrects: bool, with_model: bool = True
-    ) -> Answer | None:
+        self, inputs: ControllerInput, clutch: Clutch, corrects: bool, with_model: bool = True
+    ) -> ControllerCommand | None:
         """Return the answer that reaches the device now; None if none does.
 
         Args:
-            reading: what is known.
-            engagement: the tie of the two poses.
+            inputs: what is known.
+            clutch: that connects the two poses.
             corrects: whether the device corrects commands by itself.
             with_model: whether the answer is to say how.
         """
-        self.ledger.moved(reading.rendered[_TWIST], reading.elapsed)
-        seen: Reading | None = reading
+        self.ledger.moved(inputs.operational_model[_TWIST], inputs.elapsed)
+        seen: ControllerInput | None = inputs
         if self._lines is not None:
-            self._lines[0].put(reading.stamp_ns, reading)
-            seen = self._lines[0].take(reading.stamp_ns)
+            self._lines[0].put(inputs.stamp_ns, inputs)
+            seen = self._lines[0].take(inputs.stamp_ns)
         answer = None
-        self._twist = reading.rendered[_TWIST]
+        self._twist = inputs.operational_model[_TWIST]
         if seen is not None:
-            self.port.see(seen.device)
-            answer = self._answered(seen, reading, engagement, corrects, with_model)
+            self.port.record(seen.device)
+            answer = self._answered(seen, inputs, clutch, corrects, with_model)
             self.last = answer
         if self._lines is None:
             return answer
         if answer is not None:
-            self._lines[1].put(reading.stamp_ns, answer)
-        return self._lines[1].take(reading.stamp_ns)
+            self._lines[1].put(inputs.stamp_ns, answer)
+        return self._lines[1].take(inputs.stamp_ns)
 
-    def tell(self) -> tuple[Array, Array]:
+    def command_mechanism(self) -> tuple[Array, Array]:
         """Return what the mechanism is told, and what acts on it from now on, (6,) each."""
-        told = self._paid()
+        told = self._passive_command()
         self._told.append(told)
         acting = self._told.popleft()
         self.ledger.acts(acting)
@@ -143,25 +143,25 @@ class ControllerSide:
 
     def _answered(
         self,
-        seen: Reading,
-        reading: Reading,
-        engagement: Engagement,
+        seen: ControllerInput,
+        inputs: ControllerInput,
+        clutch: Clutch,
         corrects: bool,
         with_model: bool,
-    ) -> Answer:
-        control, rendered = self.control, reading.rendered
+    ) -> ControllerCommand:
+        control, operational_model = self.control, inputs.operational_model
         flying = self._in_flight() if corrects and control.gains.force_channel.local else None
         wrenches = control.answer(
-            reading.time, engagement, seen.device, rendered, reading.ahead, flying
+            inputs.time, clutch, seen.device, operational_model, inputs.ahead, flying
         )
-        gains, seen_model = control.gains.joint_constraint, model_of(rendered)
+        gains, seen_model = control.gains.joint_constraint, model_of(operational_model)
         projector = seen_model.constraint_projector
         self.ledger.answered(wrenches[5], projector, gains, control.channels, self._period)
         model = NO_MODEL
         if corrects and with_model and control.gains.local:
-            model = local_model(control, reading.time, engagement, seen_model)
+            model = local_model(control, inputs.time, clutch, seen_model)
         given = self.ledger.entry.to_mechanism
-        return Answer(wrenches, model, seen.device, seen.stamp_ns, given)
+        return ControllerCommand(wrenches, model, seen.device, seen.stamp_ns, given)
 
     def _in_flight(self) -> InFlight | None:
         """Return what the mechanism was told, and a device that corrects commands has done."""

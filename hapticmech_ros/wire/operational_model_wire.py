@@ -1,4 +1,4 @@
-"""Writing ``rendering`` messages in place, at the control rate."""
+"""Writing ``operational_model`` messages in place, at the control rate."""
 
 from __future__ import annotations
 
@@ -7,17 +7,20 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import Observation
-from hapticmech_ros.wire.layouts import COMMANDED, GRASP, RENDERED, RENDERING_FIELDS
+from hapticmech_ros.wire.layouts import COMMANDED, GRASP, OPERATIONAL_MODEL_FIELDS, POINT_MODEL_PART
 from hapticmech_ros.wire.stamps import seconds_of
 from hapticmech_ros.wire.state import WireState
 
-_COUNT, _DIRECTIONS = RENDERING_FIELDS.start("count"), RENDERING_FIELDS.start("directions")
+_COUNT, _DIRECTIONS = (
+    OPERATIONAL_MODEL_FIELDS.start("count"),
+    OPERATIONAL_MODEL_FIELDS.start("directions"),
+)
 
 
-class RenderingWriter:
-    """A ``rendering`` message's data, written anew for each state of the mechanism.
+class OperationalModelWriter:
+    """An ``operational_model`` message's data, written anew for each state of the mechanism.
 
-    What :func:`~hapticmech_ros.wire.layouts.pack_rendering` returns, without the objects between.
+    The same as ``layouts.pack_operational_model``, without the objects between.
 
     Attributes:
         values: (151,) the data.
@@ -27,13 +30,13 @@ class RenderingWriter:
     def __init__(self, analyser: Analyser) -> None:
         self._analyser = analyser
         self._index = analyser.index
-        self.values: Array = np.zeros(RENDERING_FIELDS.size)
+        self.values: Array = np.zeros(OPERATIONAL_MODEL_FIELDS.size)
         self.values[_DIRECTIONS] = analyser.rows.size
-        self._model = self.values[RENDERED]
+        self._model = self.values[POINT_MODEL_PART]
         self.s: Array = self._model[: analyser.rows.size]
-        self._contact = self.values[RENDERING_FIELDS.slice("contact")]
+        self._contact = self.values[OPERATIONAL_MODEL_FIELDS.slice("contact")]
 
-    def see(self, state: WireState) -> Observation:
+    def evaluate(self, state: WireState) -> Observation:
         """Write all but the count, and return what was found.
 
         Raises:

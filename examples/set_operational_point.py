@@ -1,6 +1,7 @@
 """Hold a running mechanism elsewhere: on a link, at an offset in its frame.
 
-Start a graph first (`hapticmech run five_bar`), then: python examples/grasp.py link1 0.02 0.01 0
+Start a graph first (`hapticmech run five_bar`), then:
+python examples/set_operational_point.py link1 0.02 0.01 0
 """
 
 import sys
@@ -20,10 +21,12 @@ def main() -> None:
     node = rclpy.create_node("grasp")
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    grasp = node.create_publisher(PoseStamped, "mechanism/handle/grasp", 10)
+    grasp = node.create_publisher(PoseStamped, "mechanism/handle/set_operational_point", 10)
     told: list[PoseStamped] = []
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    node.create_subscription(PoseStamped, "mechanism/handle/grasped", told.append, latched)
+    node.create_subscription(
+        PoseStamped, "mechanism/handle/operational_point", told.append, latched
+    )
     message = PoseStamped()
     message.header.frame_id = link
     place = message.pose.position

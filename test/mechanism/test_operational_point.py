@@ -60,7 +60,7 @@ def test_x_at_any_place_is_that_of_a_scene_which_has_the_point_there(sample, kin
     # Rates that the closures allow: of others, redundant rows make what the unit of length makes.
     v = sample.v - np.linalg.pinv(w, rcond=1e-10) @ (w @ sample.v)
     for link, origin in places(sample):
-        mechanism.grasp(grasped(mechanism.scene, "", link, origin))
+        mechanism.set_operational_point(grasped(mechanism.scene, "", link, origin))
         terms = mechanism.evaluate(sample.q, v, active)
         analyser = analyser_of(mechanism)
         own = Terms(mechanism, terms, analyser.analyse(terms))
@@ -93,7 +93,7 @@ def test_steps_push_where_the_point_is_now(kind):
     push = np.vstack((np.array([3.0, -1.0, 2.0, 0.1, 0.2, -0.1]), np.zeros(6)))
     state = simulator.step(simulator.initial_state(), push)
     simulator.evaluate(state)
-    simulator.grasp(grasped(simulator.scene, "", link, origin))
+    simulator.set_operational_point(grasped(simulator.scene, "", link, origin))
     expected = other.step(state, push)
     found = simulator.step(state, push)
     assert np.abs(found.v - expected.v).max() < 1e-13 * np.abs(expected.v).max()
@@ -109,7 +109,7 @@ def test_closures_chosen_later_have_the_point_at_its_new_place():
     q = np.array([-0.1, -1.34, -2.31])
     mechanism.evaluate(q, q, (False,))
     for one in (mechanism, other):
-        one.grasp(point)
+        one.set_operational_point(point)
     for active in ((False,), (True,)):
         found, expected = (one.evaluate(q, q, active).points[0] for one in (mechanism, other))
         assert np.abs(found.jacobian - expected.jacobian).max() < 1e-15
@@ -132,7 +132,7 @@ def test_another_point_can_be_meant_and_an_offset_from_it():
     middle = mechanism.evaluate(sample.q, sample.v, active).points[1].pose
     assert grasped(scene, "tip", "middle").origin == scene.operational_point("middle").origin
     offset = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.9])), np.array([0.1, 0.2, 0.3]))
-    mechanism.grasp(grasp_posed(scene, "tip", "middle", offset))
+    mechanism.set_operational_point(grasp_posed(scene, "tip", "middle", offset))
     found = mechanism.evaluate(sample.q, sample.v, active).points[0].pose
     assert np.abs(found.homogeneous - (middle * offset).homogeneous).max() < 1e-13
 
@@ -194,8 +194,8 @@ def test_coming_back_is_as_if_nothing_had_been():
     rng = np.random.default_rng(0)
     q, v = rng.normal(size=(2, mechanism.nv))
     for link, point in itertools.product(scene.links, (scene.operational_point(),)):
-        mechanism.grasp(grasped(scene, "", link.name, Origin(xyz=(0.1, 0.0, 0.2))))
-        mechanism.grasp(point)
+        mechanism.set_operational_point(grasped(scene, "", link.name, Origin(xyz=(0.1, 0.0, 0.2))))
+        mechanism.set_operational_point(point)
         found, expected = (one.evaluate(q, v, ()).points[0] for one in (mechanism, other))
         assert found.jacobian.tobytes() == expected.jacobian.tobytes()
     assert mechanism.scene == scene

@@ -71,7 +71,7 @@ def test_in_one_go_or_not_is_the_same_to_the_bit(pair):
         squares = filled[6:114].reshape(3, 6, 6)
         assert (squares[0] == found.inverse_inertia).all()
         assert (squares[1] == found.constraint_projector).all()
-        assert (squares[2] == found.balanced_share).all()
+        assert (squares[2] == found.wrench_projector).all()
         assert (filled[FREE] == found.free_acceleration).all()
         assert (filled[120:123] == point.pose.translation).all()
         assert (filled[MOVES] == point.twist).all()

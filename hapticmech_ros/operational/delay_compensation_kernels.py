@@ -1,4 +1,4 @@
-"""Parts of kernels: how an operational point answers through a late loop: :mod:`.late_answer`."""
+"""Parts of kernels: X_τ and a_τ; see :mod:`.delay_compensation`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hapticmech_ros.mechanism.kernels.small_matrices import (
     dot_rows,
     solve_lower,
 )
-from hapticmech_ros.operational.foresee_kernels import foresee
+from hapticmech_ros.operational.prediction_kernels import predict
 
 # As in :mod:`~hapticmech_ros.operational.spectrum`, which kernels do not see.
 LEAST_S = 1e-10
@@ -67,9 +67,9 @@ def compensate(
     s: Array,
     details: Array,
     length: float,
-    lateness: float,
+    compensated_delay: float,
     ahead: Array,
-    late: Array,
+    compensated: Array,
 ) -> None:
     """Fill X_τ, and turn a_0 into a_τ, of an operational point that is analysed.
 
@@ -87,18 +87,18 @@ def compensate(
         s: (t,) of the analysis.
         details: (t + 2 t²,) as ``analyse_motion`` filled them.
         length: of the mechanism, m.
-        lateness: τ, s.
+        compensated_delay: τ, s.
         ahead: as long as the terms, to work in.
-        late: (42,) X_τ (6, 6) to fill, and a_0 (6,), which becomes a_τ.
+        compensated: (42,) X_τ (6, 6) to fill, and a_0 (6,), which becomes a_τ.
     """
     t, nv = rows.size, model.nv
     directions = shaped(details[t:], (2, t, t))
     rates = shaped(local(t * nv), (t, nv))
     _unit_rates(model, data, jacobian, rows, s, directions[0], rates)
-    square = lateness * lateness
+    square = compensated_delay * compensated_delay
     force, resisted, shown = local(nv), shaped(local(36), (t, t)), shaped(local(36), (t, t))
     for j in range(t):
-        element_resistance(model, data, q, v, rates[j], square, lateness, force)
+        element_resistance(model, data, q, v, rates[j], square, compensated_delay, force)
         for i in range(t):
             resisted[i, j] = dot(rates[i], force)
             # Rows are the columns of Zᵀ, each of which is solved with L.
@@ -108,19 +108,19 @@ def compensate(
     own[:] = 0.0
     accelerate(model, data, bias_force, passive, bias, own)
     # From here on the model's workspace is of another configuration.
-    foresee(model, data, q, v, bias, index, length, lateness, ahead, own, late[36:])
-    element_resistance(model, data, q, v, own[:nv], square, lateness, force)
+    predict(model, data, q, v, bias, index, length, compensated_delay, ahead, own, compensated[36:])
+    element_resistance(model, data, q, v, own[:nv], square, compensated_delay, force)
     for i in range(t):
         met[i] = dot(rates[i], force)
     cholesky(resisted, resisted)
     for j in range(t):
         solve_lower(resisted, shown[j])
     solve_lower(resisted, met)
-    late[:36] = 0.0
-    inverse_inertia = shaped(late[:36], (6, 6))
+    compensated[:36] = 0.0
+    inverse_inertia = shaped(compensated[:36], (6, 6))
     for i in range(t):
         for j in range(i + 1):
             product = dot_rows(shown, i, j)
             inverse_inertia[rows[i], rows[j]] = product
             inverse_inertia[rows[j], rows[i]] = product
-        late[36 + rows[i]] -= dot(shown[i], met)
+        compensated[36 + rows[i]] -= dot(shown[i], met)

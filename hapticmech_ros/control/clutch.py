@@ -1,14 +1,14 @@
-"""Engagement (clutch): ties the device's pose to the operational point's when rendering starts.
+"""The clutch between the device and the operational point, as in teleoperation.
 
-A device wakes up anywhere in its workspace. The offset between the two poses at the moment of
-engagement is kept, axes of the world shared, so that rendering starts without error and without a
-jump; it starts anew after every interruption.
+A device may be anywhere in its workspace when rendering starts. The clutch offset is the pose of
+the operational point relative to the device at that moment, axes of the world shared. It is kept,
+so that rendering starts without an error of position and without a step of force, and it is
+computed anew after every interruption.
 
-Who holds the mechanism elsewhere from one moment to the next is engaged anew while the device moves
-and pushes. The wrench of that moment is then carried on and fades as the new one comes in, and the
-tie slips like a clutch that is being closed: of the two sides' difference in velocity only the cube
-of the ramp's share becomes error, so that damping brings both to one velocity before the springs
-hold them.
+When the operational point is put elsewhere, the clutch is engaged anew while the device moves and
+pushes. The wrench of that moment is carried on and fades as the new one comes in, and the clutch
+slips while it closes: only the cube of the ramp's share of the difference in velocity becomes an
+error of position, so that damping brings both to one velocity before the springs act.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from hapticmech_ros.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Engagement:
-    """The tie between the device's pose and the operational point's.
+class Clutch:
+    """A clutch: the offset between the device's pose and the operational point's.
 
     Attributes:
-        time: s, when rendering started; -inf once a tie has slipped and holds.
+        time: s, when rendering started; -inf once the clutch has slipped and is closed.
         displacement: (3,) m, from device to operational point at that time.
         turn: (3, 3) rotation, R_device R_turn = R_point at that time.
         carried: (6,) wrench of the device at that time, which fades as the ramp rises; None when
             the device was left alone before.
-        slipped_at: s, until when the tie has slipped; of a tie with ``carried``.
+        slipped_until: s, until when the offset has slipped; of a clutch with ``carried``.
     """
 
     time: float
     displacement: Array
     turn: Array
     carried: Array | None = None
-    slipped_at: float = 0.0
+    slipped_until: float = 0.0
 
     def mapped(self, device: pin.SE3) -> pin.SE3:
         """Return the device's pose seen from the mechanism's side."""
@@ -55,10 +55,10 @@ class Engagement:
         """Return what is left of ``carried`` (6,) at ``time``; None for nothing."""
         return None if self.carried is None else (1.0 - self.ramp(time, duration)) * self.carried
 
-    def slipped(
+    def with_slip(
         self, time: float, duration: float, device: pin.SE3, device_twist: Array, twist: Array
-    ) -> Engagement:
-        """Return the tie after slipping until ``time``; itself, once it holds.
+    ) -> Clutch:
+        """Return the clutch with its offset slipped until ``time``; itself, once it is closed.
 
         Args:
             time: s.
@@ -72,20 +72,18 @@ class Engagement:
         share = self.ramp(time, duration)
         if share >= 1.0:
             return replace(self, carried=None, time=-math.inf)
-        away = (1.0 - share**3) * (time - self.slipped_at) * (twist - device_twist)
+        away = (1.0 - share**3) * (time - self.slipped_until) * (twist - device_twist)
         rotation = device.rotation
         return replace(
             self,
             displacement=self.displacement + away[:3],
             turn=rotation.T @ pin.exp3(away[3:]) @ rotation @ self.turn,
-            slipped_at=time,
+            slipped_until=time,
         )
 
 
-def engage(
-    time: float, device: pin.SE3, point: pin.SE3, carried: Array | None = None
-) -> Engagement:
-    """Return the engagement that maps the device's pose onto the operational point's.
+def engage(time: float, device: pin.SE3, point: pin.SE3, carried: Array | None = None) -> Clutch:
+    """Return the clutch that maps the device's pose onto the operational point's.
 
     Args:
         time: s.
@@ -93,7 +91,7 @@ def engage(
         point: that of the operational point.
         carried: (6,) the device's wrench until then, if it held the mechanism elsewhere.
     """
-    return Engagement(
+    return Clutch(
         time,
         point.translation - device.translation,
         device.rotation.T @ point.rotation,

@@ -14,7 +14,7 @@ from hapticmech_ros.arrays import Array
 from oracles.local_model import FORCE, displacement
 
 
-class MechanismPort:
+class PortPassivity:
     """What the hand has put in, as the controller knows it.
 
     Args:
@@ -31,7 +31,7 @@ class MechanismPort:
         self._inertia = inertia
         self._sample: Array | None = None
 
-    def see(self, sample: Array) -> None:
+    def record(self, sample: Array) -> None:
         """Account for what the hand did until a sample (19,) of the device."""
         before = self._sample
         if before is not None:
@@ -43,7 +43,7 @@ class MechanismPort:
         """Leave out what the hand does until the next sample."""
         self._sample = None
 
-    def hold(self, wrench: Array, twist: Array) -> Array:
+    def enforce(self, wrench: Array, twist: Array) -> Array:
         """Return a wrench (6,) that gives nothing to what moves with a twist (6,)."""
         given = float(wrench @ twist)
         if given <= 0.0:

@@ -14,7 +14,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_written
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.messages import stamp_ns
-from hapticmech_ros.wire.layouts import unpack_rendering
+from hapticmech_ros.wire.layouts import unpack_operational_model
 from hapticmech_ros.wire.state import StateLayout
 from ros.harness import Peer, allowing, figures, refuses, running, six
 
@@ -37,12 +37,12 @@ def position(message: PoseStamped) -> list[float]:
 
 def test_a_topic_and_a_parameter_put_the_point_elsewhere(domain: int, peer: Peer) -> None:
     poses = peer.listen("mechanism/handle/measured_cp", PoseStamped)
-    told = peer.listen("mechanism/handle/grasped", PoseStamped, LATCHED)
+    told = peer.listen("mechanism/handle/operational_point", PoseStamped, LATCHED)
     states = peer.listen("mechanism/state", Float64MultiArray)
     mechanism = Mechanism(SCENE)
     layout = StateLayout(mechanism)
     with running("mechanism_simulator", domain):
-        command = peer.publisher("mechanism/handle/grasp", PoseStamped)
+        command = peer.publisher("mechanism/handle/set_operational_point", PoseStamped)
         peer.until(lambda: told and poses, "where the point is at the start")
         start = SCENE.operational_point()
         assert told[-1].header.frame_id == start.link
@@ -75,9 +75,9 @@ def test_a_topic_and_a_parameter_put_the_point_elsewhere(domain: int, peer: Peer
 
 def test_places_that_are_not_there_are_refused(domain: int, peer: Peer) -> None:
     statuses = peer.statuses()
-    told = peer.listen("mechanism/handle/grasped", PoseStamped, LATCHED)
+    told = peer.listen("mechanism/handle/operational_point", PoseStamped, LATCHED)
     with running("mechanism_simulator", domain, diagnostics_period=0.05, grasp="link1 0.02 0 0"):
-        command = peer.publisher("mechanism/handle/grasp", PoseStamped)
+        command = peer.publisher("mechanism/handle/set_operational_point", PoseStamped)
         for bad in (
             grasp(peer, "link9"),
             grasp(peer, ""),
@@ -100,7 +100,7 @@ def test_a_start_that_is_not_there_is_an_error(
 
 def test_the_hand_feels_no_bump(domain: int, peer: Peer, tmp_path: Path) -> None:
     commands = peer.listen("device/servo_cf", WrenchStamped)
-    renderings = peer.listen("analysis/handle/rendering", Float64MultiArray)
+    models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
     frames = peer.listen("view/frames", TransformStamped)
     statuses = peer.statuses()
     # Patient nodes: what is asked here is not how soon a starved machine lets go.
@@ -108,7 +108,7 @@ def test_the_hand_feels_no_bump(domain: int, peer: Peer, tmp_path: Path) -> None
     names = ",".join([*NODES, "scene_viewer"])
     scene = allowing(tmp_path, command_timeout=0.5)
     with running(names, domain, scene, diagnostics_period=0.05, **patience):
-        command = peer.publisher("mechanism/handle/grasp", PoseStamped)
+        command = peer.publisher("mechanism/handle/set_operational_point", PoseStamped)
         peer.until(lambda: len(commands) > 300, "a hand that pushes")
         before = len(commands)
         command.publish(grasp(peer, "link1", 0.02, 0.01))
@@ -126,7 +126,7 @@ def test_the_hand_feels_no_bump(domain: int, peer: Peer, tmp_path: Path) -> None
     ]
     assert len(steps) > 300
     assert max(steps) < BUMP_N
-    found = unpack_rendering(renderings[-1].data)
+    found = unpack_operational_model(models[-1].data)
     assert found.grasp[0] == 0.0
     # A link on a pin in the world: one direction is free, where the handle had two.
     assert np.count_nonzero(found.s > 1e-6) == 1

@@ -10,7 +10,7 @@ from hapticmech_ros.scene.part import Part
 P = TypeVar("P", bound=Part)
 
 
-class Passage(NamedTuple):
+class GainRamp(NamedTuple):
     """Gains on their way to others, all in a straight line over the new ones' ``gain_ramp``.
 
     A spring that becomes stiffer while it is stretched takes up energy: the ledger tells it, and

@@ -10,12 +10,12 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.account_kernels import (
     account_for_answer,
     answer_sample,
+    command_mechanism,
     move_point_on,
-    tell,
 )
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.channel import Channel
-from hapticmech_ros.control.engagement import Engagement
+from hapticmech_ros.control.clutch import Clutch
 from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
 from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.layout import DEVICE_SAMPLE
@@ -31,27 +31,27 @@ _SLACK = CONTROLLER_ACCOUNT.start("slack")
 _MOVING, _STRETCHED = CONTROLLER_ACCOUNT.starts("twist_known", "error_known")
 
 
-class Reading(NamedTuple):
+class ControllerInput(NamedTuple):
     """What is known at a sample's time.
 
     Attributes:
         time: s, of the controllers.
         stamp_ns: of the device's sample.
         device: (19,) that sample, see :mod:`~hapticmech_ros.control.flat`.
-        rendered: (139,) analysis and operational point.
-        ahead: s, from the time of ``rendered`` to that of ``device``.
-        elapsed: s, since the last ``rendered``.
+        operational_model: (139,) analysis and operational point.
+        ahead: s, from the time of ``operational_model`` to that of ``device``.
+        elapsed: s, since the last ``operational_model``.
     """
 
     time: float
     stamp_ns: int
     device: Array
-    rendered: Array
+    operational_model: Array
     ahead: float
     elapsed: float
 
 
-class Answer(NamedTuple):
+class ControllerCommand(NamedTuple):
     """An answer to a sample of the device.
 
     Attributes:
@@ -88,7 +88,7 @@ class Answer(NamedTuple):
         return float(self.numbers[_TO_MECHANISM])
 
     @classmethod
-    def nothing(cls, stamp_ns: int) -> Answer:
+    def nothing(cls, stamp_ns: int) -> ControllerCommand:
         """Return what stands for an answer before there is one."""
         return cls(np.zeros(ANSWER.size), stamp_ns)
 
@@ -109,7 +109,7 @@ class LedgerEntry(NamedTuple):
     dissipated: float
 
 
-class ControllerSide:
+class RenderingController:
     """Answers samples, and keeps the account of what the mechanism gets.
 
     Args:
@@ -132,7 +132,7 @@ class ControllerSide:
         period: float,
         connection: Connection,
         delay: int = 1,
-        before: ControllerSide | None = None,
+        before: RenderingController | None = None,
     ) -> None:
         self.control = control
         if before is None:
@@ -145,7 +145,7 @@ class ControllerSide:
         self.account[_HEARD] = 0.0
         self.queue = np.zeros((delay, 6))
         self.held_elsewhere()
-        self.last: Answer | None = None
+        self.last: ControllerCommand | None = None
         self._locality = np.zeros(3)
         self._nothing = np.zeros(ANSWER.size)
         self.channels: tuple[Channel, Channel] | None = None
@@ -194,36 +194,36 @@ class ControllerSide:
         return self._locality
 
     def tick(
-        self, reading: Reading, engagement: Engagement, corrects: bool, with_model: bool = True
-    ) -> Answer | None:
+        self, inputs: ControllerInput, clutch: Clutch, corrects: bool, with_model: bool = True
+    ) -> ControllerCommand | None:
         """Return the answer that reaches the device now; None if none does.
 
         Args:
-            reading: what is known.
-            engagement: the tie of the two poses.
+            inputs: what is known.
+            clutch: that connects the two poses.
             corrects: whether the device corrects commands by itself.
             with_model: whether the answer is to say how.
         """
-        move_point_on(self.account, reading.rendered, reading.elapsed)
+        move_point_on(self.account, inputs.operational_model, inputs.elapsed)
         locality = self.locality(corrects, with_model)
         if self.channels is None:
-            heard = reading.device, reading.stamp_ns
-            self.last = self._answered(*heard, reading, engagement, locality)
+            heard = inputs.device, inputs.stamp_ns
+            self.last = self._answered(*heard, inputs, clutch, locality)
             return self.last
         forth, back = self.channels
-        forth.put(reading.stamp_ns, reading.device, reading.stamp_ns)
-        device = forth.take(reading.stamp_ns)
+        forth.put(inputs.stamp_ns, inputs.device, inputs.stamp_ns)
+        device = forth.take(inputs.stamp_ns)
         if device is not None:
-            self.last = self._answered(device, forth.tag, reading, engagement, locality)
-            back.put(reading.stamp_ns, self.last.numbers, self.last.answered_ns)
-        arrived = back.take(reading.stamp_ns)
-        return None if arrived is None else Answer(arrived.copy(), back.tag)
+            self.last = self._answered(device, forth.tag, inputs, clutch, locality)
+            back.put(inputs.stamp_ns, self.last.numbers, self.last.answered_ns)
+        arrived = back.take(inputs.stamp_ns)
+        return None if arrived is None else ControllerCommand(arrived.copy(), back.tag)
 
-    def tell(self) -> tuple[Array, Array]:
+    def command_mechanism(self) -> tuple[Array, Array]:
         """Return what the mechanism is told, and what acts on it from now on, (6,) each."""
         last = self._nothing if self.last is None else self.last.numbers
         told = np.empty((2, 6))
-        tell(self.account, self.queue, last, told)
+        command_mechanism(self.account, self.queue, last, told)
         return told[0], told[1]
 
     def held_elsewhere(self) -> None:
@@ -239,24 +239,26 @@ class ControllerSide:
         self,
         device: Array,
         stamp_ns: int,
-        reading: Reading,
-        engagement: Engagement,
+        inputs: ControllerInput,
+        clutch: Clutch,
         locality: Array,
-    ) -> Answer:
-        control, time, rendered = self.control, reading.time, reading.rendered
+    ) -> ControllerCommand:
+        control, time, operational_model = self.control, inputs.time, inputs.operational_model
         numbers = np.zeros(ANSWER.size)
         if control.answers_in_python:
             flying = self.in_flight() if locality[0] != 0.0 else None
-            found = control.answer(time, engagement, device, rendered, reading.ahead, flying)
+            found = control.answer(time, clutch, device, operational_model, inputs.ahead, flying)
             numbers[_WRENCHES] = found.ravel()
-            settings = control.settings_at(time, engagement)
-            account_for_answer(self.account, settings, device, rendered, time, locality, numbers)
+            settings = control.settings_at(time, clutch)
+            account_for_answer(
+                self.account, settings, device, operational_model, time, locality, numbers
+            )
         else:
-            settings = control.settings_at(time, engagement)
-            carried, ahead = control.carried_at(time, engagement), reading.ahead
-            known = (settings, carried, self.queue, device, rendered, time, ahead)
+            settings = control.settings_at(time, clutch)
+            carried, ahead = control.carried_at(time, clutch), inputs.ahead
+            known = (settings, carried, self.queue, device, operational_model, time, ahead)
             answer_sample(self.account, *known, locality, numbers)
-        return Answer(numbers, stamp_ns)
+        return ControllerCommand(numbers, stamp_ns)
 
     def in_flight(self) -> InFlight | None:
         """Return what the mechanism was told, and a device that corrects commands has done."""

@@ -4,7 +4,7 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis.scene_variants import with_loop
-from hapticmech_ros.control.lateness import loop_lateness
+from hapticmech_ros.control.compensated_delay import compensated_loop_delay
 from hapticmech_ros.errors import InvalidInputError
 
 
@@ -12,7 +12,9 @@ from hapticmech_ros.errors import InvalidInputError
 def test_a_device_that_corrects_commands_is_ahead_of_the_mechanism_by_the_delay(delay):
     scene = load_scene("five_bar")
     period = scene.simulation.period
-    with_it, without = (loop_lateness(with_loop(scene, local), delay) for local in (True, False))
+    with_it, without = (
+        compensated_loop_delay(with_loop(scene, local), delay) for local in (True, False)
+    )
     # Half a period for the hold, whoever closes the loop.
     assert without == (delay + 0.5) * period
     assert with_it - without == pytest.approx(delay * period, abs=1e-15)
@@ -20,4 +22,4 @@ def test_a_device_that_corrects_commands_is_ahead_of_the_mechanism_by_the_delay(
 
 def test_a_negative_delay_is_refused():
     with pytest.raises(InvalidInputError, match="0 or more periods"):
-        loop_lateness(load_scene("five_bar"), -1)
+        compensated_loop_delay(load_scene("five_bar"), -1)

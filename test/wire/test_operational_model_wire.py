@@ -5,14 +5,18 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.control import PointMeasurement
-from hapticmech_ros.control.rendering_model import rendering_model
+from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import shipped_scenes
-from hapticmech_ros.wire.layouts import RENDERING_FIELDS, Rendering, pack_rendering
-from hapticmech_ros.wire.rendering_wire import RenderingWriter
+from hapticmech_ros.wire.layouts import (
+    OPERATIONAL_MODEL_FIELDS,
+    OperationalModelMessage,
+    pack_operational_model,
+)
+from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
 from hapticmech_ros.wire.state import WireState
 
 
@@ -38,21 +42,23 @@ def states(mechanism):
 def test_both_ways_write_the_same(name):
     mechanism = Mechanism(load_scene(name))
     analyser = Analyser(mechanism)
-    writer = RenderingWriter(analyser)
+    writer = OperationalModelWriter(analyser)
     for count, state in enumerate(states(mechanism)):
-        writer.see(state)
+        writer.evaluate(state)
         writer.count(count)
         terms = mechanism.evaluate(state.q, state.v, state.active)
         found, point = analyser.analyse(terms), terms.points[analyser.index]
         measured = PointMeasurement(point.pose, point.twist, state.contacts[analyser.index])
         heard, grasp = state.commanded[analyser.index], state.grasps[analyser.index]
         s = found.spectrum.s
-        expected = pack_rendering(
-            Rendering(state.stamp_ns, count, s, rendering_model(found), measured, heard, grasp)
+        expected = pack_operational_model(
+            OperationalModelMessage(
+                state.stamp_ns, count, s, operational_model_of(found), measured, heard, grasp
+            )
         )
         assert (writer.s == s).all()
         # The quaternion by a kernel and by Eigen, which rounds it once less or more.
-        turn = RENDERING_FIELDS.slice("quaternion")
+        turn = OPERATIONAL_MODEL_FIELDS.slice("quaternion")
         assert np.abs(writer.values[turn] - expected[turn]).max() < 1e-15
         writer.values[turn] = expected[turn]
         assert writer.values.tobytes() == expected.tobytes()

@@ -61,7 +61,7 @@ def run_to_speed(scene, delay=1):
 )
 def test_a_switch_at_a_metre_a_second_is_no_bump(frame, xyz, delay):
     session, last = run_to_speed(long_arm(), delay)
-    session.grasp(frame, Origin(xyz=xyz))
+    session.set_operational_point(frame, Origin(xyz=xyz))
     samples = [session.tick() for _ in range(600)]
     wrenches = np.array([sample.output.device for sample in (last, *samples)])
     steps = np.linalg.norm(np.diff(wrenches[:, :3], axis=0), axis=1)
@@ -77,7 +77,7 @@ def test_a_switch_at_a_metre_a_second_is_no_bump(frame, xyz, delay):
 def test_without_care_it_would_be_one():
     """The same switch engaged as at a start, with nothing carried on: the wrench falls to zero."""
     session, last = run_to_speed(long_arm())
-    session.grasp("link1", Origin(xyz=(0.1, 0.05, 0.0)))
+    session.set_operational_point("link1", Origin(xyz=(0.1, 0.05, 0.0)))
     session._carried = np.zeros(6)
     after = session.tick()
     assert np.linalg.norm(after.output.device[:3] - last.output.device[:3]) > 10 * BUMP_N
@@ -90,7 +90,7 @@ def test_the_new_place_is_felt_as_if_it_had_been_held_from_the_start(name):
     session = Session(scene)
     for _ in range(300):
         session.tick()
-    session.grasp(link, Origin(xyz=(0.02, 0.01, 0.0)))
+    session.set_operational_point(link, Origin(xyz=(0.02, 0.01, 0.0)))
     sample = session.tick()
     there = grasped(scene, "", link, Origin(xyz=(0.02, 0.01, 0.0)))
     moved = scene.model_copy(update={"operational_points": (there, *scene.operational_points[1:])})
@@ -107,7 +107,7 @@ def test_the_hand_lets_go_of_the_old_place():
     """A command that was meant for the old place does not push at the new one."""
     session, last = run_to_speed(long_arm())
     assert np.abs(last.output.mechanism).max() > 1.0
-    session.grasp("link1", Origin(xyz=(0.4, 0.0, 0.0)))
+    session.set_operational_point("link1", Origin(xyz=(0.4, 0.0, 0.0)))
     before = session.tick().mechanism
     alone = session.simulator.step(before, np.zeros((1, 6)))
     assert session.tick().mechanism.v.tobytes() == alone.v.tobytes()
@@ -119,5 +119,5 @@ def test_a_place_that_is_not_there_is_refused_and_nothing_changes():
         session.tick()
         other.tick()
     with pytest.raises(InvalidInputError, match="must be one of"):
-        session.grasp("nowhere")
+        session.set_operational_point("nowhere")
     assert session.tick().output.device.tobytes() == other.tick().output.device.tobytes()

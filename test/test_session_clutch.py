@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.control.engagement import engage
+from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.scene.mechanism import Origin
 
 
@@ -23,7 +23,7 @@ def felt(scene, at_once=False, ticks=1000):
     session = Session(scene)
     if at_once:
         terms = session.simulator.evaluate(session.simulator.initial_state())
-        session._engagement = engage(0.0, terms.points[0].pose, terms.points[0].pose)
+        session._clutch = engage(0.0, terms.points[0].pose, terms.points[0].pose)
     forces = [session.tick().output.device[:3] for _ in range(ticks)]
     return np.linalg.norm(forces, axis=1), session
 
@@ -56,7 +56,7 @@ def test_a_tie_that_has_slipped_lets_all_through_whatever_the_first_ramp_was():
     for _ in range(2200):
         session.tick()
     link = session.simulator.scene.operational_points[0].link
-    session.grasp(link, Origin(xyz=(0.0, 0.0, 0.0)))
+    session.set_operational_point(link, Origin(xyz=(0.0, 0.0, 0.0)))
     forces = [np.linalg.norm(session.tick().output.device[:3]) for _ in range(400)]
     assert max(forces) > 0.05
     assert np.abs(np.diff(forces)).max() < 0.1 * max(forces)

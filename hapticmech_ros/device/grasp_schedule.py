@@ -13,7 +13,7 @@ OPEN = -1
 
 
 @dataclass(frozen=True, slots=True)
-class Grip:
+class GraspSchedule:
     """Windows of time in which a hand holds, numbered by how many switches are passed.
 
     In window 0 the hand is where it could take hold first; in a later one, where the device was
@@ -34,12 +34,12 @@ class Grip:
     inertia: float = 0.0
 
 
-ALWAYS = Grip()
+ALWAYS = GraspSchedule()
 
 
-def grip_of(hand: Hand) -> Grip:
+def grasp_schedule_of(hand: Hand) -> GraspSchedule:
     """Return when a scene's hand holds."""
     switches = tuple(sorted(hand.release_at + hand.grab_at))
     holds_first = not switches or switches[0] in hand.release_at
     mass, inertia = (hand.mass, hand.angular_inertia) if isinstance(hand, ArmHand) else (0.0, 0.0)
-    return Grip(hand.start_delay, switches, holds_first, mass, inertia)
+    return GraspSchedule(hand.start_delay, switches, holds_first, mass, inertia)

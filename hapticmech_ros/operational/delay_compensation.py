@@ -1,8 +1,8 @@
-"""How an operational point answers, seen through a loop that is late by τ.
+"""Delay compensation: X and a_0 of an operational point for a loop with a delay τ.
 
-What springs, dampers and weight do at a state reaches the hand τ late; a force takes effect while
-it is on the way. So the state is foreseen: q' is where the mechanism will be after τ at its rates,
-and with K and C of what springs and dampers do to a change, its inertia is D + τ C + τ² K. Then
+What springs, dampers and weight do at a state reaches the hand after τ; a force takes effect during
+that time. So the state is predicted: q' is where the mechanism will be after τ at its rates. With
+the stiffness K and damping C of springs and dampers its inertia over τ is D + τ C + τ² K. Then
 
     X_τ = J (D + τ C + τ² K)⁻¹ Jᵀ
     a_τ = a_0(q', v) - J (D + τ C + τ² K)⁻¹ (τ C + τ² K) v̇_0(q', v)
@@ -15,7 +15,7 @@ in the mass metric, and B = 1 + ζ (τ C + τ² K) ζᵀ, which is never smaller
 
     X_τ = Z B⁻¹ Zᵀ,  a_τ = a_0(q', v) - Z B⁻¹ ζ (τ C + τ² K) v̇_0(q', v)
 
-with columns I_ℓ⁻¹ n_i s_i in Z. How joints that move without the point resist them is left out of
+with columns I_ℓ⁻¹ n_i s_i in Z. What joints that move without the point add to it is left out of
 B, which is exact to first order too; and B being no smaller than 1, no gain is larger than X's.
 
 To second order q' = q ⊕ (τ v - ½ τ² D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ Ẇv) is on the closures. Next to a singular
@@ -29,8 +29,8 @@ from typing import NamedTuple
 from hapticmech_ros.arrays import Array
 
 
-class LateAnswer(NamedTuple):
-    """What stands for X and a_0 in a late loop, world axes at the operational point.
+class CompensatedResponse(NamedTuple):
+    """X_τ and a_τ, which replace X and a_0 in a loop with delay; world axes, at the point.
 
     Attributes:
         inverse_inertia: (6, 6) X_τ; 1/kg, 1/(kg m), 1/(kg m²).

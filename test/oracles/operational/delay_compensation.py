@@ -1,4 +1,4 @@
-"""How an operational point answers through a late loop; see ``operational.late_answer``."""
+"""How an operational point answers through a late loop; see ``operational.delay_compensation``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.operational.late_answer import LateAnswer
+from hapticmech_ros.operational.delay_compensation import CompensatedResponse
 from hapticmech_ros.operational.spectrum import RANK_TOLERANCE, Spectrum
 from oracles.mechanism.mechanism import ReadableEvaluation, ReadableMechanism
 
@@ -16,7 +16,7 @@ from oracles.mechanism.mechanism import ReadableEvaluation, ReadableMechanism
 TRUSTED = 0.01
 
 
-def late_answer(
+def compensated_response(
     mechanism: ReadableMechanism,
     terms: ReadableEvaluation,
     q: Array,
@@ -26,8 +26,8 @@ def late_answer(
     rows: Array,
     found: Spectrum,
     free_acceleration: Array,
-    lateness: float,
-) -> LateAnswer:
+    compensated_delay: float,
+) -> CompensatedResponse:
     """Return X_τ and a_τ of a point.
 
     Args:
@@ -40,19 +40,19 @@ def late_answer(
         rows: (t,) rows of a six-vector that the task space has.
         found: spectrum of X there.
         free_acceleration: (6,) a_0.
-        lateness: τ, s, 0 or more.
+        compensated_delay: τ, s, 0 or more.
     """
     model, data = mechanism.model, mechanism.data
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
     stiffness, damping = mechanism.elements.tangents(model, data, q, v)
-    slope = lateness * damping + lateness**2 * stiffness
+    slope = compensated_delay * damping + compensated_delay**2 * stiffness
     space, jacobian = terms.space, terms.points[index].jacobian[rows]
     moved = found.s > RANK_TOLERANCE
     free = space.without_closure_part(space.to_mass_metric(jacobian.T))
     along = [space.from_mass_metric(column) for column in np.ascontiguousarray(free.T)]
     rates = (found.wrenches[:, moved] / found.s[moved]).T @ np.array(along)
-    later = _foreseen(mechanism, terms, q, v, active, lateness)
+    later = _predicted(mechanism, terms, q, v, active, compensated_delay)
     own, _ = later.acceleration(np.zeros(v.size))
     acceleration = free_acceleration.copy()
     if later is not terms:
@@ -64,21 +64,21 @@ def late_answer(
     inverse_inertia = np.zeros((6, 6))
     inverse_inertia[np.ix_(rows, rows)] = shown @ np.linalg.solve(resisted, shown.T)
     acceleration[rows] -= shown @ np.linalg.solve(resisted, met)
-    return LateAnswer(inverse_inertia, acceleration)
+    return CompensatedResponse(inverse_inertia, acceleration)
 
 
-def _foreseen(
+def _predicted(
     mechanism: ReadableMechanism,
     terms: ReadableEvaluation,
     q: Array,
     v: Array,
     active: Active,
-    lateness: float,
+    compensated_delay: float,
 ) -> ReadableEvaluation:
     """Return the terms at q' and v, or those at q and v where these say more."""
-    change = lateness * v
+    change = compensated_delay * v
     if terms.closure_bias.size:
-        change = change - 0.5 * lateness**2 * terms.space.correction(terms.closure_bias)
+        change = change - 0.5 * compensated_delay**2 * terms.space.correction(terms.closure_bias)
     later = mechanism.evaluate(mechanism.integrate(q, change), v, active)
     space, error = later.space, later.closing.error
     allowed = TRUSTED * space.least_kept**2 * mechanism.length

@@ -68,7 +68,7 @@ def rubbed(rate: Array, most: float) -> Array:
     return np.zeros(3) if speed <= most else np.asarray((1.0 - most / speed) * rate)
 
 
-class Resistance:
+class Friction:
     """End stops and friction of a device.
 
     Args:

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from scipy.linalg import expm, logm
 
-from hapticmech_ros.control.engagement import engage, pose_error
+from hapticmech_ros.control.clutch import engage, pose_error
 
 
 def hat(twist):
@@ -27,26 +27,26 @@ def moved(pose, twist, time):
 def test_any_two_poses_engage_without_error(seed):
     rng = np.random.default_rng(seed)
     device, point = random_pose(rng), random_pose(rng)
-    tie = engage(1.0, device, point)
+    clutch = engage(1.0, device, point)
     # Two products of rotations and one sum of metres: rounding only.
-    assert np.abs(pose_error(point, tie.mapped(device))).max() < 1e-14
+    assert np.abs(pose_error(point, clutch.mapped(device))).max() < 1e-14
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_world_axes_are_shared(seed):
     rng = np.random.default_rng(seed)
     device, point = random_pose(rng), random_pose(rng)
-    tie = engage(0.0, device, point)
+    clutch = engage(0.0, device, point)
     step, turn = rng.normal(size=3), pin.exp3(rng.normal(size=3))
-    after = tie.mapped(pin.SE3(turn @ device.rotation, device.translation + step))
+    after = clutch.mapped(pin.SE3(turn @ device.rotation, device.translation + step))
     assert np.abs(after.translation - (point.translation + step)).max() < 1e-14
     assert np.abs(after.rotation - turn @ point.rotation).max() < 1e-14
 
 
 def test_the_ramp_goes_from_zero_to_one_and_stays():
-    tie = engage(2.0, pin.SE3.Identity(), pin.SE3.Identity())
-    assert [tie.ramp(t, 0.5) for t in (1.0, 2.0, 2.25, 2.5, 9.0)] == [0.0, 0.0, 0.5, 1.0, 1.0]
-    assert tie.ramp(2.0, 0.0) == 1.0
+    clutch = engage(2.0, pin.SE3.Identity(), pin.SE3.Identity())
+    assert [clutch.ramp(t, 0.5) for t in (1.0, 2.0, 2.25, 2.5, 9.0)] == [0.0, 0.0, 0.5, 1.0, 1.0]
+    assert clutch.ramp(2.0, 0.0) == 1.0
 
 
 @pytest.mark.parametrize("seed", range(5))

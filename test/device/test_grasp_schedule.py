@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.device import Grip, grip_of
-from hapticmech_ros.device.grip import OPEN
+from hapticmech_ros.device import GraspSchedule, grasp_schedule_of
+from hapticmech_ros.device.grasp_schedule import OPEN
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, SpringDamperHand, Waypoint
-from oracles.device.grip import window_of
+from oracles.device.grasp_schedule import window_of
 from oracles.devices import KINDS, NOTHING, PERIOD, body_of, run
 
 DEVICE = Device(mass=0.2, inertia=4e-4, damping=0.3, angular_damping=1e-3)
@@ -19,9 +19,9 @@ def arm(**keys):
 
 
 def test_windows_alternate_and_count_the_switches_passed():
-    grip = Grip(start=0.5, switches=(1.0, 2.0, 3.0))
+    schedule = GraspSchedule(start=0.5, switches=(1.0, 2.0, 3.0))
     times = (0.0, 0.4999, 0.5, 1.4999, 1.5, 2.4999, 2.5, 3.4999, 3.5, 90.0)
-    assert [window_of(grip, time) for time in times] == [
+    assert [window_of(schedule, time) for time in times] == [
         OPEN,
         OPEN,
         0,
@@ -33,16 +33,18 @@ def test_windows_alternate_and_count_the_switches_passed():
         OPEN,
         OPEN,
     ]
-    late = Grip(switches=(1.0, 2.0), holds_first=False)
+    late = GraspSchedule(switches=(1.0, 2.0), holds_first=False)
     assert [window_of(late, time) for time in (0.0, 1.0, 1.5, 2.0)] == [OPEN, 1, 1, OPEN]
     # Sums of periods that round below the time count as there.
-    assert window_of(Grip(switches=(0.3,)), 0.3 - 1e-16) == OPEN
+    assert window_of(GraspSchedule(switches=(0.3,)), 0.3 - 1e-16) == OPEN
 
 
 def test_a_hand_whose_first_switch_is_a_grab_does_not_hold_before():
     hand = ConstantWrenchHand(kind="constant_wrench", grab_at=(1.0,), release_at=(2.0,))
-    assert grip_of(hand) == Grip(0.25, (1.0, 2.0), holds_first=False)
-    assert grip_of(arm(mass=1.0, angular_inertia=0.1)) == Grip(0.0, mass=1.0, inertia=0.1)
+    assert grasp_schedule_of(hand) == GraspSchedule(0.25, (1.0, 2.0), holds_first=False)
+    assert grasp_schedule_of(arm(mass=1.0, angular_inertia=0.1)) == GraspSchedule(
+        0.0, mass=1.0, inertia=0.1
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -1,9 +1,11 @@
 """Wrenches that other people's nodes put on a body: any number of them at once, summed.
 
-A body is pushed through ``external_cf`` and ``held_cf`` below its name, and through any name below
-these, such as ``external_cf/<who>``: one name for each publisher, because a ROS subscriber is
-not told which publisher a message is from. Names are found in the graph as publishers appear, so
-that what nobody pushes costs nothing.
+A body's wrenches come on ``external_cf`` below its name, where each expires after a timeout, and on
+``external_cf/persistent``, where the last one stays until it is replaced, as in Gazebo's
+``wrench/persistent``. Further publishers use names below these, such as ``external_cf/<who>`` and
+``external_cf/persistent/<who>``: one name for each, because a ROS subscriber is not told which
+publisher a message is from. Names are found in the graph as publishers appear, so that a body that
+nobody pushes costs nothing.
 """
 
 from __future__ import annotations
@@ -27,15 +29,17 @@ from hapticmech_ros.times import NANOSECONDS
 WRENCH_TYPE = "geometry_msgs/msg/WrenchStamped"
 # How often the graph is searched for new publishers, s of the machine's clock.
 SCAN_PERIOD_S = 0.25
+# Suffix of a topic whose wrenches stay until they are replaced.
+PERSISTENT = "/persistent"
 RAMP_NS = NANOSECONDS // 20
 
 
 @dataclass(slots=True)
 class Source:
-    """One topic that pushes: on which body, in which frame's axes, and for how long."""
+    """One topic of wrenches: on which body, in which frame's axes, and for how long."""
 
     body: str
-    held: bool
+    persistent: bool
     wrench: ExpiringWrench
     subscription: Subscription
     found: bool
@@ -43,13 +47,14 @@ class Source:
     shared: bool = False
 
 
-class Pushes:
+class ExternalWrenches:
     """All pushes on some bodies.
 
     Args:
         actor: whose node listens.
         prefixes: body -> relative name below which it is pushed.
-        verbs: verb -> whether its wrenches stand until they are replaced.
+        verb: name of the topic below a prefix; ``<verb>/persistent`` is the one of wrenches that
+            stay until they are replaced.
         frames: frames whose axes a wrench may be given in, apart from ``world``.
         root: relative name below which every body is; a publisher there that pushes none is named.
     """
@@ -58,20 +63,21 @@ class Pushes:
         self,
         actor: Actor[Any],
         prefixes: Mapping[str, str],
-        verbs: Mapping[str, bool],
+        verb: str,
         frames: Collection[str],
         root: str = "",
     ) -> None:
         self._actor = actor
         self._frames = {WORLD, *frames}
         resolve = actor.node.resolve_topic_name
+        # Of names that begin alike the longer one comes first.
         self._own = {
-            resolve(f"{prefix}/{verb}"): (body, held)
+            resolve(f"{prefix}/{verb}{below}"): (body, below == PERSISTENT)
+            for below in (PERSISTENT, "")
             for body, prefix in prefixes.items()
-            for verb, held in verbs.items()
         }
         self._bodies = tuple(prefixes)
-        self._verbs = tuple(verbs)
+        self._verb = verb
         self._root = f"{resolve(root)}/" if root else ""
         self._timeout_ns = 0
         self._named: set[str] = set()
@@ -84,10 +90,10 @@ class Pushes:
         self._add(name, *self._own[name], found=False)
 
     def set_timeout(self, timeout_ns: int) -> None:
-        """Set how long wrenches stand that are not held."""
+        """Set how long wrenches act that are not persistent."""
         self._timeout_ns = timeout_ns
         for source in self.sources.values():
-            if not source.held:
+            if not source.persistent:
                 source.wrench.timeout_ns = timeout_ns
 
     def forget(self) -> None:
@@ -123,8 +129,8 @@ class Pushes:
                     f"{publishers} publishers on {name}: the newest message counts; "
                     f"to be summed, each needs a name of its own, such as {name}/left"
                 )
-            # What is held stays when its publisher is gone; so does what has not run out yet.
-            gone = source.found and not publishers and not source.held
+            # A persistent wrench stays when its publisher is gone; so does one not yet expired.
+            gone = source.found and not publishers and not source.persistent
             if gone and not source.wrench.at(self._actor.now_ns()).any():
                 del self.sources[name]
                 node.drop(source.subscription)
@@ -136,20 +142,20 @@ class Pushes:
 
     def _consider(self, name: str) -> None:
         node = self._actor.node
-        for own, (body, held) in self._own.items():
+        for own, (body, persistent) in self._own.items():
             if name == own or name.startswith(f"{own}/"):
                 if node.count_publishers(name):
-                    self._add(name, body, held, found=True)
+                    self._add(name, body, persistent, found=True)
                 return
         below = name.removeprefix(self._root) if self._root else name
-        if below != name and name not in self._named and set(below.split("/")) & set(self._verbs):
+        if below != name and name not in self._named and self._verb in below.split("/"):
             self._named.add(name)
             known = ", ".join(self._bodies)
             node.get_logger().warning(f"{name} pushes nobody: must be below one of {known}")
 
-    def _add(self, name: str, body: str, held: bool, found: bool) -> None:
+    def _add(self, name: str, body: str, persistent: bool, found: bool) -> None:
         actor = self._actor
-        wrench = ExpiringWrench(0 if held else self._timeout_ns, RAMP_NS)
+        wrench = ExpiringWrench(0 if persistent else self._timeout_ns, RAMP_NS)
 
         def accept(message: WrenchStamped, now_ns: int) -> None:
             checked_stamp(message.header, now_ns, actor.age_limit_ns, unstamped_is_now=True)
@@ -161,5 +167,5 @@ class Pushes:
             source.frame = frame
 
         subscription = actor.input(name, WrenchStamped, COMMAND_SUBSCRIBER, accept)
-        source = Source(body, held, wrench, subscription, found)
+        source = Source(body, persistent, wrench, subscription, found)
         self.sources[name] = source

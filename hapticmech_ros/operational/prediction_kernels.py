@@ -1,4 +1,4 @@
-"""Kernel of what a mechanism does by itself where it will be: see :mod:`.late_answer`."""
+"""The predicted state q', and free accelerations there; see :mod:`.delay_compensation`."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _trusted(model: Model, data: Data, before: Data, length: float) -> bool:
 
 
 @inner
-def foresee(
+def predict(
     model: Model,
     data: Data,
     q: Array,
@@ -54,7 +54,7 @@ def foresee(
     bias: Array,
     index: int,
     length: float,
-    lateness: float,
+    compensated_delay: float,
     ahead: Array,
     own: Array,
     free: Array,
@@ -71,7 +71,7 @@ def foresee(
         bias: (m,) Ẇv.
         index: number of the operational point.
         length: of the mechanism, m.
-        lateness: τ, s.
+        compensated_delay: τ, s.
         ahead: to fill with terms at the configuration after τ.
         own: (nv + m,) v̇_0 and λ.
         free: (6,) a_0.
@@ -80,7 +80,9 @@ def foresee(
     change, place = local(nv), local(q.size)
     correction_of(model, data, bias, change)
     for c in range(nv):
-        change[c] = lateness * v[c] - 0.5 * lateness * lateness * change[c]
+        change[c] = (
+            compensated_delay * v[c] - 0.5 * compensated_delay * compensated_delay * change[c]
+        )
     move(model, q, change, place)
     later = unpack(ahead, model)
     if factor(model, place, later) < 0 or not _trusted(model, later, data, length):
