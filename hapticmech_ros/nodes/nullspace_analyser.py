@@ -20,7 +20,11 @@ from hapticmech_ros.operational.counter import ConstraintCounter
 from hapticmech_ros.operational.spectrum import rank_of
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import COMMANDED, OPERATIONAL_MODEL_FIELDS, rendering_bounds
+from hapticmech_ros.wire.layouts import (
+    COMMANDED,
+    OPERATIONAL_MODEL_FIELDS,
+    operational_model_bounds,
+)
 from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import (
@@ -57,7 +61,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.analyses = 0
         self._model = OperationalModelWriter(self._analyser)
         self._grasp = flat_grasp(self.scene, self._analyser.point).tobytes()
-        self._encoder = FlatArray(OPERATIONAL_MODEL_FIELDS, rendering_bounds(self.limits))
+        self._encoder = FlatArray(OPERATIONAL_MODEL_FIELDS, operational_model_bounds(self.limits))
         self._square = matrix_message("row", "column", 6, 6)
         self._publish_model = self.output(POINT_MODEL, Float64MultiArray)
         self._publish_inertia = self.output(INVERSE_INERTIA, Float64MultiArray)

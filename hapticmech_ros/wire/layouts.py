@@ -168,12 +168,12 @@ def whole_device(values: Array) -> Array:
     return np.append(values, _NOT_TOLD) if values.shape == (_OLD_DEVICE_SIZE,) else values
 
 
-def pack_operational_model(rendering: OperationalModelMessage) -> Array:
+def pack_operational_model(message: OperationalModelMessage) -> Array:
     """Return the message's data (151,)."""
-    head = (*seconds_of(rendering.stamp_ns), rendering.count, rendering.s.size)
-    operational_model = flat_operational_model(rendering.model, rendering.point)
-    operational_model[: rendering.s.size] = rendering.s
-    return np.concatenate((head, operational_model, (rendering.commanded,), rendering.grasp))
+    head = (*seconds_of(message.stamp_ns), message.count, message.s.size)
+    operational_model = flat_operational_model(message.model, message.point)
+    operational_model[: message.s.size] = message.s
+    return np.concatenate((head, operational_model, (message.commanded,), message.grasp))
 
 
 def unpack_operational_model(data: object) -> OperationalModelMessage:
@@ -182,7 +182,7 @@ def unpack_operational_model(data: object) -> OperationalModelMessage:
     Raises:
         InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
-    stamp_ns, values = checked_values(data, _RENDERING)
+    stamp_ns, values = checked_values(data, _OPERATIONAL_MODEL)
     operational_model = values[POINT_MODEL_PART]
     return OperationalModelMessage(
         stamp_ns,
@@ -235,7 +235,7 @@ def device_bounds(limits: Limits | None = None) -> Bounds:
     return bounds_of("device state", DEVICE_FIELDS, limits)
 
 
-def rendering_bounds(limits: Limits | None = None) -> Bounds:
+def operational_model_bounds(limits: Limits | None = None) -> Bounds:
     """Return the bounds of ``operational_model``; of finite numbers where no scene is known."""
     return bounds_of("operational_model", OPERATIONAL_MODEL_FIELDS, limits)
 
@@ -250,5 +250,5 @@ def checked_values(data: object, bounds: Bounds) -> tuple[int, Array]:
     return bounds.stamp(values), values
 
 
-_DEVICE, _RENDERING = device_bounds(), rendering_bounds()
+_DEVICE, _OPERATIONAL_MODEL = device_bounds(), operational_model_bounds()
 _ENERGY = bounds_of("energy", ENERGY_FIELDS)

@@ -19,11 +19,11 @@ from hapticmech_ros.wire.layouts import (
     POINT_MODEL_PART,
     ROUND_TRIP,
     device_bounds,
-    rendering_bounds,
+    operational_model_bounds,
     whole_device,
 )
 
-_DEVICE, _RENDERING = device_bounds(), rendering_bounds()
+_DEVICE, _OPERATIONAL_MODEL = device_bounds(), operational_model_bounds()
 
 
 class ReadingBounds(NamedTuple):
@@ -68,7 +68,9 @@ class OperationalModelReading(NamedTuple):
 
 def reading_bounds(limits: Limits) -> ReadingBounds:
     """Return the bounds of a scene's limits."""
-    return ReadingBounds(device_bounds(limits), rendering_bounds(limits), twist_bounds(limits))
+    return ReadingBounds(
+        device_bounds(limits), operational_model_bounds(limits), twist_bounds(limits)
+    )
 
 
 def read_device(values: Array, bounds: Bounds = _DEVICE) -> DeviceReading:
@@ -84,7 +86,9 @@ def read_device(values: Array, bounds: Bounds = _DEVICE) -> DeviceReading:
     return DeviceReading(stamp, values[DEVICE_MEASURED], values.item(ROUND_TRIP), obeys)
 
 
-def read_operational_model(values: Array, bounds: Bounds = _RENDERING) -> OperationalModelReading:
+def read_operational_model(
+    values: Array, bounds: Bounds = _OPERATIONAL_MODEL
+) -> OperationalModelReading:
     """Return what the control needs of a message's data.
 
     Raises:

@@ -121,7 +121,7 @@ def test_names_the_topics_of_the_graph_that_are_absent() -> None:
     names = ["/left/" + topic.of("handle") for topic in TOPICS if not topic.name.startswith("/")]
     assert absent([*names, "/diagnostics"]) == ()
     assert absent(names) == ("/diagnostics",)
-    without = [name for name in names if not name.endswith("rendering")]
+    without = [name for name in names if not name.endswith("operational_model")]
     assert absent([*without, "/diagnostics"]) == ("analysis/{point}/operational_model",)
     assert absent(["/chatter", "/diagnostics"]) == ()
 

@@ -275,7 +275,7 @@ def test_answers_are_copies_and_measurements_stay():
     assert (found.tobytes(), output.rows().tobytes()) == before
 
 
-@pytest.mark.parametrize(("device", "rendered"), [(18, 139), (20, 139), (19, 138), (0, 0)])
+@pytest.mark.parametrize(("device", "operational_model"), [(18, 139), (20, 139), (19, 138), (0, 0)])
 def test_measurements_of_another_size_are_refused(device, operational_model):
     _, compiled = both("planar")
     clutch = engage(0.0, pin.SE3.Identity(), pin.SE3.Identity())

@@ -166,7 +166,7 @@ def test_joint_states_are_only_welcome(make_bag, scene):
         (
             "analysis/handle/operational_model",
             lambda m: dataclasses.replace(m, data=m.data[:-1]),
-            "rendering, message 0: .*must hold 151 numbers",
+            "operational_model, message 0: .*must hold 151 numbers",
         ),
         (
             "mechanism/energy",

@@ -210,7 +210,7 @@ def test_kernels_do_the_same(seed, planar, away):
         assert apart(found.dissipative_force, expected.dissipative_force) < ROUNDING
         assert (found.effort == expected.effort).all()
         force = np.cos(np.arange(pair.v.size))
-        bound = ROUNDING * condition(expected.data)
+        bound = ROUNDING * condition(expected.space)
         for one, other in zip(found.acceleration(force), expected.acceleration(force), strict=True):
             assert apart(one, other) < bound
         active_set = pair.mechanism.active_set(active)

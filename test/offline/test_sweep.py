@@ -1,4 +1,4 @@
-"""Joints led over a grid: loops stay closed, on their branch, and nothing else is assumed."""
+"""Joints prescribed over a grid: loops stay closed, on their branch, and nothing else is assumed."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def swept(five_bar):
     return found
 
 
-def test_led_joints_are_where_they_were_led(swept):
+def test_prescribed_joints_are_where_they_were_put(swept):
     assert np.abs(swept.q[:, :2] - swept.places).max() < 1e-15 * 8
     for axis, prescribed in enumerate((WIDE, BENT)):
         assert (np.array(prescribed.values)[swept.grid[:, axis]] == swept.places[:, axis]).all()
@@ -113,7 +113,7 @@ def test_an_open_chain_goes_everywhere():
 
 
 @pytest.mark.parametrize(
-    ("led", "rule"),
+    ("prescribed", "rule"),
     [
         ([], "one at least"),
         ([WIDE, WIDE], "named once"),

@@ -248,10 +248,10 @@ def test_a_state_that_cannot_be_analysed_is_refused_and_counted(graph):
     def broken(state):
         raise np.linalg.LinAlgError("Singular matrix")
 
-    real, analyser._rendering.see = analyser._rendering.see, broken
+    real, analyser._model.evaluate = analyser._model.evaluate, broken
     before = graph.hosts[ANALYSER].refused
     graph.run(0.01)
-    analyser._rendering.see = real
+    analyser._model.evaluate = real
     assert graph.hosts[ANALYSER].refused >= before + 5
     assert "Singular matrix" in graph.hosts[ANALYSER].last_refusal
     assert analyser.failures.count == 0

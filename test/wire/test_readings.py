@@ -17,9 +17,9 @@ from hapticmech_ros.wire.layouts import (
     DeviceSample,
     OperationalModelMessage,
     device_bounds,
+    operational_model_bounds,
     pack_device,
     pack_operational_model,
-    rendering_bounds,
     unpack_device,
     unpack_operational_model,
 )
@@ -29,10 +29,10 @@ STAMP = 1_700_000_000_123_456_789
 # Reader, readable reader, name in errors, first index of the quaternion.
 KINDS = {
     "device": (read_device, unpack_device, "device state", DEVICE_FIELDS.start("quaternion")),
-    "rendering": (
+    "operational_model": (
         read_operational_model,
         unpack_operational_model,
-        "rendering",
+        "operational_model",
         OPERATIONAL_MODEL_FIELDS.start("quaternion"),
     ),
 }
@@ -50,12 +50,12 @@ def sample(kind, seed=0, stamp=STAMP):
         return pack_device(DeviceSample(stamp, measured, rng.normal(size=6))), flat_device(measured)
     model = OperationalModel(*rng.normal(size=(3, 6, 6)), rng.normal(size=6))
     point = PointMeasurement(pose(rng), *rng.normal(size=(2, 6)))
-    rendering = OperationalModelMessage(
+    message = OperationalModelMessage(
         stamp, 2, rng.normal(size=5), model, point, bool(seed % 2), rng.normal(size=7)
     )
     operational_model = flat_operational_model(model, point)
-    operational_model[: rendering.s.size] = rendering.s
-    return pack_operational_model(rendering), operational_model
+    operational_model[: message.s.size] = message.s
+    return pack_operational_model(message), operational_model
 
 
 def refusal(read, data):
@@ -68,7 +68,7 @@ def refusal(read, data):
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_part_for_the_control_is_read_to_the_bit(kind):
     read, unpack, _, _ = KINDS[kind]
-    fields = {"device": DEVICE_FIELDS, "rendering": OPERATIONAL_MODEL_FIELDS}[kind]
+    fields = {"device": DEVICE_FIELDS, "operational_model": OPERATIONAL_MODEL_FIELDS}[kind]
     for seed in range(20):
         data, expected = sample(kind, seed)
         wire = decode(FlatArray(fields).encode(data))
@@ -77,7 +77,7 @@ def test_the_part_for_the_control_is_read_to_the_bit(kind):
         assert found[1].tobytes() == expected.tobytes()
         # Kernels take numbers where a processor expects them.
         assert found[1].flags.aligned
-        if kind == "rendering":
+        if kind == "operational_model":
             assert found.commanded is unpack(wire).commanded is bool(seed % 2)
             assert found.grasp == unpack(wire).grasp.tobytes() == data[144:].tobytes()
 
@@ -208,10 +208,12 @@ def test_large_numbers_are_no_fault_where_no_scene_is_known(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_scene_bounds_every_number(kind):
     read, _, name, quaternion = KINDS[kind]
-    bounds = {"device": device_bounds, "rendering": rendering_bounds}[kind](Limits())
+    bounds = {"device": device_bounds, "operational_model": operational_model_bounds}[kind](
+        Limits()
+    )
     for index in range(2, sample(kind)[0].size):
         data, expected = sample(kind)
-        if kind == "rendering":
+        if kind == "operational_model":
             data[144] = 2.0
         assert read(data, bounds)[1].tobytes() == expected.tobytes()
         data[index] = -1e80

@@ -1,0 +1,68 @@
+"""Public functions that take or return arrays state the shape of each one."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "hapticmech_ros"
+ARRAY = re.compile(r"\bArray\b|\bndarray\b")
+SHAPE = re.compile(r"\([^()]*\)")
+
+
+def functions(body: list[ast.stmt], owner: str = "") -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Yield public functions and methods of public classes with their names."""
+    for node in body:
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield from functions(node.body, f"{node.name}.")
+        elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            yield f"{owner}{node.name}", node
+
+
+def is_array(annotation: ast.expr | None) -> bool:
+    return annotation is not None and ARRAY.search(ast.unparse(annotation)) is not None
+
+
+def entry(section: str, name: str) -> str:
+    """Return what a section says of an argument; several names may share an entry."""
+    pattern = rf"(?m)^    (?:\w+, )*{name}(?:, \w+)*: (.*(?:\n {{8}}.*)*)"
+    found = re.search(pattern, section)
+    return found.group(1) if found else ""
+
+
+def faults(node: ast.FunctionDef) -> Iterator[str]:
+    """Yield what the docstring of a function does not say."""
+    doc = ast.get_docstring(node) or ""
+    before, _, arguments = doc.partition("Args:")
+    for argument in (*node.args.args, *node.args.kwonlyargs):
+        if is_array(argument.annotation) and not SHAPE.search(entry(arguments, argument.arg)):
+            yield f"shape of {argument.arg}, in Args:"
+    returned = doc.partition("Returns:")[2]
+    if is_array(node.returns) and not SHAPE.search(before + returned):
+        yield "shape of what is returned"
+
+
+def undocumented(text: str) -> list[str]:
+    """Return the faults of a file's functions."""
+    return [
+        f"{node.lineno} {name}: {fault}"
+        for name, node in functions(ast.parse(text).body)
+        for fault in faults(node)
+    ]
+
+
+@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: path.stem)
+def test_arrays_of_public_functions_have_shapes(path: Path) -> None:
+    assert undocumented(path.read_text(encoding="utf-8")) == []
+
+
+def test_a_missing_shape_is_found() -> None:
+    good = 'def f(a: Array) -> Array:\n    """Return b (6,).\n\n    Args:\n        a: (3,) m.\n    """\n'
+    assert undocumented(good) == []
+    assert undocumented(good.replace("(3,) ", "")) == ["1 f: shape of a, in Args:"]
+    assert undocumented(good.replace(" (6,)", "")) == ["1 f: shape of what is returned"]
+    assert undocumented(good.replace("        a:", "        b:")) == ["1 f: shape of a, in Args:"]
