@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from hapticmech_ros.bag.former_topics import refuse_former_topics
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.lockstep import LockstepRun, run_lockstep
@@ -23,12 +24,13 @@ def replay(
     An empty scene is the recorded one, an empty namespace that of the recorded device.
 
     Raises:
-        BagError: no bag, or nothing of a device or a scene in it.
+        BagError: no bag, nothing of a device or a scene in it, or topics under former names.
         LockstepError: the graph did not come to the end.
     """
     if run.feed_from is None:
         raise BagError("a replay needs a bag")
     with BagReader(run.feed_from) as bag:
+        refuse_former_topics(bag)
         namespace = run.namespace or _namespace(bag)
         scene = run.scene or _scene(bag)
     return run_lockstep(replace(run, scene=scene, namespace=namespace), environment, asked_to_stop)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hapticmech_ros.bag import BagReader
+from hapticmech_ros.bag.former_topics import refuse_former_topics
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.wire.energy_topics import ENERGY
 from hapticmech_ros.wire.topic import Topic
@@ -31,8 +32,10 @@ def chosen_topics(bag: BagReader, point: str, namespace: str) -> dict[Topic, str
     """Return the topics to read and their full names in ``bag``.
 
     Raises:
-        BagError: needed topics missing, empty or of another type; names all of them.
+        BagError: needed topics missing, empty, of another type, or under a former name; names all
+            of them.
     """
+    refuse_former_topics(bag)
     names = {topic: full_name(topic, point, namespace) for topic in NEEDED}
     missing = [name for name in names.values() if name not in bag.topics]
     empty = [n for n in names.values() if n in bag.topics and bag.topics[n].count == 0]
