@@ -114,6 +114,32 @@ def test_what_a_kernel_calls_is_translated_for_each_combination_of_types():
     assert found(0.5, 7) == 0.5 * 7 + 7 * 3 + 0.5 * 0.25
 
 
+def summed(numbers):
+    return numbers[0] + numbers[1] * numbers[2]
+
+
+def test_a_linked_kernel_is_called_by_others_and_contained_in_none():
+    from hapticmech_ros.compilation.inner_functions import called_by_name
+
+    signature = "float64(float64[::1])"
+    linked = called_by_name(summed, "summed", signature)
+
+    def twice(numbers):
+        numbers[0] = linked(numbers)
+        return linked(numbers[1:]) + linked(numbers)
+
+    kernels = [Kernel("summed", signature, summed, True), Kernel("twice", signature, twice)]
+    objects = {one.name: compiled(one, "host") for one in kernels}
+    loaded = library._loaded(packed(objects))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(library, "library", lambda: loaded)
+        one, other = (library.function_of(k.name, signature, k.function) for k in kernels)
+    numbers = np.array([1.0, 2.0, 3.0, 4.0])
+    assert one(numbers) == 7.0
+    assert other(numbers) == 14.0 + 13.0
+    assert numbers[0] == 7.0
+
+
 @pytest.mark.parametrize("in_place", [False, True])
 @pytest.mark.parametrize("function", [allocates, raises])
 def test_neither_may_what_a_kernel_calls(function, in_place):

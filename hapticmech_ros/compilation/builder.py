@@ -45,10 +45,7 @@ _C_LIBRARY = frozenset(
     ("sqrt", "sin", "cos", "tan", "tanh", "atan2", "exp", "log", "pow", "memset", "memcpy")
 )
 # Kernels with much in common, by what their names begin with; all others are one more family.
-_FAMILIES: tuple[tuple[str, ...], ...] = (
-    ("mechanism_", "operational_", "session_"),
-    ("contact_",),
-)
+_FAMILIES: tuple[tuple[str, ...], ...] = (("mechanism_", "operational_", "contact_step"),)
 # Those that take longest begin first.
 _LONG = ("tick_kernels", "run_kernels", "observe_kernels", "kernels_factor", "contact_step")
 # Beyond the families only LLVM's part is faster.
@@ -151,6 +148,8 @@ def machine_code(code: bytes, name: str, target: str) -> bytes:
     """
     import llvmlite.binding as llvm
 
+    from hapticmech_ros.compilation.inner_functions import LINKED
+
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     module = llvm.parse_bitcode(code)
@@ -164,7 +163,8 @@ def machine_code(code: bytes, name: str, target: str) -> bytes:
     )
     _optimise(llvm, module, machine)
     needed = {one.name for one in module.functions if one.is_declaration}
-    needed = {one for one in needed if not one.startswith("llvm.")} - _C_LIBRARY
+    needed = {one for one in needed if not one.startswith("llvm.") and one not in _C_LIBRARY}
+    needed = {one for one in needed if not one.endswith(LINKED)}
     if needed:
         raise BuildError(f"kernel {name} allocates or may raise: {_some(needed)}")
     return bytes(machine.emit_object(module))
@@ -174,12 +174,16 @@ def intermediate(kernel: Kernel) -> bytes:
     """Return a kernel in LLVM's intermediate language, as a callback and all that it calls."""
     import numba
 
-    from hapticmech_ros.compilation.inner_functions import OPTIONS, joined, translated
+    from hapticmech_ros.compilation.inner_functions import (
+        OPTIONS,
+        joined,
+        signature_of,
+        translated,
+    )
     from hapticmech_ros.compilation.numba_types import array_of
 
     types: Any = numba.types
-    words = {**vars(types), "Array": types.Array}
-    signature = eval(kernel.signature, words)
+    signature = signature_of(kernel.signature)
     names = [f"a{index}" for index in range(len(signature.args))]
     known: dict[str, Any] = {"kernel": translated(kernel.function)}
     given, kinds = [], []
@@ -194,7 +198,7 @@ def intermediate(kernel: Kernel) -> bytes:
     source = f"def entry({', '.join(names)}):\n    return kernel({', '.join(given)})\n"
     exec(source, known)
     entry = numba.cfunc(signature.return_type(*kinds), **OPTIONS)(known["entry"])
-    return joined(entry.inspect_llvm(), kernel.name)
+    return joined(entry.inspect_llvm(), kernel.name, kernel.function if kernel.linked else None)
 
 
 def _optimise(llvm: Any, module: Any, machine: Any) -> None:

@@ -23,11 +23,19 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 class Kernel(NamedTuple):
-    """A function to be compiled for these argument types, and its name in the library."""
+    """A function to be compiled.
+
+    Attributes:
+        name: in the library.
+        signature: types of result and arguments, as Numba writes them.
+        function: what is compiled.
+        linked: whether other kernels call it.
+    """
 
     name: str
     signature: str
     function: Callable[..., object]
+    linked: bool = False
 
 
 class _Collection:
@@ -66,19 +74,25 @@ def _translated(function: Function, in_place: bool = False) -> Function:
     return cast(Function, translated(function, in_place))
 
 
-def kernel(signature: str) -> Callable[[Function], Function]:
+def kernel(signature: str, linked: bool = False) -> Callable[[Function], Function]:
     """Return a decorator that finds a function in the library.
 
     Args:
         signature: types of result and arguments, as Numba writes them.
+        linked: whether other kernels call it. They do so by its name in the library: it is
+            translated and optimised once, not as a part of each.
     """
 
     def found(function: Function) -> Function:
         module = function.__module__.removeprefix("hapticmech_ros.").replace(".", "_")
         name = f"{module}_{function.__name__}"
         if _Collection.kernels is not None:
-            _Collection.kernels.append(Kernel(name, signature, function))
-            return function
+            _Collection.kernels.append(Kernel(name, signature, function, linked))
+            if not linked:
+                return function
+            from hapticmech_ros.compilation.inner_functions import called_by_name
+
+            return cast(Function, called_by_name(function, name, signature))
         return cast(Function, function_of(name, signature, function))
 
     return found

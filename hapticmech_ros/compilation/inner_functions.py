@@ -22,6 +22,8 @@ import llvmlite.binding as llvm
 
 # Division by zero gives what NumPy gives; no operation is reordered or fused.
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False}
+# How the name ends by which kernels call a linked kernel: its arrays are not NumPy's objects there.
+LINKED = ".linked"
 # Which have no types of their own.
 numba: Any = importlib.import_module("numba")
 extending: Any = importlib.import_module("numba.extending")
@@ -43,6 +45,8 @@ class _Part(NamedTuple):
 
 # Translated so far in this process, by the names they are called by.
 _parts: dict[str, _Part] = {}
+# Names of what a function was translated to, one for each combination of types.
+_names: dict[Callable[..., Any], set[str]] = {}
 
 
 def translated(function: Callable[..., Any], in_place: bool = False) -> Any:
@@ -61,42 +65,81 @@ def translated(function: Callable[..., Any], in_place: bool = False) -> Any:
         (result,) = (one for one in dispatcher.nopython_signatures if one.args == kinds)
         name = _keep(dispatcher.inspect_llvm(kinds), in_place)
 
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            returned = context.get_value_type(signature.return_type)
-            kind = ir.FunctionType(returned, [value.type for value in values])
-            known = builder.module.globals
-            called = known[name] if name in known else ir.Function(builder.module, kind, name)
-            return builder.call(called, values)
+        _names.setdefault(function, set()).add(name)
+        return result.return_type(*kinds), _call_of(name)
 
-        return result.return_type(*kinds), generate
+    return _intrinsic(call, function.__name__, parameters)
 
+
+def _call_of(name: str) -> Callable[..., Any]:
+    """Return what writes a call of a function by its name."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        returned = context.get_value_type(signature.return_type)
+        kind = ir.FunctionType(returned, [value.type for value in values])
+        known = builder.module.globals
+        called = known[name] if name in known else ir.Function(builder.module, kind, name)
+        return builder.call(called, values)
+
+    return generate
+
+
+def _intrinsic(call: Any, name: str, parameters: inspect.Signature) -> Any:
     context = inspect.Parameter("_context", inspect.Parameter.POSITIONAL_ONLY)
-    call.__name__ = function.__name__
-    call.__signature__ = parameters.replace(  # type: ignore[attr-defined]
-        parameters=[context, *parameters.parameters.values()]
-    )
+    call.__name__ = name
+    call.__signature__ = parameters.replace(parameters=[context, *parameters.parameters.values()])
     return extending.intrinsic(call)
 
 
-def joined(code: str, name: str) -> bytes:
+def called_by_name(function: Callable[..., Any], name: str, signature: str) -> Any:
+    """Return a linked kernel as a function that other kernels can call.
+
+    Args:
+        function: the kernel's.
+        name: its name in the library.
+        signature: types of result and arguments.
+    """
+    types = signature_of(signature)
+    parameters = inspect.signature(function)
+    # Numba asks for an address of all that is called, though none of it runs here.
+    llvm.add_symbol(name + LINKED, 1)
+
+    def call(_context: Any, *given: Any, **named: Any) -> Any:
+        parameters.bind(*given, **named)
+        return types, _call_of(name + LINKED)
+
+    return _intrinsic(call, function.__name__, parameters)
+
+
+def signature_of(text: str) -> Any:
+    """Return a signature as Numba has it."""
+    return eval(text, {**vars(numba.types), "Array": numba.types.Array})
+
+
+def joined(code: str, name: str, linked: Callable[..., Any] | None = None) -> bytes:
     """Return a module of LLVM, as bitcode: a function that C may call, and all that it calls.
 
     Args:
         code: of the function, in LLVM's intermediate language.
         name: that others find it by; nothing else in the module can be seen from outside.
+        linked: of the functions that it calls the one that other kernels call too.
     """
-    (own,) = _CALLABLE.findall(code)
-    module = llvm.parse_assembly(_plain(code).replace(own, name))
-    waiting, linked = _called(code), set()
+    (own,) = ("",) if linked is None else _names[linked]
+    (entry,) = _CALLABLE.findall(code)
+    module = llvm.parse_assembly(_plain(code).replace(entry, name))
+    waiting, known = _called(code), set()
     while waiting:
         one = waiting.pop()
-        if one not in linked:
-            linked.add(one)
+        if one not in known:
+            known.add(one)
             part = _parts[one]
             module.link_in(llvm.parse_bitcode(part.module))
             waiting += part.calls
     for function in module.functions:
-        if not function.is_declaration and function.name != name:
+        if function.name == own:
+            function.name = name + LINKED
+            function.linkage = "external"
+        elif not function.is_declaration and function.name != name:
             function.linkage = "internal"
     return bytes(module.as_bitcode())
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, local, put, shaped
+from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.contact.layout import (
     AHEAD,
     COULOMB,
@@ -115,8 +115,12 @@ def _solve_point(c: int, scales: Array, coupling: Array, impulse: Array, velocit
         _change(coupling, k + 1 + i, change, velocity)
 
 
-@inner
-def _solve(
+@kernel(
+    "void(float64[:,::1], float64[::1], float64[:,::1], float64[::1], float64[::1], float64,"
+    " float64[::1], float64[:,::1])",
+    linked=True,
+)
+def solve_points(
     scales: Array,
     apart: Array,
     coupling: Array,
@@ -126,7 +130,19 @@ def _solve(
     report: Array,
     slopes: Array,
 ) -> None:
-    """Solve for all impulses, in place, and report how that ended."""
+    """Solve for all impulses, in place, and report how that ended.
+
+    Args:
+        scales: (points, 6) of each point; see :mod:`~hapticmech_ros.contact.newton_kernels`.
+        apart: (3 points,) relative velocities at the step's end without contacts, m/s; of each
+            point the normal one first, in the point's own frame, as all that follows.
+        coupling: (3 points, 3 points) J D⁻¹ Jᵀ, 1/kg.
+        impulse: (3 points,) first guess, N s; replaced by the solution.
+        velocity: (3 points,) relative velocities with these impulses, m/s; replaced likewise.
+        tolerance: of the impulses' effect, m/s.
+        report: its SWEEPS and OFF are filled.
+        slopes: (3 points, 3 points) to work in.
+    """
     n, size = scales.shape[0], impulse.size
     off, held = local(size), local(size)
     kept, kept_velocity = local(size), local(size)
@@ -227,7 +243,9 @@ def contact_forces(
     for i in range(3 * n):
         largest = max(largest, abs(apart[i]))
     put_velocity(apart, coupling, impulse, velocity)
-    _solve(scales, apart, coupling, impulse, velocity, SHARE * largest + FLOOR, report, slopes)
+    solve_points(
+        scales, apart, coupling, impulse, velocity, SHARE * largest + FLOOR, report, slopes
+    )
     for c in range(n):
         left = max(depths[c] - step * velocity[3 * c], 0.0)
         report[HELD] += 0.5 * laws[owners[c], STIFFNESS] * left * left

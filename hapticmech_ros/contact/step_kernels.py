@@ -172,12 +172,14 @@ def _substep(
     stage_space: Data,
     last: Data,
     parts: Work,
-    contacts: Contacts,
+    contact_numbers: Array,
+    contact_values: Array,
     stages: int,
     searched: bool,
     external_count: int,
 ) -> int:
     """Do a step of the integrator, with what touches in it."""
+    contacts = Contacts(contact_numbers, contact_values)
     links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings[0]
     external = contacts.external[links : links + external_count]
     if not searched:
@@ -189,7 +191,8 @@ def _substep(
         code = _approach(model, first, parts, contacts, external)
         if code != SETTLED:
             return code
-    count, counts, report = touching_points(contacts), contacts.counts, contacts.report
+    count = touching_points(contact_numbers, contact_values)
+    counts, report = contacts.counts, contacts.report
     if 3 * count * (model.nv + 6 * count) > contacts.workspace.size:
         counts[FOUND] = count
         return MORE_WORKSPACE
@@ -217,62 +220,10 @@ def _substep(
     return code
 
 
-@inner
-def advance_touching(
-    numbers: Array,
-    values: Array,
-    start: Array,
-    end: Array,
-    scratch: Array,
-    work: Array,
-    contact_numbers: Array,
-    contact_values: Array,
-    plan: Array,
-) -> int:
-    """Do a period, or what is left of one; see :func:`advance_period`."""
-    model, parts = Model(numbers, values), Work(numbers, work)
-    contacts = Contacts(contact_numbers, contact_values)
-    first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
-    substeps, stages, known, external_count = plan[0], plan[1], plan[2] != 0, plan[4]
-    searched = plan[3] == SEARCHED
-    if plan[3] == WHOLE:
-        links = contacts.carriers.size
-        contacts.report[TOTAL_WORK] = 0.0
-        external = contacts.external[links : links + external_count]
-        code = _untouched(model, start, end, stage_space, parts, contacts, plan, external)
-        if code != NEAR:
-            return code
-        known = True
-    for step in range(substeps):
-        if step > 0:
-            begin_next(parts)
-            first, last, known, searched = last, first, True, False
-        code = _substep(
-            model,
-            first,
-            known,
-            stage_space,
-            last,
-            parts,
-            contacts,
-            stages,
-            searched,
-            external_count,
-        )
-        if code != SETTLED:
-            # Terms at this substep's start are where they are looked for, or those of the failure.
-            if step % 2 == 1:
-                if code >= NEEDS_CARE:
-                    put(start, end)
-                else:
-                    put(end, start)
-            return code
-    if substeps % 2 == 0:
-        put(end, start)
-    return SETTLED
-
-
-@kernel("i8(i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], i8[::1], f8[::1], i8[::1])")
+@kernel(
+    "i8(i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], i8[::1], f8[::1], i8[::1])",
+    linked=True,
+)
 def advance_period(
     numbers: Array,
     values: Array,
@@ -308,6 +259,44 @@ def advance_period(
         then, and ``start`` has the terms there unless it is NOT_DECIDED. Or how a substep failed.
         Account 5 is the number of substeps done.
     """
-    return advance_touching(
-        numbers, values, start, end, scratch, work, contact_numbers, contact_values, plan
-    )
+    model, parts = Model(numbers, values), Work(numbers, work)
+    contacts = Contacts(contact_numbers, contact_values)
+    first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
+    substeps, stages, known, external_count = plan[0], plan[1], plan[2] != 0, plan[4]
+    searched = plan[3] == SEARCHED
+    if plan[3] == WHOLE:
+        links = contacts.carriers.size
+        contacts.report[TOTAL_WORK] = 0.0
+        external = contacts.external[links : links + external_count]
+        code = _untouched(model, start, end, stage_space, parts, contacts, plan, external)
+        if code != NEAR:
+            return code
+        known = True
+    for step in range(substeps):
+        if step > 0:
+            begin_next(parts)
+            first, last, known, searched = last, first, True, False
+        code = _substep(
+            model,
+            first,
+            known,
+            stage_space,
+            last,
+            parts,
+            contact_numbers,
+            contact_values,
+            stages,
+            searched,
+            external_count,
+        )
+        if code != SETTLED:
+            # Terms at this substep's start are where they are looked for, or those of the failure.
+            if step % 2 == 1:
+                if code >= NEEDS_CARE:
+                    put(start, end)
+                else:
+                    put(end, start)
+            return code
+    if substeps % 2 == 0:
+        put(end, start)
+    return SETTLED

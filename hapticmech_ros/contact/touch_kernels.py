@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, local, local_whole, shaped
+from hapticmech_ros.compilation import inner, kernel, local, local_whole, shaped
 from hapticmech_ros.contact.clip_kernels import MOST_BELOW, along_edges, below_plane, on_face
 from hapticmech_ros.contact.layout import (
     HALF_SIZE,
@@ -193,12 +193,17 @@ def _touching(
     return _chosen(above, depths, count, normal, True, points)
 
 
-@inner
-def touching_points(contacts: Contacts) -> int:
+@kernel("int64(int64[::1], float64[::1])", linked=True)
+def touching_points(numbers: Array, values: Array) -> int:
     """Fill ``points`` and ``owners`` with where the pairs that are near touch; return how many.
 
     ``poses``, ``margins`` and, of pairs that have to be searched for, ``found`` are given.
+
+    Args:
+        numbers: of the contacts, whole ones.
+        values: the others; see ``layout.Contacts``.
     """
+    contacts = Contacts(numbers, values)
     margins, pairs, points, count = contacts.margins, contacts.pairs, contacts.points, 0
     found, owners = contacts.found, contacts.owners
     for pair in range(pairs.shape[0]):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.compilation import kernel, local, put, shaped
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.kernels.data import Data, unpack
+from hapticmech_ros.mechanism.kernels.data import unpack
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.model import Model
@@ -16,7 +16,6 @@ from hapticmech_ros.operational.kernels import (
     ANALYSIS_SIZE,
     FREE,
     SQUARES,
-    Metric,
     analyse_motion,
     metric_of,
 )
@@ -29,22 +28,48 @@ CONTACT, MODEL_SIZE = OPERATIONAL_MODEL.start("contact"), OPERATIONAL_MODEL.size
 DETAILS = MODEL_SIZE + 42
 
 
-@inner
-def observe(
-    model: Model,
-    data: Data,
+@kernel(
+    "int64(int64[::1], float64[::1], float64[::1], int64, float64[::1], float64[::1], int64,"
+    " float64[::1], int64[::1], float64, float64, float64[::1], float64[::1])",
+    linked=True,
+)
+def observe_point(
+    numbers: Array,
+    values: Array,
+    packed: Array,
     known: int,
     q: Array,
     v: Array,
     index: int,
-    metric: Metric,
+    constants: Array,
     rows: Array,
     length: float,
     delay: float,
     ahead: Array,
     observation: Array,
 ) -> int:
-    """Fill an observation of an operational point; see :func:`observe_point`."""
+    """Evaluate Eq. 1 at a state and analyse an operational point there.
+
+    Args:
+        numbers: constants of the mechanism, whole ones.
+        values: the others; see ``operational_model.pack``.
+        packed: terms at the configuration; filled first, unless they are known.
+        known: whether they are.
+        q: (nq,) configuration.
+        v: (nv,) rates.
+        index: number of the operational point.
+        constants: of the analysis; see ``metric_of``.
+        rows: (t,) rows of a six-vector that the task space has.
+        length: of the mechanism, m.
+        delay: τ of the loop, s; 0 for none.
+        ahead: as long as ``packed``, to work in.
+        observation: to fill; see ``observation_layout``. F_c is zero.
+
+    Returns:
+        0; NO_SPECTRUM where the SVD of S does not converge; or a negative code.
+    """
+    model, metric = Model(numbers, values), metric_of(constants, rows.size)
+    data = unpack(packed, model)
     nv, t = model.nv, rows.size
     if known == 0:
         code = factor(model, q, data)
@@ -113,47 +138,3 @@ def observe(
         put(operational_model[SQUARES : SQUARES + 36], compensated[:36])
         put(operational_model[FREE:ANALYSIS_SIZE], compensated[36:])
     return 0
-
-
-@kernel(
-    "int64(int64[::1], float64[::1], float64[::1], int64, float64[::1], float64[::1], int64,"
-    " float64[::1], int64[::1], float64, float64, float64[::1], float64[::1])"
-)
-def observe_point(
-    numbers: Array,
-    values: Array,
-    packed: Array,
-    known: int,
-    q: Array,
-    v: Array,
-    index: int,
-    constants: Array,
-    rows: Array,
-    length: float,
-    delay: float,
-    ahead: Array,
-    observation: Array,
-) -> int:
-    """Evaluate Eq. 1 at a state and analyse an operational point there.
-
-    Args:
-        numbers: constants of the mechanism, whole ones.
-        values: the others; see ``operational_model.pack``.
-        packed: terms at the configuration; filled first, unless they are known.
-        known: whether they are.
-        q: (nq,) configuration.
-        v: (nv,) rates.
-        index: number of the operational point.
-        constants: of the analysis; see ``metric_of``.
-        rows: (t,) rows of a six-vector that the task space has.
-        length: of the mechanism, m.
-        delay: τ of the loop, s; 0 for none.
-        ahead: as long as ``packed``, to work in.
-        observation: to fill; see ``observation_layout``. F_c is zero.
-
-    Returns:
-        0; NO_SPECTRUM where the SVD of S does not converge; or a negative code.
-    """
-    model, metric = Model(numbers, values), metric_of(constants, rows.size)
-    data = unpack(packed, model)
-    return observe(model, data, known, q, v, index, metric, rows, length, delay, ahead, observation)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.compilation import inner, kernel, local_whole, put
 from hapticmech_ros.control.account_kernels import (
     CONTACT,
     GIVEN,
@@ -35,12 +35,11 @@ from hapticmech_ros.device.kernels import PUSH as PUSHED
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.data import unpack
 from hapticmech_ros.mechanism.kernels.model import Model
-from hapticmech_ros.mechanism.kernels.run_kernels import advance_many
+from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
 from hapticmech_ros.operational.counter_kernels import count_rigid
-from hapticmech_ros.operational.kernels import metric_of
-from hapticmech_ros.operational.observe_kernels import observe
+from hapticmech_ros.operational.observe_kernels import observe_point
 from hapticmech_ros.session.data import SessionData
 
 # What a tick consists of, in this order; a call does all of it or some.
@@ -70,18 +69,19 @@ def sense(data: SessionData) -> None:
 
 
 @inner
-def look(model: Model, data: SessionData, packed: Array, clock: Array) -> bool:
+def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock: Array) -> bool:
     """Analyse the operational point, and count joint constraints; return whether it succeeded."""
     times, rows, observation = data.times, data.rows, data.observation
     at = clock[AT]
-    code = observe(
-        model,
-        unpack(packed[at], model),
+    code = observe_point(
+        numbers,
+        values,
+        packed[at],
         clock[KNOWN],
         data.q,
         data.v,
         data.index,
-        metric_of(data.metric, rows.size),
+        data.metric,
         rows,
         times[1],
         times[2],
@@ -186,22 +186,11 @@ def move_mechanism(
         pushed[index, i] = wrenches[1, i] + data.external[i]
     parts.held[:] = 0.0
     account[0] = account[1] = account[5] = 0.0
-    at = clock[AT]
-    code = advance_many(
-        Model(numbers, values),
-        parts,
-        packed[at],
-        packed[1 - at],
-        packed[3],
-        springs,
-        nobody,
-        nobody,
-        data.steps,
-        0,
-        data.stages,
-        data.implicit != 0,
-        clock[KNOWN] != 0,
-    )
+    at, plan = clock[AT], local_whole(5)
+    plan[0], plan[1], plan[2] = data.steps, 0, data.stages
+    plan[3], plan[4] = data.implicit, clock[KNOWN]
+    first, last = packed[at], packed[1 - at]
+    code = advance(numbers, values, first, last, packed[3], work, springs, nobody, nobody, plan)
     if code != SETTLED:
         clock[KNOWN] = 0
         return False
@@ -279,7 +268,7 @@ def run_ticks(
     Returns:
         0, OBSERVATION_FAILED or STEP_FAILED: what is left to do of the tick then.
     """
-    model, data = Model(numbers, values), SessionData(whole, real)
+    data = SessionData(whole, real)
     phases, every = clock[PHASES], clock[EVERY]
     times, external, push = data.times, data.external, data.push
     for done in range(clock[TICKS]):
@@ -290,7 +279,7 @@ def run_ticks(
             put(external, row[:6])
             put(push, row[6:])
             sense(data)
-        if phases & OBSERVE and not look(model, data, packed, clock):
+        if phases & OBSERVE and not look(numbers, values, data, packed, clock):
             return OBSERVATION_FAILED
         if phases & HEAR:
             hear(data, time, stamp_ns)

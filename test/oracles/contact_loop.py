@@ -35,7 +35,8 @@ class ContactLoop:
         self._model = self.alone.mechanism.model
         # Of production nothing but the arrays that describe the scene.
         stepper = ContactStepper(Mechanism(scene))
-        self.contacts, self._links = Contacts(*stepper._arrays), stepper._links
+        self._arrays, self._links = stepper._arrays, stepper._links
+        self.contacts = Contacts(*self._arrays)
         self.loss = self._held = 0.0
         self.forces = np.zeros((0, 3))
 
@@ -48,7 +49,7 @@ class ContactLoop:
         force = sum(w @ one.jacobian for w, one in zip(wrenches, terms.points, strict=True))
         contacts.free[:] = v + step * terms.acceleration(force)[0]
         near_pairs(contacts, contacts.free, STEPS_AHEAD * step, SLACK)
-        count, space, external = touching_points(contacts), terms.space, {}
+        count, space, external = touching_points(*self._arrays), terms.space, {}
         contacts.report[:] = 0.0
         if count:
             halfway = pin.integrate(self._model, q, 0.5 * step * (v + contacts.free))

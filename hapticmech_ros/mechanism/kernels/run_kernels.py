@@ -165,48 +165,10 @@ def step_once(
     return code
 
 
-@inner
-def advance_many(
-    model: Model,
-    parts: Work,
-    start: Array,
-    end: Array,
-    scratch: Array,
-    spring_work: Array,
-    external: Array,
-    samples: Array,
-    steps: int,
-    every: int,
-    stages: int,
-    implicit: bool,
-    known: bool,
-) -> int:
-    """Do one step or many, with pushes held; see :func:`advance`, of whose plan the rest is."""
-    first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
-    state, sampled = parts.state, 0
-    for step in range(steps):
-        if step > 0:
-            begin_next(parts)
-            first, last, known = last, first, True
-        code = step_once(
-            model, first, known, stage_space, last, parts, spring_work, external, stages, implicit
-        )
-        if code != SETTLED:
-            if step % 2 == 1:
-                put(end, start)
-            return code
-        if every > 0 and (step + 1) % every == 0:
-            for i in range(state.size):
-                samples[sampled, i] = state[i]
-            sampled += 1
-    if steps % 2 == 0:
-        put(end, start)
-    return SETTLED
-
-
 @kernel(
     "int64(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[::1], float64[:,::1], float64[:,::1], int64[::1])"
+    " float64[::1], float64[:,::1], float64[:,::1], int64[::1])",
+    linked=True,
 )
 def advance(
     numbers: Array,
@@ -243,19 +205,25 @@ def advance(
         ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. Account 5 is the number of steps
         done.
     """
-    implicit, known = plan[3] != 0, plan[4] != 0
-    return advance_many(
-        Model(numbers, values),
-        Work(numbers, work),
-        start,
-        end,
-        scratch,
-        spring_work,
-        external,
-        samples,
-        plan[0],
-        plan[1],
-        plan[2],
-        implicit,
-        known,
-    )
+    model, parts = Model(numbers, values), Work(numbers, work)
+    steps, every, stages, implicit, known = plan[0], plan[1], plan[2], plan[3] != 0, plan[4] != 0
+    first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
+    state, sampled = parts.state, 0
+    for step in range(steps):
+        if step > 0:
+            begin_next(parts)
+            first, last, known = last, first, True
+        code = step_once(
+            model, first, known, stage_space, last, parts, spring_work, external, stages, implicit
+        )
+        if code != SETTLED:
+            if step % 2 == 1:
+                put(end, start)
+            return code
+        if every > 0 and (step + 1) % every == 0:
+            for i in range(state.size):
+                samples[sampled, i] = state[i]
+            sampled += 1
+    if steps % 2 == 0:
+        put(end, start)
+    return SETTLED
