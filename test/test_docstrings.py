@@ -61,7 +61,8 @@ def test_arrays_of_public_functions_have_shapes(path: Path) -> None:
 
 
 def test_a_missing_shape_is_found() -> None:
-    good = 'def f(a: Array) -> Array:\n    """Return b (6,).\n\n    Args:\n        a: (3,) m.\n    """\n'
+    good = 'def f(a: Array) -> Array:\n    """Return b (6,).\n\n    Args:\n        a: (3,) m.\n'
+    good += '    """\n'
     assert undocumented(good) == []
     assert undocumented(good.replace("(3,) ", "")) == ["1 f: shape of a, in Args:"]
     assert undocumented(good.replace(" (6,)", "")) == ["1 f: shape of what is returned"]

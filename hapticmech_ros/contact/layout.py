@@ -81,6 +81,8 @@ class Contacts(Structure):
         external: (l + links, 10) what contacts do to links, then what else pushes on them.
         frames: (4 p, 9) normal and tangents of points.
         workspace: for the solver's matrices.
+        kept_counts, kept_owners, kept_points, kept_forces, kept_origins, kept_joint_force,
+            kept_report: of a period's start, see ``memory_kernels``.
     """
 
     __slots__ = ()
@@ -120,6 +122,9 @@ class Contacts(Structure):
     frames = Part(32, 2)
     workspace = Part(33, 1)
     origins = Part(34, 2)
+    kept_counts, kept_owners = Part(35, 1, whole=True), Part(36, 1, whole=True)
+    kept_points, kept_forces, kept_origins = Part(37, 2), Part(38, 2), Part(39, 2)
+    kept_joint_force, kept_report = Part(40, 1), Part(41, 1)
 
 
 PARTS = {name: part for name, part in vars(Contacts).items() if isinstance(part, Part)}

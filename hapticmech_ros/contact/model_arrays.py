@@ -204,7 +204,8 @@ def contacts_of(
         "frames": np.zeros((most, 9)),
         "workspace": np.zeros(workspace_size(min(most, FIRST_WORKSPACE), nv)),
     }
-    return _packed(parts)
+    remembered = ("counts", "owners", "points", "forces", "origins", "joint_force", "report")
+    return _packed(parts | {f"kept_{name}": parts[name] for name in remembered})
 
 
 def with_workspace(numbers: Array, values: Array, points: int) -> tuple[Array, Array]:

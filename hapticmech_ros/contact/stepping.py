@@ -5,28 +5,21 @@ That is the search for nearest points of two bounded shapes, and steps that need
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
 from hapticmech_ros.contact.layout import (
     COUNTED,
-    FOUND,
     HELD,
     NEEDS_SEARCH,
     NOW,
-    OFF,
-    PARTS,
     SHAPE_A,
     SHAPE_B,
-    SWEEPS,
     TOTAL_WORK,
     WORK,
-    Contacts,
 )
-from hapticmech_ros.contact.model_arrays import contacts_of, shape_model, with_workspace
+from hapticmech_ros.contact.memory import ContactMemory
 from hapticmech_ros.contact.step_kernels import (
     EACH,
     MORE_WORKSPACE,
@@ -35,7 +28,7 @@ from hapticmech_ros.contact.step_kernels import (
     WHOLE,
     advance_period,
 )
-from hapticmech_ros.contact.touching import Touching, nothing_touching
+from hapticmech_ros.contact.touching import Touching
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.mechanism import Mechanism
@@ -52,10 +45,6 @@ from hapticmech_ros.mechanism.stepping import Stepper, Took, end_of, first_terms
 if TYPE_CHECKING:
     from hapticmech_ros.contact.hull import Polytope
     from hapticmech_ros.contact.nearest import Nearest
-
-# Shapes further apart than this share of their size, and than they come in a period, are stepped as
-# if there were no contacts.
-FAR = 0.05
 
 
 class Touched(NamedTuple):
@@ -83,24 +72,9 @@ class ContactStepper:
         self._mechanism = mechanism
         self._substeps = plan.substeps
         self._stepper = Stepper(mechanism, plan)
-        shapes = shape_model(scene.shapes, mechanism.tree)
-        self._links = sorted({shape.link for shape in scene.shapes} - {"world"})
-        places = {link: mechanism.link_place(link) for link in self._links}
-        # Positions move by the mean of both rates, or by the new one.
-        ahead = 0.0 if plan.integrator == "semi_implicit_euler" else 0.5
-        self._hold(
-            *contacts_of(
-                scene,
-                shapes,
-                mechanism.active_set(mechanism.initially_active).model,
-                {link: (joint, pose.translation) for link, (joint, pose) in places.items()},
-                (ahead, plan.period, FAR),
-            )
-        )
+        self.memory = ContactMemory(mechanism)
         self._plan = np.array((0, len(SCHEMES[plan.integrator].weights), 0, 0, 0))
-        self._nearest = self._searches(shapes.polytopes)
-        self._nothing = nothing_touching(mechanism.nv)
-        self._last: Touching | None = None
+        self._nearest = self._searches(self.memory.polytopes)
 
     def advance(
         self, start: Start, external: ExternalWrenches, touching: Touching | None
@@ -116,9 +90,9 @@ class ContactStepper:
             HapticMechError: as ``Simulator.step``.
         """
         check_external(external, len(self._mechanism.point_names), self._mechanism.nv)
-        self._begin_with(touching)
+        self.memory.begin_with(touching)
         self._push(external)
-        active_set, report = self._mechanism.active_set(start.active), self._contacts.report
+        active_set, report = self._mechanism.active_set(start.active), self.memory.contacts.report
         took = self._call(active_set, start, external, self._substeps, WHOLE)
         if took.code == 0 and took.stepped is not None:
             return self._touched(took.stepped, report.item(TOTAL_WORK))
@@ -138,31 +112,12 @@ class ContactStepper:
                 return self._touched(stepped, work + report.item(TOTAL_WORK))
             took = self._call(active_set, now, external, left, EACH)
 
-    def _hold(self, numbers: Array, values: Array) -> None:
-        """Take these arrays as the contacts'; views of their parts are found once."""
-        self._arrays = numbers, values
-        contacts = Contacts(numbers, values)
-        self._contacts = SimpleNamespace(**{name: getattr(contacts, name) for name in PARTS})
-
-    def _begin_with(self, touching: Touching | None) -> None:
-        """Make points and forces those of the step before, if they are not."""
-        contacts, known = self._contacts, self._last
-        self._last = None
-        if touching is None or not touching.pairs.size:
-            contacts.counts[NOW] = 0
-        elif touching is not known:
-            count = len(touching.pairs)
-            contacts.counts[NOW] = count
-            contacts.owners[:count] = touching.pairs
-            contacts.points[:count, :3] = touching.points
-            contacts.forces[:count] = touching.forces
-
     def _push(self, external: ExternalWrenches) -> None:
         """Put wrenches on links behind those of contacts."""
         self._plan[4] = len(external.on_links)
         if external.on_links:
-            rows, first = self._stepper.on_links(external), len(self._links)
-            self._contacts.external[first : first + len(rows)] = rows
+            rows, first = self._stepper.on_links(external), len(self.memory.links)
+            self.memory.contacts.external[first : first + len(rows)] = rows
 
     def _call(
         self,
@@ -179,65 +134,44 @@ class ContactStepper:
         first, end = first_terms(known, active_set, count), np.empty(active_set.size)
         constants, scratch, work = active_set.constants, active_set.scratch, stepper.work
         while True:
-            code = advance_period(*constants, first, end, scratch, work, *self._arrays, plan)
+            code = advance_period(*constants, first, end, scratch, work, *self.memory.arrays, plan)
             if code == SEARCH:
                 self._search()
             elif code == MORE_WORKSPACE:
-                self._make_room()
+                self.memory.enlarge()
             else:
                 return stepper.took(code, active_set, start.active, end)
             plan[0], plan[2], plan[3] = count - int(stepper.parts.account[5]), 1, SEARCHED
 
     def _search(self) -> None:
         """Find the nearest points of pairs that are near."""
-        contacts = self._contacts
+        contacts = self.memory.contacts
         poses, found, margins = contacts.poses, contacts.found, contacts.margins.tolist()
         for pair, a, b, nearest in self._nearest:
             if margins[pair] >= 0.0:
                 found[pair] = nearest.search(poses[a], poses[b])
 
-    def _make_room(self) -> None:
-        contacts = self._contacts
-        points = min(2 * int(contacts.counts[FOUND]), len(contacts.points))
-        self._hold(*with_workspace(*self._arrays, points))
-
     def _careful(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Do the substep that the kernel stopped before, contacts held."""
-        contacts = self._contacts
+        contacts = self.memory.contacts
         if not contacts.counts[NOW]:
             return self._stepper.careful_substep(start, external)
         on_links = dict(external.on_links)
-        for link, row in zip(self._links, contacts.external, strict=False):
+        for link, row in zip(self.memory.links, contacts.external, strict=False):
             on_links[link] = on_links[link] + row[4:] if link in on_links else row[4:].copy()
         stepped = self._stepper.careful_substep(start, external._replace(on_links=on_links))
         return stepped._replace(work_in=stepped.work_in - contacts.report.item(COUNTED))
 
     def _touched(self, stepped: Stepped, work: float) -> Touched:
         """Return a period's outcome with what is known of its last substep."""
-        contacts = self._contacts
-        count = int(contacts.counts[NOW])
-        if not count:
-            return Touched(stepped, self._nothing, 0.0, work)
-        points = contacts.points[:count].copy()
-        report = contacts.report.tolist()
-        self._last = touching = Touching(
-            contacts.owners[:count].copy(),
-            points[:, :3],
-            points[:, 3:6],
-            points[:, 6],
-            contacts.forces[:count].copy(),
-            contacts.origins[:count].copy(),
-            contacts.joint_force.copy(),
-            int(report[SWEEPS]),
-            report[OFF],
-        )
-        return Touched(stepped, touching, report[HELD], work)
+        touching, report = self.memory.touching(), self.memory.contacts.report
+        return Touched(stepped, touching, report.item(HELD) if touching.pairs.size else 0.0, work)
 
     def _searches(
         self, polytopes: tuple[Polytope | None, ...]
     ) -> list[tuple[int, int, int, Nearest]]:
         """Return per pair whose nearest points are searched for its index, shapes, and search."""
-        pairs, shapes = self._contacts.pairs, self._mechanism.scene.shapes
+        pairs, shapes = self.memory.contacts.pairs, self._mechanism.scene.shapes
         if not pairs[:, NEEDS_SEARCH].any():
             return []
         # Here, so that a scene with nothing but half-spaces needs no search.

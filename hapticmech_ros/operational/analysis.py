@@ -83,7 +83,15 @@ class Analyser:
         Raises:
             HapticMechError: as :meth:`observe`.
         """
-        return self._observe_terms(terms, 0.0).analysis
+        return self.observe_terms(terms).analysis
+
+    def observe_terms(self, terms: Evaluation) -> Observation:
+        """Return what :meth:`observe` does, from terms at a state, without delay compensation.
+
+        Raises:
+            HapticMechError: as :meth:`observe`.
+        """
+        return self._observe_terms(terms, 0.0)
 
     def compensated(self, terms: Evaluation, found: OperationalAnalysis) -> CompensatedResponse:
         """Return X and a_0 as a loop late by τ needs them; see :mod:`.delay_compensation`.

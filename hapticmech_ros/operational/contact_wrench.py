@@ -1,14 +1,6 @@
-"""What contacts do at an operational point, in the dynamically consistent sense.
-
-    F_c = J̄ᵀ Σ J_cᵀ λ,      J̄ = D⁻¹ P J_hᵀ X⁺
-
-is the wrench at the point that accelerates it as the contacts do: X F_c = a_c. Along directions
-that the joints hold (weight w(s_i) of 1) no wrench does, and F_c has no part there.
-"""
+"""F_c of contacts at the operational points of a mechanism; see :mod:`.contact_wrench_kernels`."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,45 +8,27 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.operational.analysis import Analyser
-from hapticmech_ros.operational.results import OperationalAnalysis
-
-if TYPE_CHECKING:
-    from hapticmech_ros.contact.touching import Touching
+from hapticmech_ros.operational.contact_wrench_kernels import consistent_wrench
 
 
-def contact_wrench(
-    terms: Evaluation, analysis: OperationalAnalysis, joint_force: Array, index: int
-) -> Array:
+def contact_wrench(analyser: Analyser, terms: Evaluation, joint_force: Array) -> Array:
     """Return F_c (6,): by the environment on the mechanism, at the point, world axes, N and N m.
 
-    With X n_i = μ_i I_ℓ⁻¹ n_i it is Σ (1 - w_i) n_i (n_iᵀ a_c) / μ_i. T18 of docs/derivations.md.
-
     Args:
+        analyser: of the point.
         terms: of the mechanism at a state.
-        analysis: of the point there.
         joint_force: (nv,) Σ J_cᵀ λ, N m or N.
-        index: of the point.
     """
-    space, jacobian = terms.space, terms.points[index].jacobian
-    pushed = space.without_closure_part(space.to_mass_metric(joint_force))
-    acceleration = jacobian @ space.from_mass_metric(pushed)
-    found = analysis.spectrum
-    along = found.wrenches.T @ acceleration[analysis.rows]
-    free = analysis.weights < 1.0
-    shares = np.zeros(along.size)
-    shares[free] = (1.0 - analysis.weights[free]) * along[free] / found.mu[free]
-    wrench = np.zeros(6)
-    wrench[analysis.rows] = found.wrenches @ shares
+    seen, closing, wrench = analyser.observe_terms(terms), terms.closing, np.zeros(6)
+    consistent_wrench(
+        *closing.active_set.constants,
+        closing.packed,
+        seen.numbers,
+        analyser.rows,
+        np.array(joint_force, dtype=float),
+        wrench,
+    )
     return wrench
-
-
-def touching_wrench(
-    terms: Evaluation, analysis: OperationalAnalysis, touching: Touching | None, index: int
-) -> Array:
-    """Return F_c (6,) of all that touches; zero where nothing does. See :func:`contact_wrench`."""
-    if touching is None or not touching.pairs.size:
-        return np.zeros(6)
-    return contact_wrench(terms, analysis, touching.joint_force, index)
 
 
 class ContactWrenches:
@@ -68,9 +42,10 @@ class ContactWrenches:
         self._analysers = [Analyser(mechanism, name) for name in mechanism.point_names]
 
     def at(self, terms: Evaluation, joint_force: Array) -> Array:
-        """Return F_c (points, 6) from Σ J_cᵀ λ (nv,) and the terms at a state, N and N m."""
-        wrenches = [
-            contact_wrench(terms, analyser.analyse(terms), joint_force, index)
-            for index, analyser in enumerate(self._analysers)
-        ]
-        return np.array(wrenches)
+        """Return F_c (points, 6), N and N m, world axes at each point.
+
+        Args:
+            terms: of the mechanism at a state.
+            joint_force: (nv,) Σ J_cᵀ λ, N m or N.
+        """
+        return np.array([contact_wrench(one, terms, joint_force) for one in self._analysers])

@@ -52,8 +52,9 @@ class SessionData(Structure):
         given: the last answer that was given, over a connection.
         q: (nq,) configuration at the tick's start.
         v: (nv,) rates there.
-        totals: (5,) time of the mechanism, s; work done on it, and energy lost, J; closure error,
-            m or rad; and the number of joint constraints reported.
+        totals: (7,) time of the mechanism, s; work done on it, and energy lost, J; closure error,
+            m or rad; the number of joint constraints reported; and energy lost in contacts, and
+            held by them, J.
     """
 
     __slots__ = ()

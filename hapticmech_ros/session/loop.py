@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.contact.step_kernels import MORE_WORKSPACE
 from hapticmech_ros.control import Clutch
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.compensated_delay import compensated_loop_delay
@@ -14,7 +16,6 @@ from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.control.loop_layout import ANSWER, SETTINGS
 from hapticmech_ros.control.rendering_controller import RenderingController
 from hapticmech_ros.device import (
-    NO_WRENCH,
     DeviceState,
     ImpedanceDevice,
     SimulatedDevice,
@@ -23,11 +24,11 @@ from hapticmech_ros.device import (
 from hapticmech_ros.device.device_layout import DEVICE_MODEL
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.contact_wrench import touching_wrench
+from hapticmech_ros.operational.contact_wrench import contact_wrench
 from hapticmech_ros.operational.counter import ConstraintCounter
-from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session.data import PARTS, SessionData, session_data
 from hapticmech_ros.session.run import run_layout
@@ -50,14 +51,19 @@ from hapticmech_ros.session.tick_kernels import (
     SENSE,
     TICK,
     TICKS,
+    WHY,
     run_ticks,
 )
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import nanoseconds
 
+if TYPE_CHECKING:
+    from hapticmech_ros.contact.memory import ContactMemory
+
 _MODEL_SIZE = OPERATIONAL_MODEL.size
 _FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
 _NOBODY = np.zeros((0, 10))
+_NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
 
 
 class SessionLoop:
@@ -95,6 +101,7 @@ class SessionLoop:
         self._carried: Array | None = None
         self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
         self._stepper = self.simulator.stepper
+        self._contacts = _contact_memory(self.simulator.mechanism)
         self._data = self._allocated()
         # Found once: each look at the data makes a view.
         self._parts = SimpleNamespace(**{name: getattr(self._data, name) for name in PARTS})
@@ -182,7 +189,7 @@ class SessionLoop:
             "given": np.zeros(ANSWER.size),
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),
-            "totals": np.zeros(5),
+            "totals": np.zeros(7),
         }
         data = session_data(sizes, parts)
         side.account, side.queue = data.controller, data.told
@@ -197,7 +204,8 @@ class SessionLoop:
     def _left(self) -> LeftState:
         """Return how the kernel left the mechanism."""
         data = self._parts
-        return LeftState(self._known, data.totals.copy(), data.q.copy(), data.v.copy())
+        touching = None if self._contacts is None else self._contacts.touching()
+        return LeftState(self._known, data.totals.copy(), data.q.copy(), data.v.copy(), touching)
 
     def _begin(self, state: MechanismState) -> None:
         """Go on from a state of the mechanism."""
@@ -210,6 +218,9 @@ class SessionLoop:
         data.v[:] = state.v
         account = state.account
         data.totals[:4] = state.time, account.work_in, account.damping_loss, state.closure_error
+        data.totals[5:] = account.contact_loss, account.contact_energy
+        if self._contacts is not None:
+            self._contacts.begin_with(state.touching)
         closing = self.simulator.closing(state)
         clock[AT] = 0
         clock[KNOWN] = closing.active_set is active_set
@@ -222,12 +233,12 @@ class SessionLoop:
         clock, control = self._clock, self._control
         clock[EVERY], clock[RECORDED] = every, 0
         plain = not control.answers_in_python and self._simulated
-        alone = self.simulator.steps_alone
+        may_latch = self.simulator.may_latch
         done = 0
         while done < ticks:
             given = inputs[done:] if len(inputs) > 1 else inputs
             clutch = self._clutch
-            waits = self._carried is not None or not plain or not alone(self._known)
+            waits = self._carried is not None or not plain or may_latch(self._known)
             if clutch is None or clutch.carried is not None or waits:
                 self._tick_in_parts(given[:1], rows)
                 done += 1
@@ -245,6 +256,9 @@ class SessionLoop:
     def _call(self, phases: int, inputs: Array, rows: Array, ticks: int = 1) -> int:
         """Do phases of ticks by the kernel; return why it ended."""
         clock, stepper = self._clock, self._stepper
+        contacts: tuple[Array, Array] = _NO_CONTACTS
+        if self._contacts is not None:
+            contacts = self._contacts.arrays
         clock[TICKS], clock[PHASES] = ticks, phases
         stepper.parts.settings[8] = stepper.heeded
         if phases & DEVICE:
@@ -261,19 +275,18 @@ class SessionLoop:
             inputs,
             rows,
             _NOBODY,
+            *contacts,
             clock,
         )
 
     def _tick_in_parts(self, inputs: Array, rows: Array) -> None:
         """Do a tick in which something is done in Python."""
-        data, time, control = self._parts, self.time, self._control
-        simulated = self._simulated
+        time, control, simulated = self.time, self._control, self._simulated
         if not simulated:
             self._sense_otherwise(inputs[0])
         state = self.mechanism
         if self._call((SENSE if simulated else 0) | OBSERVE, inputs, rows):
             self._observe_otherwise()
-        data.contact[:] = self._touching(state)
         self._call(HEAR, inputs, rows)
         clutch = self._engaged_clutch(time)
         self._set(time, clutch)
@@ -285,7 +298,7 @@ class SessionLoop:
         self._clock[ANSWERED] = 0
         if not simulated:
             self._move_otherwise()
-        if not self.simulator.steps_alone(state) or self._call(MECHANISM, inputs, rows):
+        if self.simulator.may_latch(state) or self._call(MECHANISM, inputs, rows):
             self._step_otherwise()
 
     def _set(self, time: float, clutch: Clutch) -> None:
@@ -311,6 +324,10 @@ class SessionLoop:
         closing = self.simulator.closing(state)
         found = self._analyser.observe(state.q, state.v, state.active, closing)
         data.observation[:] = found.numbers
+        data.contact[:] = 0.0
+        if state.touching is not None and state.touching.pairs.size:
+            terms, force = self.simulator.evaluate(state), state.touching.joint_force
+            data.contact[:] = contact_wrench(self._analyser, terms, force)
 
     def _answer_otherwise(self, time: float, clutch: Clutch) -> None:
         """Let a control law that is written in Python answer what was heard."""
@@ -330,22 +347,18 @@ class SessionLoop:
         self._device_state = self._device.step(self.device, command, self._held, tick, push)
 
     def _step_otherwise(self) -> None:
-        """Move the mechanism on where the kernel cannot: contacts, latches, singular positions."""
+        """Move the mechanism on where the kernel cannot.
+
+        That is where a closure may latch, at singular positions, and where two bounded shapes are
+        near each other, whose nearest points are searched for.
+        """
         data, state = self._parts, self.mechanism
+        if self._contacts is not None and self._clock[WHY] == MORE_WORKSPACE:
+            self._contacts.enlarge()
         wrenches = np.zeros((len(self.simulator.mechanism.point_names), 6))
         wrenches[self._analyser.index] = data.wrenches[1] + data.external
         self._begin(self.simulator.step(state, wrenches))
         self._clock[TICK] += 1
-
-    def _touching(self, state: MechanismState) -> Array:
-        """Return F_c (6,) of what touches; zero where nothing does."""
-        if state.touching is None or not state.touching.pairs.size:
-            return NO_WRENCH
-        index, terms = self._analyser.index, self.simulator.evaluate(state)
-        seen = Observation(
-            self._parts.observation, self._analyser.layout, self._analyser.rows, state.v.size
-        )
-        return touching_wrench(terms, seen.analysis, state.touching, index)
 
     def _engaged_clutch(self, time: float) -> Clutch:
         """Return the clutch, engaged anew at the start and if the mechanism is held elsewhere."""
@@ -356,3 +369,13 @@ class SessionLoop:
             self._carried = None
         self._clutch = control.with_slip(time, clutch, device, operational_model)
         return self._clutch
+
+
+def _contact_memory(mechanism: Mechanism) -> ContactMemory | None:
+    """Return the contacts of a mechanism for kernels; None if its scene has none."""
+    if not mechanism.scene.contacts:
+        return None
+    # Here, so that a scene without contacts imports nothing of them.
+    from hapticmech_ros.contact.memory import ContactMemory
+
+    return ContactMemory(mechanism)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlOutput, OperationalModel
@@ -13,26 +13,30 @@ from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.simulation.state import EnergyAccount, MechanismState
 
+if TYPE_CHECKING:
+    from hapticmech_ros.contact.touching import Touching
+
 
 class LeftState(NamedTuple):
     """A mechanism's state as a kernel left it.
 
     Attributes:
         known: the last state before that was known as such.
-        totals: (5,) see :class:`~hapticmech_ros.session.data.SessionData`.
+        totals: (7,) see :class:`~hapticmech_ros.session.data.SessionData`.
         q, v: configuration (nq,) and rates (nv,).
+        touching: points of contact; None in a scene without.
     """
 
     known: MechanismState
     totals: Array
     q: Array
     v: Array
+    touching: Touching | None = None
 
     def state(self) -> MechanismState:
         """Return the state; q and v can be written no more."""
         before, account = self.known, self.known.account
-        time, work_in, lost, error, _ = self.totals.tolist()
-        others = account.latch_loss, account.contact_loss, account.contact_energy
+        time, work_in, lost, error, _, *in_contact = self.totals.tolist()
         self.q.flags.writeable = self.v.flags.writeable = False
         return MechanismState(
             time,
@@ -40,8 +44,8 @@ class LeftState(NamedTuple):
             self.v,
             before.active,
             error,
-            EnergyAccount(work_in, lost, *others),
-            None,
+            EnergyAccount(work_in, lost, account.latch_loss, *in_contact),
+            self.touching,
             before.released,
         )
 

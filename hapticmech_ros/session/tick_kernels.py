@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local_whole, put
+from hapticmech_ros.contact.layout import HELD, NOW, TOTAL_WORK, Contacts
+from hapticmech_ros.contact.memory_kernels import keep, restore
+from hapticmech_ros.contact.step_kernels import WHOLE, advance_period
 from hapticmech_ros.control.account_kernels import (
     CONTACT,
     GIVEN,
@@ -38,6 +41,7 @@ from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
+from hapticmech_ros.operational.contact_wrench_kernels import consistent_wrench
 from hapticmech_ros.operational.counter_kernels import count_rigid
 from hapticmech_ros.operational.observe_kernels import observe_point
 from hapticmech_ros.session.data import SessionData
@@ -46,9 +50,9 @@ from hapticmech_ros.session.data import SessionData
 SENSE, OBSERVE, HEAR, RENDER, DEVICE, MECHANISM = 1, 2, 4, 8, 16, 32
 ALL = SENSE | OBSERVE | HEAR | RENDER | DEVICE | MECHANISM
 # Of a run: number of ticks; what they do; number of the next tick; 1 if terms at its start are
-# known; ticks done; from one record to the next, 0 for none; records written; 1 if the answer's
-# wrenches are there already; and which of the arrays of terms is that of the start.
-TICKS, PHASES, TICK, KNOWN, DONE, EVERY, RECORDED, ANSWERED, AT = range(9)
+# known; why the mechanism's step failed; from one record to the next, 0 for none; records written;
+# 1 if the answer's wrenches are there already; and which of the arrays of terms is the start's.
+TICKS, PHASES, TICK, KNOWN, WHY, EVERY, RECORDED, ANSWERED, AT = range(9)
 CLOCK_SIZE = 9
 # What ended a run before its end: the analysis, or the mechanism's step; that is left to do.
 OBSERVATION_FAILED, STEP_FAILED = 1, 2
@@ -93,8 +97,20 @@ def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock:
 
 
 @inner
+def feel_contacts(
+    numbers: Array, values: Array, data: SessionData, packed: Array, contacts: Contacts
+) -> None:
+    """Fill F_c of the contacts in the step that led here."""
+    if contacts.counts[NOW] == 0:
+        data.contact[:] = 0.0
+    else:
+        force = contacts.joint_force
+        consistent_wrench(numbers, values, packed, data.observation, data.rows, force, data.contact)
+
+
+@inner
 def hear(data: SessionData, time: float, stamp_ns: int) -> None:
-    """Count joint constraints, say what touches, and send the sample over the connection."""
+    """Count joint constraints, add up F_c, and send the sample over the connection."""
     observation, counted = data.observation, data.rows.size
     data.totals[4] = count_rigid(data.counter, observation[:counted], time)
     for i in range(6):
@@ -171,6 +187,8 @@ def move_mechanism(
     work: Array,
     springs: Array,
     nobody: Array,
+    contact_numbers: Array,
+    contact_values: Array,
     clock: Array,
 ) -> bool:
     """Move the mechanism on by a period; return whether it could be done, else nothing is changed.
@@ -187,12 +205,23 @@ def move_mechanism(
     parts.held[:] = 0.0
     account[0] = account[1] = account[5] = 0.0
     at, plan = clock[AT], local_whole(5)
-    plan[0], plan[1], plan[2] = data.steps, 0, data.stages
-    plan[3], plan[4] = data.implicit, clock[KNOWN]
-    first, last = packed[at], packed[1 - at]
-    code = advance(numbers, values, first, last, packed[3], work, springs, nobody, nobody, plan)
+    first, last, stages, touches = packed[at], packed[1 - at], packed[3], contact_numbers.size > 0
+    contacts = Contacts(contact_numbers, contact_values)
+    plan[0] = data.steps
+    if touches:
+        keep(contacts)
+        plan[1], plan[2], plan[3], plan[4] = data.stages, clock[KNOWN], WHOLE, 0
+        code = advance_period(
+            numbers, values, first, last, stages, work, contact_numbers, contact_values, plan
+        )
+    else:
+        plan[1], plan[2], plan[3], plan[4] = 0, data.stages, data.implicit, clock[KNOWN]
+        code = advance(numbers, values, first, last, stages, work, springs, nobody, nobody, plan)
+    clock[WHY] = code
     if code != SETTLED:
         clock[KNOWN] = 0
+        if touches:
+            restore(contacts)
         return False
     clock[AT], clock[KNOWN] = 1 - at, 1
     put(data.q, parts.q)
@@ -201,6 +230,11 @@ def move_mechanism(
     totals[1] += account[0]
     totals[2] += account[1]
     totals[3] = unpack(packed[1 - at], Model(numbers, values)).tail[0]
+    if touches:
+        report = contacts.report
+        held = report[HELD] if contacts.counts[NOW] > 0 else 0.0
+        totals[5] += totals[6] - held - report[TOTAL_WORK]
+        totals[6] = held
     return True
 
 
@@ -233,7 +267,8 @@ def write_record(data: SessionData, time: float, row: Array) -> None:
 
 @kernel(
     "int64(int64[::1], float64[::1], float64[:,::1], float64[::1], float64[::1], int64[::1],"
-    " float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], int64[::1])"
+    " float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], int64[::1], float64[::1],"
+    " int64[::1])"
 )
 def run_ticks(
     numbers: Array,
@@ -246,6 +281,8 @@ def run_ticks(
     inputs: Array,
     records: Array,
     nobody: Array,
+    contact_numbers: Array,
+    contact_values: Array,
     clock: Array,
 ) -> int:
     """Do ticks, or parts of one.
@@ -263,6 +300,8 @@ def run_ticks(
             on the device.
         records: (records, ...) to fill; see ``run_layout``.
         nobody: (0, 10).
+        contact_numbers: of the contacts, whole ones; (0,) in a scene without.
+        contact_values: the others; see ``layout.Contacts``.
         clock: (9,) what to do, and what was done.
 
     Returns:
@@ -282,6 +321,9 @@ def run_ticks(
         if phases & OBSERVE and not look(numbers, values, data, packed, clock):
             return OBSERVATION_FAILED
         if phases & HEAR:
+            if contact_numbers.size > 0 and clock[KNOWN] != 0:
+                contacts = Contacts(contact_numbers, contact_values)
+                feel_contacts(numbers, values, data, packed[clock[AT]], contacts)
             hear(data, time, stamp_ns)
         if phases & RENDER:
             render(data, time, stamp_ns, clock[ANSWERED] != 0)
@@ -291,9 +333,19 @@ def run_ticks(
         if phases & DEVICE:
             move_hand(data, tick)
         if phases & MECHANISM:
-            moved = move_mechanism(numbers, values, data, packed, work, springs, nobody, clock)
+            moved = move_mechanism(
+                numbers,
+                values,
+                data,
+                packed,
+                work,
+                springs,
+                nobody,
+                contact_numbers,
+                contact_values,
+                clock,
+            )
             if not moved:
                 return STEP_FAILED
             clock[TICK] += 1
-            clock[DONE] += 1
     return 0

@@ -51,9 +51,9 @@ class Simulator:
         self._projected: tuple[MechanismState, Closing] | None = None
         self._latches = Latches(self.mechanism)
 
-    def steps_alone(self, state: MechanismState) -> bool:
-        """Return whether a step is the stepper's alone: no contacts, and no loop that may latch."""
-        return self._contacts is None and not self._latches.waiting(state.active)
+    def may_latch(self, state: MechanismState) -> bool:
+        """Return whether a closure is open that may latch by itself."""
+        return self._latches.waiting(state.active)
 
     def initial_state(self) -> MechanismState:
         """Return the scene's initial state with its closures met.
@@ -67,7 +67,7 @@ class Simulator:
         return MechanismState(0.0, _frozen(q), _frozen(v), active, error)
 
     def set_operational_point(self, point: OperationalPoint) -> None:
-        """Put an operational point elsewhere from now on; see :meth:`Mechanism.set_operational_point`."""
+        """Put an operational point elsewhere from now on; see that method of :class:`Mechanism`."""
         self.mechanism.set_operational_point(point)
         self.scene = self.mechanism.scene
         # Both know where the point was.

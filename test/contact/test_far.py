@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import hapticmech_ros.contact.stepping as contact_stepping
 from contact.test_felt import against_a_wall
 from contact.test_solver import tumbling
+from hapticmech_ros.contact import memory as contact_memory
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.touching import FLOOR, UPRIGHT, body, on_floor, pair, run, scene, shape
@@ -46,7 +46,7 @@ def test_out_of_reach_the_step_is_the_ordinary_one_to_the_bit(name, substeps, in
 def always_searched(monkeypatch, document, duration):
     """Return states of a run that searches for points in every step, however far shapes are."""
     with monkeypatch.context() as patched:
-        patched.setattr(contact_stepping, "FAR", 1e9)
+        patched.setattr(contact_memory, "FAR", 1e9)
         return run(document, duration)[1]
 
 
@@ -88,7 +88,7 @@ def test_what_a_push_brings_near_within_a_step_is_not_missed(monkeypatch):
     pushed = [0.0, 0.0, -3e5, 0.0, 0.0, 0.0]
     found = stepped(document, 1, pushed)[-1]
     with monkeypatch.context() as patched:
-        patched.setattr(contact_stepping, "FAR", 1e9)
+        patched.setattr(contact_memory, "FAR", 1e9)
         wanted = stepped(document, 1, pushed)[-1]
     assert found.touching.pairs.size == 1
     assert (found.v == wanted.v).all()

@@ -85,7 +85,7 @@ def test_the_wrench_is_the_consistent_map_of_contacts_in_motion():
             continue
         terms = sim.evaluate(state)
         analysis = analyser.analyse(terms)
-        wrench = contact_wrench(terms, analysis, found.joint_force, 0)
+        wrench = contact_wrench(analyser, terms, found.joint_force)
         nothing = np.zeros_like(found.joint_force)
         rates = terms.acceleration(found.joint_force)[0] - terms.acceleration(nothing)[0]
         free = analysis.weights == 0.0

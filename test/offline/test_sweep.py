@@ -1,4 +1,4 @@
-"""Joints prescribed over a grid: loops stay closed, on their branch, and nothing else is assumed."""
+"""Joints prescribed over a grid: loops stay closed, and on their branch."""
 
 import numpy as np
 import pytest

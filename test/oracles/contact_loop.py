@@ -35,7 +35,7 @@ class ContactLoop:
         self._model = self.alone.mechanism.model
         # Of production nothing but the arrays that describe the scene.
         stepper = ContactStepper(Mechanism(scene))
-        self._arrays, self._links = stepper._arrays, stepper._links
+        self._arrays, self._links = stepper.memory.arrays, stepper.memory.links
         self.contacts = Contacts(*self._arrays)
         self.loss = self._held = 0.0
         self.forces = np.zeros((0, 3))

@@ -1,0 +1,100 @@
+"""The contacts of a mechanism as arrays for kernels, and their points as objects."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.contact.layout import FOUND, NOW, OFF, PARTS, SWEEPS, Contacts
+from hapticmech_ros.contact.model_arrays import contacts_of, shape_model, with_workspace
+from hapticmech_ros.contact.touching import Touching, nothing_touching
+from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.mechanism.motion import plan_of
+
+# Shapes further apart than this share of their size, and than they come in a period, are stepped as
+# if there were no contacts.
+FAR = 0.05
+
+
+class ContactMemory:
+    """Model and data of a mechanism's contacts.
+
+    Args:
+        mechanism: whose.
+
+    Attributes:
+        links: names of links with shapes, in order.
+        polytopes: per shape its polytope, or None.
+        arrays: the two arrays of a :class:`~hapticmech_ros.contact.layout.Contacts`.
+        contacts: views of their parts, found once.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        scene, plan = mechanism.scene, plan_of(mechanism.scene.simulation)
+        shapes = shape_model(scene.shapes, mechanism.tree)
+        self.links = sorted({shape.link for shape in scene.shapes} - {"world"})
+        self.polytopes = shapes.polytopes
+        places = {link: mechanism.link_place(link) for link in self.links}
+        # Positions move by the mean of both rates, or by the new one.
+        ahead = 0.0 if plan.integrator == "semi_implicit_euler" else 0.5
+        self._hold(
+            *contacts_of(
+                scene,
+                shapes,
+                mechanism.active_set(mechanism.initially_active).model,
+                {link: (joint, pose.translation) for link, (joint, pose) in places.items()},
+                (ahead, plan.period, FAR),
+            )
+        )
+        self._nothing = nothing_touching(mechanism.nv)
+        self._last: Touching | None = None
+
+    def begin_with(self, touching: Touching | None) -> None:
+        """Make points and forces those of a period, if they are not."""
+        contacts, known = self.contacts, self._last
+        self._last = None
+        if touching is None or not touching.pairs.size:
+            contacts.counts[NOW] = 0
+        elif touching is not known:
+            count = len(touching.pairs)
+            contacts.counts[NOW] = count
+            contacts.owners[:count] = touching.pairs
+            contacts.points[:count, :3] = touching.points
+            contacts.points[:count, 3:6] = touching.normals
+            contacts.points[:count, 6] = touching.depths
+            contacts.forces[:count] = touching.forces
+            contacts.origins[:count] = touching.origins
+            contacts.joint_force[:] = touching.joint_force
+            contacts.report[[SWEEPS, OFF]] = touching.sweeps, touching.residual
+
+    def touching(self) -> Touching:
+        """Return the points of contact of the last step."""
+        contacts = self.contacts
+        count = int(contacts.counts[NOW])
+        if not count:
+            return self._nothing
+        points = contacts.points[:count].copy()
+        report = contacts.report.tolist()
+        self._last = Touching(
+            contacts.owners[:count].copy(),
+            points[:, :3],
+            points[:, 3:6],
+            points[:, 6],
+            contacts.forces[:count].copy(),
+            contacts.origins[:count].copy(),
+            contacts.joint_force.copy(),
+            int(report[SWEEPS]),
+            report[OFF],
+        )
+        return self._last
+
+    def enlarge(self) -> None:
+        """Make the solver's workspace large enough for the points that were found."""
+        contacts = self.contacts
+        points = min(2 * int(contacts.counts[FOUND]), len(contacts.points))
+        self._hold(*with_workspace(*self.arrays, points))
+
+    def _hold(self, numbers: Array, values: Array) -> None:
+        self.arrays = numbers, values
+        contacts = Contacts(numbers, values)
+        self.contacts = SimpleNamespace(**{name: getattr(contacts, name) for name in PARTS})
