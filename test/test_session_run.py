@@ -86,7 +86,7 @@ def test_contacts_of_a_session_are_those_of_the_simulator(name):
     session, simulator = Session(scene), Simulator(scene)
     state, touched, index = simulator.initial_state(), 0, 0
     wrenches = np.zeros((len(scene.operational_points), 6))
-    for _ in range(15):
+    for _ in range(25):
         run = session.run(100)
         for acting, external in zip(run["on_mechanism"], run["external"], strict=True):
             wrenches[index] = acting + external
