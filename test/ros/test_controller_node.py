@@ -49,7 +49,7 @@ class World:
         self.device_pose = peer.publisher(f"{device}/measured_cp", PoseStamped)
         if packed:
             self.state = peer.publisher("device/state", Float64MultiArray)
-        self.model = peer.publisher("analysis/handle/operational_model", Float64MultiArray)
+        self.sender = peer.publisher("analysis/handle/operational_model", Float64MultiArray)
         self.commands = peer.listen(f"{device}/servo_cf", WrenchStamped)
         self.to_mechanism = peer.listen("mechanism/handle/servo_cf", WrenchStamped)
 
@@ -69,7 +69,7 @@ class World:
                     )
                 ),
             )
-            self.model.publish(message)
+            self.sender.publish(message)
         moved = pin.SE3(self.pose.rotation, self.pose.translation + np.array([0.0, offset, 0.0]))
         if self.packed:
             peer.run(0.002)
@@ -228,7 +228,7 @@ def test_bad_measurements_are_refused(domain: int, peer: Peer) -> None:
             refuses(peer, statuses, "teleoperation_controller", world.device_pose, bad)
         for bad_data in ([1.0, 2.0], [math.nan] * 144):
             bad = Float64MultiArray(data=bad_data)
-            refuses(peer, statuses, "teleoperation_controller", world.model, bad)
+            refuses(peer, statuses, "teleoperation_controller", world.sender, bad)
         assert process.poll() is None
     assert not world.commands
 
