@@ -48,13 +48,16 @@ class SessionData(Structure):
         contact: (6,) F_c.
         locality: (3,) see ``answer_sample``.
         added: (6,) by the device's driver.
-        forth, back: messages on the way to the controller, and back.
         given: the last answer that was given, over a connection.
         q: (nq,) configuration at the tick's start.
         v: (nv,) rates there.
         totals: (7,) time of the mechanism, s; work done on it, and energy lost, J; closure error,
             m or rad; the number of joint constraints reported; and energy lost in contacts, and
             held by them, J.
+        began_state, began_q, began_v, began_totals: of the device and the mechanism when the tick
+            began.
+        forth, back: messages on the way to the controller, and back; the last parts, as no sample
+            has them.
     """
 
     __slots__ = ()
@@ -68,8 +71,15 @@ class SessionData(Structure):
     account, safety, answers, sample = Part(10, 1), Part(11, 1), Part(12, 2), Part(13, 1)
     device, state, later, counter = Part(14, 1), Part(15, 1), Part(16, 1), Part(17, 1)
     wrenches, external, push, contact = Part(18, 2), Part(19, 1), Part(20, 1), Part(21, 1)
-    locality, added, forth, back = Part(22, 1), Part(23, 1), Part(24, 2), Part(25, 2)
-    given, q, v, totals = Part(26, 1), Part(27, 1), Part(28, 1), Part(29, 1)
+    locality, added, given = Part(22, 1), Part(23, 1), Part(24, 1)
+    q, v, totals = Part(25, 1), Part(26, 1), Part(27, 1)
+    began_state, began_q, began_v, began_totals = Part(28, 1), Part(29, 1), Part(30, 1), Part(31, 1)
+    forth, back = Part(32, 2), Part(33, 2)
+
+    def sampled(self) -> SessionData:
+        """Return a copy of all but the messages on the way."""
+        end = self.numbers[vars(SessionData)["forth"].at]
+        return SessionData(self.numbers, self.data[:end].copy())
 
 
 # Names of its parts.

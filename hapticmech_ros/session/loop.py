@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import is_
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -24,11 +25,11 @@ from hapticmech_ros.device import (
 from hapticmech_ros.device.device_layout import DEVICE_MODEL
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.contact_wrench import contact_wrench
 from hapticmech_ros.operational.counter import ConstraintCounter
+from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session.data import PARTS, SessionData, session_data
 from hapticmech_ros.session.run import run_layout
@@ -59,6 +60,7 @@ from hapticmech_ros.times import nanoseconds
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.memory import ContactMemory
+    from hapticmech_ros.contact.touching import Touching
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
 _FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
@@ -92,6 +94,8 @@ class SessionLoop:
         self._held: DeviceState = self._device.at_rest(start, held=True)
         self._device_state: DeviceState | None = self._held
         self._clutch: Clutch | None = None
+        # What the controllers' settings are of, if they need not be found anew.
+        self._settled: tuple[Clutch, Controller, float] | None = None
         self._side = RenderingController(
             self._control, self.period, scene.connection, command_delay
         )
@@ -101,7 +105,7 @@ class SessionLoop:
         self._carried: Array | None = None
         self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
         self._stepper = self.simulator.stepper
-        self._contacts = _contact_memory(self.simulator.mechanism)
+        self._contacts = self.simulator.contact_memory()
         self._data = self._allocated()
         # Found once: each look at the data makes a view.
         self._parts = SimpleNamespace(**{name: getattr(self._data, name) for name in PARTS})
@@ -190,6 +194,10 @@ class SessionLoop:
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),
             "totals": np.zeros(7),
+            "began_state": state,
+            "began_q": np.zeros(mechanism.nq),
+            "began_v": np.zeros(mechanism.nv),
+            "began_totals": np.zeros(7),
         }
         data = session_data(sizes, parts)
         side.account, side.queue = data.controller, data.told
@@ -204,8 +212,12 @@ class SessionLoop:
     def _left(self) -> LeftState:
         """Return how the kernel left the mechanism."""
         data = self._parts
-        touching = None if self._contacts is None else self._contacts.touching()
-        return LeftState(self._known, data.totals.copy(), data.q.copy(), data.v.copy(), touching)
+        parts = data.totals.copy(), data.q.copy(), data.v.copy()
+        return LeftState(self._known, *parts, self._touching())
+
+    def _touching(self) -> Touching | None:
+        """Return the points of contact of the last step; None in a scene without contacts."""
+        return None if self._contacts is None else self._contacts.touching()
 
     def _begin(self, state: MechanismState) -> None:
         """Go on from a state of the mechanism."""
@@ -302,11 +314,19 @@ class SessionLoop:
             self._step_otherwise()
 
     def _set(self, time: float, clutch: Clutch) -> None:
-        """Say what fixes the controllers at a time (s)."""
-        data, control = self._parts, self._control
+        """Give the kernel what fixes the controllers at a time (s)."""
+        data, control, known = self._parts, self._control, self._settled
+        lasting = clutch.carried is None and not control.is_ramping
+        # Other gains are another object.
+        given = clutch, control.gains, control.delay
+        if lasting and known is not None and all(map(is_, given, known)):
+            return
+        self._settled = None
         data.settings[:] = control.settings_at(time, clutch)
         data.faded[:] = control.carried_at(time, clutch)
         data.locality[:] = self._side.locality(corrects=True, with_model=True)
+        if lasting and not control.is_ramping:
+            self._settled = given
 
     def _sense_otherwise(self, given: Array) -> None:
         """Take the sample of a device that is written in Python."""
@@ -369,13 +389,3 @@ class SessionLoop:
             self._carried = None
         self._clutch = control.with_slip(time, clutch, device, operational_model)
         return self._clutch
-
-
-def _contact_memory(mechanism: Mechanism) -> ContactMemory | None:
-    """Return the contacts of a mechanism for kernels; None if its scene has none."""
-    if not mechanism.scene.contacts:
-        return None
-    # Here, so that a scene without contacts imports nothing of them.
-    from hapticmech_ros.contact.memory import ContactMemory
-
-    return ContactMemory(mechanism)

@@ -7,14 +7,19 @@ from typing import TYPE_CHECKING, NamedTuple
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlOutput, OperationalModel
 from hapticmech_ros.control.flat import model_of
+from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.device import DeviceState
+from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.mechanism import PointKinematics
-from hapticmech_ros.operational import OperationalAnalysis
+from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
+from hapticmech_ros.session.data import SessionData
 from hapticmech_ros.simulation.state import EnergyAccount, MechanismState
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.touching import Touching
+
+_FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
 
 
 class LeftState(NamedTuple):
@@ -53,48 +58,84 @@ class LeftState(NamedTuple):
 class Sample:
     """All that was measured and commanded in one tick, at its start.
 
-    Attributes:
+    Args:
         time: s since the session's start; the device is engaged at time 0.
-        device: its state at ``time``.
-        seen: the operational point there: its motion, Λ_h⁻¹ and what follows.
-        hand_wrench: (6,) F_h on the device, by the hand and by others, as the device reports it.
-        external_wrench: (6,) on the mechanism at the operational point, by others.
-        contact_wrench: (6,) F_c of virtual objects there, of the step that led here; zero without.
-        count: joint constraints reported.
-        wrenches: (6, 6) of the controllers, from these measurements; rows as in ``output``.
-        acting: (2, 6) over the period that begins: on the hand by the device, and on the mechanism
-            by the hand.
+        data: of the session after the tick, as no tick will change it.
+        analyser: of the operational point.
+        mechanism: its state at ``time``, or the last one that was known as such before, and the
+            points of contact.
+        device: its state at ``time``, if it is known as such.
     """
 
-    __slots__ = (
-        *("_mechanism", "acting", "contact_wrench", "count", "device", "external_wrench"),
-        *("hand_wrench", "seen", "time", "wrenches"),
-    )
+    __slots__ = ("_data", "_device", "_layout", "_mechanism", "_rows", "_seen", "time")
 
     def __init__(
         self,
         time: float,
-        device: DeviceState,
-        mechanism: MechanismState | LeftState,
-        seen: Observation,
-        hand_wrench: Array,
-        external_wrench: Array,
-        contact_wrench: Array,
-        count: int,
-        wrenches: Array,
-        acting: Array,
+        data: SessionData,
+        analyser: Analyser,
+        mechanism: MechanismState | tuple[MechanismState, Touching | None],
+        device: DeviceState | None,
     ) -> None:
-        self.time, self.device, self._mechanism, self.seen = time, device, mechanism, seen
-        self.hand_wrench, self.external_wrench = hand_wrench, external_wrench
-        self.contact_wrench, self.count = contact_wrench, count
-        self.wrenches, self.acting = wrenches, acting
+        self.time, self._data, self._mechanism, self._device = time, data, mechanism, device
+        self._layout, self._rows = analyser.layout, analyser.rows
+        self._seen: Observation | None = None
+
+    @property
+    def device(self) -> DeviceState:
+        """State of the device at ``time``."""
+        if self._device is None:
+            self._device = DeviceState(self._data.began_state)
+        return self._device
 
     @property
     def mechanism(self) -> MechanismState:
         """State of the mechanism at ``time``."""
-        if isinstance(self._mechanism, LeftState):
-            self._mechanism = self._mechanism.state()
+        if isinstance(self._mechanism, tuple):
+            data, (known, touching) = self._data, self._mechanism
+            parts = data.began_totals, data.began_q, data.began_v
+            self._mechanism = LeftState(known, *parts, touching).state()
         return self._mechanism
+
+    @property
+    def seen(self) -> Observation:
+        """The operational point there: its motion, Λ_h⁻¹ and what follows."""
+        if self._seen is None:
+            nv = self._data.v.size
+            self._seen = Observation(self._data.observation, self._layout, self._rows, nv)
+        return self._seen
+
+    @property
+    def hand_wrench(self) -> Array:
+        """(6,) F_h on the device, by the hand and by others, as the device reports it."""
+        return self._data.sample[_FORCE]
+
+    @property
+    def external_wrench(self) -> Array:
+        """(6,) on the mechanism at the operational point, by others."""
+        return self._data.external
+
+    @property
+    def contact_wrench(self) -> Array:
+        """(6,) F_c of virtual objects there, of the step that led here; zero without."""
+        return self._data.contact
+
+    @property
+    def count(self) -> int:
+        """Joint constraints reported."""
+        return int(self._data.totals[4])
+
+    @property
+    def wrenches(self) -> Array:
+        """(6, 6) of the controllers, from these measurements; rows as in ``output``."""
+        data = self._data
+        given = data.given if data.connected else data.answers[-1]
+        return given[_WRENCHES].reshape(6, 6)
+
+    @property
+    def acting(self) -> Array:
+        """(2, 6) over the period that begins: on the hand, and on the mechanism by the hand."""
+        return self._data.wrenches[:2]
 
     @property
     def point(self) -> PointKinematics:

@@ -22,7 +22,6 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.mechanism.grasp import grasped
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.loop import SessionLoop
@@ -103,23 +102,10 @@ class Session(SessionLoop):
             inputs[0, :6] = _wrench("external_wrench", external_wrench)
         if hand_wrench is not None:
             inputs[0, 6:] = _wrench("hand_wrench", hand_wrench)
-        time, device, data, state = self.time, self.device, self._parts, self._mechanism_state
-        mechanism = self._left() if state is None else state
+        time, device, state = self.time, self._device_state, self._mechanism_state
+        known = state if state is not None else (self._known, self._touching())
         self._go(1, inputs, _NO_RECORDS, 0)
-        analyser, nv = self._analyser, data.v.size
-        seen = Observation(data.observation.copy(), self._analyser.layout, analyser.rows, nv)
-        return Sample(
-            time,
-            device,
-            mechanism,
-            seen,
-            data.sample[_FORCE].copy(),
-            data.external.copy(),
-            data.contact.copy(),
-            int(data.totals[4]),
-            self._given[_WRENCHES].reshape(6, 6).copy(),
-            data.wrenches[:2].copy(),
-        )
+        return Sample(time, self._data.sampled(), self._analyser, known, device)
 
     def run(
         self,

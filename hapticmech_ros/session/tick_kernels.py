@@ -76,6 +76,10 @@ def sense(data: SessionData) -> None:
 def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock: Array) -> bool:
     """Analyse the operational point, and count joint constraints; return whether it succeeded."""
     times, rows, observation = data.times, data.rows, data.observation
+    put(data.began_state, data.state)
+    put(data.began_q, data.q)
+    put(data.began_v, data.v)
+    put(data.began_totals, data.totals)
     at = clock[AT]
     code = observe_point(
         numbers,

@@ -24,6 +24,7 @@ from hapticmech_ros.simulation.latching import Latches
 from hapticmech_ros.simulation.state import EnergyAccount, MechanismState, Trajectory
 
 if TYPE_CHECKING:
+    from hapticmech_ros.contact.memory import ContactMemory
     from hapticmech_ros.contact.stepping import ContactStepper, Touched
 
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.
@@ -54,6 +55,15 @@ class Simulator:
     def may_latch(self, state: MechanismState) -> bool:
         """Return whether a closure is open that may latch by itself."""
         return self._latches.waiting(state.active)
+
+    def contact_memory(self) -> ContactMemory | None:
+        """Return the scene's contacts as arrays for kernels, made anew; None without contacts."""
+        if self._contacts is None:
+            return None
+        # Here, so that a scene without contacts imports nothing of them.
+        from hapticmech_ros.contact.memory import ContactMemory
+
+        return ContactMemory(self.mechanism)
 
     def initial_state(self) -> MechanismState:
         """Return the scene's initial state with its closures met.
