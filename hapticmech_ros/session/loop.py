@@ -59,7 +59,6 @@ from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import nanoseconds
 
 if TYPE_CHECKING:
-    from hapticmech_ros.contact.memory import ContactMemory
     from hapticmech_ros.contact.touching import Touching
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
