@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Simulator, analyse, load_scene
-from hapticmech_ros.saturation import limited, scaled_within
+from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.controller import JointConstraintGains
 from oracles.control.joint_constraint import (
     joint_constraint_wrench,
+    scaled_within,
 )
 
 SOFT = JointConstraintGains(stiffness=100.0, damping=3.0, force_limit=1e9, torque_limit=1e9)

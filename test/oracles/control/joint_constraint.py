@@ -9,8 +9,9 @@ which :mod:`~hapticmech_ros.control.account_kernels` accounts for.
 
 from __future__ import annotations
 
+import numpy as np
+
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.saturation import scaled_within
 from hapticmech_ros.scene.controller import JointConstraintGains
 
 
@@ -27,3 +28,15 @@ def joint_constraint_wrench(
     """
     pull = -(projector @ (gains.stiffness * error + gains.damping * error_rate))
     return scaled_within(pull, gains.force_limit, gains.torque_limit)
+
+
+def scaled_within(wrench: Array, force_limit: float, torque_limit: float) -> Array:
+    """Return ``wrench`` shortened as a whole until force and torque are within their limits.
+
+    Force and torque keep their ratio, so a wrench that a joint can carry stays one: it does no work
+    on what the mechanism leaves free.
+    """
+    force = float(np.sqrt(wrench[:3] @ wrench[:3]))
+    torque = float(np.sqrt(wrench[3:] @ wrench[3:]))
+    excess = max(force / force_limit, torque / torque_limit)
+    return wrench / excess if excess > 1.0 else wrench
