@@ -49,12 +49,18 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
             table.add_row(closure, kind, str(rows), str(independent))
         console.print(table)
     table = _table(
-        "operational points, at the start", "name", "link", "rank of X", "count", "kg", "bears"
+        "operational points at the start",
+        "name",
+        "link",
+        "rank of X",
+        "count",
+        "kg",
+        "delay margin",
     )
     for point in check.points:
         felt = "-" if point.mass_kg is None else f"{point.mass_kg[0]:.3g} to {point.mass_kg[1]:.3g}"
-        bears = f"{point.loop.periods} periods" if point.loop.periods >= 0 else "[yellow]none[/]"
-        table.add_row(point.name, point.link, str(point.rank), str(point.count), felt, bears)
+        margin = f"{point.loop.periods} periods" if point.loop.periods >= 0 else "[yellow]none[/]"
+        table.add_row(point.name, point.link, str(point.rank), str(point.count), felt, margin)
     console.print(table)
     for note in left.notes:
         console.print(f"not in the scene: {note}", highlight=False, markup=False, soft_wrap=True)

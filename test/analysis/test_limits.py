@@ -126,7 +126,7 @@ def test_the_command_writes_tables_file_and_pictures(tmp_path):
     words = ["feel", "limits", "two_link", "--delays", "1", "--rates", "1000"]
     found = CliRunner().invoke(app, [*words, "--processes", "1", "--out", str(tmp_path)])
     assert found.exit_code == 0, found.output
-    assert "stiffest joint constraint" in found.output
+    assert "stiffest stable joint constraint" in found.output
     written = json.loads((tmp_path / "limits.json").read_text(encoding="utf-8"))
     assert {one["delay"] for one in written["z_width"]} == {1}
     assert len(written["m_width"]) == 4
