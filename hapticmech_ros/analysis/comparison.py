@@ -122,6 +122,9 @@ def ratios(setup: Setup) -> list[tuple[Array, Array]]:
     Args:
         setup: of the sessions.
 
+    Returns:
+        For each free direction its wrench (6,) and the complex ratio (k,) at the frequencies.
+
     Raises:
         InvalidInputError: a period that does not divide 1 s.
         ClosureError: a session that ended by itself.
@@ -221,6 +224,9 @@ def compare(
         delays: periods from measuring to acting, each 0 or more.
         processes: number of processes; it does not affect the results.
         show: called after each scene.
+
+    Returns:
+        Results of every scene, delay and method.
 
     Raises:
         SceneError: a scene that cannot be loaded.

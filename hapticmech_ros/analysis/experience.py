@@ -60,6 +60,9 @@ def experience(setup: Setup) -> Experience:
     Args:
         setup: of the session.
 
+    Returns:
+        Drift, penetration, energies and contact error.
+
     Raises:
         InvalidInputError: no such point, or a delay below 0.
     """
@@ -88,7 +91,11 @@ class _Watch:
         self._contact: list[float] = []
 
     def record(self, sample: Sample) -> bool:
-        """Process a sample; return whether device and point are together."""
+        """Process a sample.
+
+        Returns:
+            Whether device and point are together.
+        """
         analysis = sample.analysis
         error = pose_error(sample.point.pose, sample.device.pose)[analysis.rows]
         along = (analysis.spectrum.wrenches.T @ error) ** 2 / self._mass

@@ -132,9 +132,12 @@ def measured_ratios(setup: Setup, frequencies: Array, wait: int = 0) -> list[tup
 
 
 def multisine(times: Array, frequencies: Sequence[float] | Array, sizes: Array) -> Array:
-    """Return a multisine (n,) over times (n,), s, of amplitudes (k,) at frequencies (k,), Hz.
+    """Return a multisine (n,) with Schroeder's phases, for a low crest factor.
 
-    Phases are Schroeder's, for a low crest factor.
+    Args:
+        times: (n,) s.
+        frequencies: (k,) Hz.
+        sizes: (k,) amplitudes.
     """
     push = np.zeros(times.size)
     for index, (frequency, size) in enumerate(zip(frequencies, sizes, strict=True)):

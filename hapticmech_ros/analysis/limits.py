@@ -118,6 +118,9 @@ def cases_of(
 def _measured(case: Case) -> list[Found]:
     """Carry out one measurement.
 
+    Returns:
+        Its results.
+
     Raises:
         HapticMechError: a scene that cannot run.
     """
@@ -175,6 +178,9 @@ def limits(cases: Sequence[Case], processes: int = 1, show: Show = silent) -> Li
         cases: from :func:`cases_of`.
         processes: number of processes; it does not affect the results.
         show: called after each case.
+
+    Returns:
+        Results of all cases.
 
     Raises:
         InvalidInputError: no process.

@@ -50,7 +50,9 @@ class FourChannel:
         self.position, self.force = position, force
         stiffness = np.array([position.stiffness] * 3 + [position.angular_stiffness] * 3)
         damping = np.array([position.damping] * 3 + [position.angular_damping] * 3)
-        share = np.ones(6) if inertia is None else bandwidth_factor(stiffness, damping, inertia, lag)
+        share = (
+            np.ones(6) if inertia is None else bandwidth_factor(stiffness, damping, inertia, lag)
+        )
         self.stiffness, self.damping = stiffness, damping
         self.held_stiffness, self.held_damping = share**2 * stiffness, share * damping
 

@@ -72,7 +72,15 @@ class DelayFollower:
         return round_trip > self._tolerated
 
     def follow(self, round_trip: float, time: float) -> bool:
-        """Process a round trip (s) measured at a time (s); return whether ``delay`` changed."""
+        """Process a measured round trip.
+
+        Args:
+            round_trip: s.
+            time: of the measurement, s.
+
+        Returns:
+            Whether ``delay`` changed.
+        """
         target = 0.5 * round_trip if self.exceeded(round_trip) else self._designed
         if target > LONGER * self.delay + LONGER_S:
             self._shorter_since = None
@@ -129,5 +137,8 @@ def made_for(gains: Controller, device: Device, period: float, delay: float) -> 
     admissible = device.mass * (DESIGN_PHASE_LAG / lag_of(device, late, period, local=False)) ** 2
     if joint.stiffness <= admissible:
         return gains
-    softer = {"stiffness": admissible, "damping": min(joint.damping, damping_for(admissible, device))}
+    softer = {
+        "stiffness": admissible,
+        "damping": min(joint.damping, damping_for(admissible, device)),
+    }
     return gains.model_copy(update={"joint_constraint": joint.model_copy(update=softer)})

@@ -89,7 +89,7 @@ def loop_terms(control: ControlArchitecture, model: OperationalModel, rows: Arra
     Args:
         control: control architecture with the gains.
         model: operational model at a position.
-        rows: indices of the task space's rows in a six-vector.
+        rows: (t,) indices of the task space's rows in a six-vector.
     """
     position = control.gains.position_channel
     to_mechanism, to_device = position.to_mechanism, position.to_device
@@ -164,7 +164,7 @@ def loop_margins(
     Args:
         control: control architecture of the scene.
         model: operational model at the position.
-        rows: indices of the task space's rows in a six-vector.
+        rows: (t,) indices of the task space's rows in a six-vector.
         period: s.
         delay: whole periods from measuring to acting.
         most_periods: at which the search for the delay margin ends.
