@@ -143,7 +143,7 @@ def test_local_force_feedback_makes_both_sides_as_much_lighter(feedback):
 
 
 @pytest.mark.parametrize("lag", [0.0, 1.5e-3, 0.0215, 0.1015])
-def test_the_devices_side_keeps_within_what_a_late_loop_bears(lag):
+def test_gains_on_the_device_keep_the_phase_lag_of_a_delayed_loop(lag):
     inertia = np.array([0.3] * 3 + [3e-4] * 3)
     channels = FourChannel(GAINS, ForceChannelGains(), inertia, lag)
     full = FourChannel(GAINS, ForceChannelGains())

@@ -97,7 +97,7 @@ def test_a_longer_way_is_followed_at_once_and_a_shorter_one_after_a_while():
     assert follower.delay == 0.01  # never below what is declared
 
 
-def test_gains_bear_by_the_rule_what_crosses_the_way():
+def test_the_admissible_round_trip_follows_from_loops_over_the_connection():
     scene = over(Connection())
     inertia = np.diag(ControlArchitecture(scene).device_inertia)
     period = scene.simulation.period

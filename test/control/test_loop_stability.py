@@ -30,7 +30,7 @@ def test_without_delay_a_spring_needs_the_damping_of_half_a_period(stiffness):
 
 
 @pytest.mark.parametrize("delay", [1, 2, 5])
-def test_a_damper_alone_bears_what_its_delay_leaves_it(delay):
+def test_the_stability_limit_of_a_damper_alone_follows_from_its_delay(delay):
     """z^(d+1) - z^d + T b = 0 has a root on the circle at T b = 2 sin(π / (4 d + 2))."""
     largest = 2.0 * np.sin(np.pi / (4 * delay + 2)) / T
     # A spring of next to nothing, which leaves no root at 1.
