@@ -21,7 +21,7 @@ NUMBERS = {"rows", "times", "bytes"}
 def show_plan(plan: ScenePlan) -> None:
     """Print a plan."""
     for name, text in _lines(plan):
-        console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"{name:<22} {text}", highlight=False, markup=False, soft_wrap=True)
     if plan.closures:
         console.print(_closures(plan.closures))
     console.print(_tick(plan))
@@ -39,7 +39,7 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
     lines = {
         "scene": check.scene,
         "mechanism": f"{check.links} links of {check.mass_kg:.4g} kg, {check.joints} moving joints",
-        "mobility": f"nv = {check.nv}, closures of rank {check.rank}, mobility {check.mobility}",
+        "coordinates": f"nv = {check.nv}, closures of rank {check.rank}, mobility {check.mobility}",
     }
     for name, text in lines.items():
         console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
