@@ -1,4 +1,4 @@
-"""The architecture beside simpler ways to render a scene: the same motions of the same hand."""
+"""Comparison of the architecture with simpler rendering methods, for the same hand motions."""
 
 from __future__ import annotations
 
@@ -51,18 +51,18 @@ FREQUENCIES_HZ = (2, 5, 10, 20)
 COLOURS = {FULL: BLUE, STIFF: SKY, FREE: GREY, PROXY: VERMILION, SOFT: ORANGE}
 MARKS = {FULL: "o", STIFF: "s", FREE: "x", PROXY: "^", SOFT: "v"}
 CAPTION = (
-    "Left: error of felt impedance along free directions at 10 Hz, the worst of each. Middle: "
-    "stiffness felt along what the joints hold, the softest. Right: periods of delay that sessions "
-    "bear with these gains, of up to 50. 'Stiffest' gains leave a margin of 2 at the delay "
-    "drawn; unstable is not drawn."
+    "Left: largest error of the felt impedance along free directions at 10 Hz. Middle: smallest "
+    "stiffness felt along directions constrained by the joints. Right: delay margin of sessions "
+    "with these gains, up to 50 periods. 'Stiffest' gains leave a gain margin of 2 at the delay "
+    "shown; unstable cases are not drawn."
 )
-# Nothing smaller is told apart: 0.1 % and 1 N/m. Periods are drawn as they are.
+# Smaller values are drawn at these limits: 0.1 % and 1 N/m. Periods have no limit.
 LEAST = (1e-3, 1.0, None)
 
 
-# N/m: half of what joint constraints have by default. What is felt stiffer counts as one.
+# N/m, half of the default joint-constraint stiffness. Stiffer directions count as constrained.
 RIGID = 1000.0
-# What the panels of the figure show of a column.
+# Value shown in each panel of the figure.
 VALUES: tuple[Callable[[Column], float], ...] = (
     lambda row: row.error(10),
     lambda row: np.nan if row.softest_held is None else row.softest_held,
@@ -72,7 +72,7 @@ VALUES: tuple[Callable[[Column], float], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """What one way to render a scene gives.
+    """Results of one rendering method for a scene.
 
     Attributes:
         scene, variant: names.
@@ -80,15 +80,15 @@ class Column:
         stiffness, damping: of the joint constraint or of the proxy, N/m and N s/m.
         errors: (k,) largest |felt / desired - 1| over the free directions, at each frequency.
         sizes: (k,) |felt / desired| farthest from 1, at each frequency: felt over desired inertia.
-        stiffest_free: N/m, felt along free directions under a push of 0.3 s, at most.
-        softest_held: N/m, felt along what the joints hold, at least; None where they hold nothing,
-            or where sessions diverge.
-        count: directions felt stiffer than 1000 N/m.
-        constraints: that the joints hold.
-        largest_delay: most periods at which sessions come to rest, of up to 50; -1 if none, None
-            where device and mechanism are not tied together in all directions.
-        predicted_delay: the same of the linear copy of the loop.
-        experience: what the scene's own experiment showed.
+        stiffest_free: largest stiffness felt along free directions under a push of 0.3 s, N/m.
+        softest_held: smallest stiffness felt along constrained directions, N/m; None if there are
+            none, or if sessions diverge.
+        count: number of directions felt stiffer than 1000 N/m.
+        constraints: number of joint constraints.
+        largest_delay: delay margin of sessions, up to 50 periods; -1 if unstable without delay,
+            None if the method does not couple device and mechanism in all directions.
+        predicted_delay: delay margin of the linear model of the loop.
+        experience: results of the scene's own experiment.
     """
 
     scene: str
@@ -112,15 +112,18 @@ class Column:
         return FREQUENCIES_HZ
 
     def error(self, frequency: int) -> float:
-        """Return the largest |felt / desired - 1| at one of the frequencies, Hz."""
+        """Return the largest |felt / desired - 1| at one of :meth:`frequencies_hz`."""
         return self.errors[FREQUENCIES_HZ.index(frequency)]
 
 
 def ratios(setup: Setup) -> list[tuple[Array, Array]]:
-    """Return free directions and felt over desired impedance there, held by nobody.
+    """Return the free directions and felt over desired impedance along them, without a hand.
 
     Args:
         setup: of the sessions.
+
+    Returns:
+        For each free direction its wrench (6,) and the complex ratio (k,) at the frequencies.
 
     Raises:
         InvalidInputError: a period that does not divide 1 s.
@@ -131,7 +134,7 @@ def ratios(setup: Setup) -> list[tuple[Array, Array]]:
 
 
 def side_by_side(scene: Scene, point: str = "", delay: int = 1) -> list[Column]:
-    """Return the figures of every way to render a scene.
+    """Return the results of every rendering method for a scene.
 
     Args:
         scene: with any device and hand.
@@ -149,7 +152,7 @@ def _column(name: str, variant: Variant) -> Column:
     most = largest_delay(variant)
     ratio = np.full((1, len(FREQUENCIES_HZ)), np.inf, dtype=complex)
     yields: list[Yield] = []
-    # Of a session that diverges nothing is felt that means anything.
+    # Measurements on a session that diverges are meaningless.
     if most is None or most >= setup.delay:
         with suppress(HapticMechError):
             ratio = np.array([one for _, one in ratios(setup)])
@@ -179,10 +182,10 @@ def _column(name: str, variant: Variant) -> Column:
 
 @dataclass(frozen=True)
 class RenderingComparison(Results):
-    """What every way to render gives.
+    """Results of all rendering methods.
 
     Attributes:
-        columns: a scene, a delay and a way each.
+        columns: one for each scene, delay and method.
     """
 
     NAME: ClassVar[str] = "comparison"
@@ -194,14 +197,15 @@ class RenderingComparison(Results):
         return [plain(one) for one in self.columns]
 
     def sheets(self) -> Iterator[Sheet]:
-        """Yield a row for each scene, delay and way to render."""
+        """Yield a table with a row for each scene, delay and rendering method."""
         lines: list[tuple[str, ...]] = []
         for (scene, delay), group in groupby(self.columns, lambda row: (row.scene, row.delay)):
             lines.append((f"{scene}, delay {delay}",))
             lines += [_row(row) for row in group]
         yield Sheet(
-            "the architecture beside simpler ones; drift and depth in mm",
-            ("", "2 Hz %", "10 Hz %", "held N/m", "rigid", "delay margin", "drift", "depth"),
+            "comparison of rendering methods: error of felt impedance, stiffness along constraints,"
+            " rigid directions, delay margin in periods; drift and penetration in mm",
+            ("", "2 Hz %", "10 Hz %", "N/m", "rigid", "delay margin", "drift", "depth"),
             tuple(lines),
         )
 
@@ -213,13 +217,16 @@ class RenderingComparison(Results):
 def compare(
     scenes: Sequence[str], delays: Sequence[int], processes: int = 1, show: Show = silent
 ) -> RenderingComparison:
-    """Compare the ways to render every scene at each delay.
+    """Compare the rendering methods on every scene at each delay.
 
     Args:
         scenes: names or paths.
         delays: periods from measuring to acting, each 0 or more.
-        processes: that share the scenes; it changes no figure.
-        show: told of each scene that is done.
+        processes: number of processes; it does not affect the results.
+        show: called after each scene.
+
+    Returns:
+        Results of every scene, delay and method.
 
     Raises:
         SceneError: a scene that cannot be loaded.
@@ -278,7 +285,7 @@ def _drawn(columns: Sequence[Column]) -> Figure:
                 _dots(panel, [scenes.index(row.scene) for row in rows], kept, name)
         if least:
             panel.set_yscale("log") if over_delay else panel.set_xscale("log")
-    labels = ("error at 10 Hz (1)", "stiffness held (N/m)", "delay margin (periods)")
+    labels = ("error at 10 Hz (1)", "constraint stiffness (N/m)", "delay margin (periods)")
     for panel, label in zip(axes, labels, strict=True):
         dress(panel, *(("delay (periods)", label) if over_delay else (label, "")))
     if over_delay:

@@ -1,4 +1,4 @@
-"""Directions of a scene at its start, in the metric's unit: those that are held, and those free."""
+"""Constrained and free directions of a scene at its start, in the metric's unit."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from hapticmech_ros.session import Session
 
 @dataclass(frozen=True, slots=True)
 class Directions:
-    """Wrenches n_i / √m_ℓ, world axes at the point: 1 N for a link pushed at its centre.
+    """Wrenches n_i / √m_ℓ, world axes at the point: 1 N at a link's centre of mass.
 
     Attributes:
         normals: (6, t) wrenches, N and N m per N; n_iᵀ e / √m_ℓ is a displacement in m.
-        weights: (t,) rigidity w(s_i): 1 is held, 0 is free.
+        weights: (t,) rigidity w(s_i): 1 is constrained, 0 is free.
         mass: m_ℓ, kg.
-        analysis: that they come from.
+        analysis: operational analysis they are taken from.
     """
 
     normals: Array
@@ -31,12 +31,12 @@ class Directions:
 
     @property
     def held(self) -> Array:
-        """(6, k) of the directions that the joints hold."""
+        """(6, k) directions that are constrained by the joints."""
         return self.normals[:, self.weights == 1.0]
 
     @property
     def free(self) -> Array:
-        """(6, t - k) of the others."""
+        """(6, t - k) other directions."""
         return self.normals[:, self.weights < 1.0]
 
 
@@ -44,7 +44,7 @@ def directions(scene: Scene, point: str = "") -> Directions:
     """Return the directions of a scene at its start.
 
     Args:
-        scene: whose.
+        scene: to analyse.
         point: operational point; the first one if empty.
 
     Raises:

@@ -1,12 +1,12 @@
-"""What happens during a scene's own experiment: drift, penetration, contact force, energy.
+"""Drift, penetration, contact force and energy during a scene's own experiment.
 
-The hand's port is between hand and device:
+Energy is counted at the port between hand and device:
 
-    E_h = ∫ F_h · ẋ dt,      what is left = E_h + E(0) - E(t) + W_e  ≥ 0
+    E_h = ∫ F_h · ẋ dt,      remainder = E_h + E(0) - E(t) + W_e  ≥ 0
 
-E is what the mechanism holds (kinetic, potential, contacts), W_e the work of efforts in its joints,
-which are its own. What is left has gone into damping and the device's motion; where it is below
-zero, the rendering made energy.
+E is the energy stored in the mechanism (kinetic, potential, contacts), W_e the work of constant
+efforts in its joints. The remainder is dissipated or in the device's motion; a negative remainder
+means that the rendering generated energy.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.session import Sample, Session
 
-# Device and operational point so far apart, in m of the metric, are not one any more.
+# Distance of device and operational point, in m of the metric, beyond which a session is lost.
 LOST_M = 0.1
-# A contact is steady where F_c pushes and nothing moves: N and m/s.
+# A contact is steady if F_c is above the first (N) and speeds are below the second (m/s).
 PUSHING_N, STANDING_M_S = 0.2, 2e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Experience:
-    """What was seen during an experiment.
+    """Results of an experiment.
 
     Attributes:
         drift_rms: of e along free directions, m of the metric, from the hand's start on.
-        penetration_rms, penetration_peak: of e along directions that the joints hold, m.
-        hand_energy: lowest E_h, J; below 0 the hand has got more than it gave.
-        left_energy: lowest of what is left, J; below 0 the rendering has made energy.
-        contact_error: median of |F_h + F_c + F_0| / |F_c| where a contact is steady, F_0 what the
-            mechanism does by itself at the point; None where no contact is.
-        steady: samples with a steady contact.
+        penetration_rms, penetration_peak: of e along constrained directions, m.
+        hand_energy: least E_h, J; below 0 the hand received more energy than it supplied.
+        left_energy: least remainder, J; below 0 the rendering generated energy.
+        contact_error: median of |F_h + F_c + F_0| / |F_c| in steady contact, F_0 being the
+            mechanism's own wrench at the point; None without steady contact.
+        steady: number of samples with steady contact.
         kept: whether device and operational point stayed together to the end.
     """
 
@@ -59,6 +59,9 @@ def experience(setup: Setup) -> Experience:
 
     Args:
         setup: of the session.
+
+    Returns:
+        Drift, penetration, energies and contact error.
 
     Raises:
         InvalidInputError: no such point, or a delay below 0.
@@ -88,7 +91,11 @@ class _Watch:
         self._contact: list[float] = []
 
     def record(self, sample: Sample) -> bool:
-        """Take a sample; return whether device and point are together."""
+        """Process a sample.
+
+        Returns:
+            Whether device and point are together.
+        """
         analysis = sample.analysis
         error = pose_error(sample.point.pose, sample.device.pose)[analysis.rows]
         along = (analysis.spectrum.wrenches.T @ error) ** 2 / self._mass
@@ -120,7 +127,7 @@ class _Watch:
         squares = np.array(self._squares).reshape(-1, 2)
         powers = np.array(self._powers).reshape(-1, 2)
         period, stored = self._session.period, np.array(self._stored)
-        # Of trapezia, from the first sample on.
+        # Trapezoidal rule, from the first sample on.
         works = np.zeros((len(powers), 2))
         works[1:] = np.cumsum(0.5 * period * (powers[1:] + powers[:-1]), axis=0)
         left = works.sum(axis=1) + (stored[:1] - stored)
@@ -138,9 +145,9 @@ class _Watch:
 
 
 def own_wrench(analysis: OperationalAnalysis) -> Array:
-    """Return F_0 (6,): the wrench that does to the point what the mechanism does by itself.
+    """Return F_0 (6,), the wrench equivalent to the free acceleration a_0 at the point.
 
-    X F_0 = a_0 along free directions: Σ (1 - w_i) n_i (n_iᵀ a_0) / μ_i, N and N m.
+    X F_0 = a_0 along free directions: F_0 = Σ (1 - w_i) n_i (n_iᵀ a_0) / μ_i, N and N m.
     """
     found, free = analysis.spectrum, analysis.weights < 1.0
     along = found.wrenches.T @ analysis.free_acceleration[analysis.rows]

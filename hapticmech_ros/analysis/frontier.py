@@ -1,4 +1,4 @@
-"""Where stable ends: bisection on a logarithmic scale."""
+"""Search for a stability limit by bisection on a logarithmic scale."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError
 
-# Relative: of sessions, finer than gains are ever chosen; of eigenvalues.
+# Relative resolution for sessions, and for eigenvalues.
 RESOLUTION, FINE = 0.01, 1e-4
 
 
@@ -19,17 +19,17 @@ def frontier(
     most: float,
     resolution: float = RESOLUTION,
 ) -> float | None:
-    """Return the largest value that is stable; None if not even ``least`` is.
+    """Return the largest stable value; None if ``least`` is not stable.
 
-    Looks outward from a guess until one value is stable and another one is not, then between them.
-    What it returns does not depend on the guess where there is one frontier only.
+    The search goes outward from a guess until a stable and an unstable value are found, and bisects
+    between them. If there is only one limit, the result does not depend on the guess.
 
     Args:
-        stable: whether a value is; called with positive values.
-        guess: where to look first.
-        least: where to give up.
-        most: likewise; returned if it is stable itself.
-        resolution: relative, of what is returned.
+        stable: returns whether a positive value is stable.
+        guess: first value to try.
+        least: lower end of the search.
+        most: upper end; returned if it is stable.
+        resolution: relative resolution of the result.
 
     Raises:
         InvalidInputError: bounds that are not 0 < least < most.

@@ -1,8 +1,8 @@
-"""Felt over desired impedance of a session, along the directions that a mechanism leaves free.
+"""Felt over desired impedance of a session, along the free directions of a mechanism.
 
-A small push of many frequencies at once acts on the hand of a session, and on the operational point
-of the mechanism alone, which is what the hand should feel: same scene, same start, same samples.
-Runs without the push are subtracted, so that what moves by itself does not count.
+A small multisine wrench acts on the device of a session and, in a second run, on the operational
+point of the mechanism alone, which gives the desired impedance: same scene, start and sampling. The
+same runs without the wrench are subtracted, which removes motion that is not caused by it.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from hapticmech_ros.session import Session
 from hapticmech_ros.simulation import Simulator
 
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30, 42, 60, 85)
-# Of the push: as large at each frequency as its velocity asks, N per Hz, and so small that what the
-# mechanism moves meanwhile is not seen; and N m of a torque per N of a force.
+# Amplitude of the wrench in N per Hz, proportional to frequency for equal velocities, and small
+# enough for the mechanism's configuration to stay the same; torque per force, m.
 PUSH_N_PER_HZ = 0.0005
 TORQUE_UNIT = 0.02
 SETTLING_S, WINDOW_S = 0.5, 1.0
@@ -32,15 +32,15 @@ SETTLING_S, WINDOW_S = 0.5, 1.0
 
 @dataclass(frozen=True, slots=True)
 class Felt:
-    """What is felt along one direction.
+    """Felt impedance along one direction.
 
     Attributes:
-        direction: (6,) of the push, force before torque; its largest part is 1 N or 0.02 N m.
-        mass: that X promises there, kg for a push by a force: 1 / (dᵀ X d).
+        direction: (6,) of the wrench, force before torque; its largest part is 1 N or 0.02 N m.
+        mass: desired inertia along the direction, 1 / (dᵀ X d), kg for a force.
         frequencies: (k,) Hz.
-        ratio: (k,) complex, felt over desired impedance: 1 is right, larger is heavier.
-        predicted: (k,) the same by the model of control/felt_model.py, pushed as the session is.
-        steady: (k,) what the model says is left once all that the push began with has died away.
+        ratio: (k,) complex, felt over desired impedance: 1 is ideal, larger is heavier.
+        predicted: (k,) the ratio by the model of control/felt_model.py for the same wrench.
+        steady: (k,) the ratio by the model in steady state, without the initial transient.
     """
 
     direction: Array
@@ -65,7 +65,7 @@ class Felt:
 
     @property
     def bandwidth(self) -> float:
-        """Highest frequency, Hz, up to which the felt size is within 3 dB; 0 if at none."""
+        """Highest frequency, Hz, up to which |ratio| is within 3 dB; 0 if there is none."""
         within = np.abs(20.0 * np.log10(np.abs(self.ratio))) <= 3.0
         wrong = np.flatnonzero(~within)
         if wrong.size == 0:
@@ -74,20 +74,20 @@ class Felt:
 
 
 def felt(scene: Scene, point: str = "", delay: int = 1) -> list[Felt]:
-    """Return what is felt along every free direction of a scene at its start, held by nobody.
+    """Return the felt impedance along every free direction of a scene at its start, without a hand.
 
     Args:
-        scene: to feel.
+        scene: to measure.
         point: operational point; the first one if empty.
         delay: periods from measuring to acting.
 
     Raises:
-        InvalidInputError: a period that does not divide 1 s, or is too long for 85 Hz.
+        InvalidInputError: a period that does not divide 1 s or is too long for 85 Hz.
     """
     free = alone(scene)
     analysis = Session(free, point).tick().analysis
     frequencies = np.array(FREQUENCIES_HZ, dtype=float)
-    # Once the first command has arrived.
+    # After the first command has arrived.
     ratios = measured_ratios(Setup(free, point, delay), frequencies, wait=delay)
     model, times = felt_model(free, point, delay), _times(free.simulation.period)
     shape = multisine(times, FREQUENCIES_HZ, PUSH_N_PER_HZ * frequencies)[:, None]
@@ -105,9 +105,9 @@ def measured_ratios(setup: Setup, frequencies: Array, wait: int = 0) -> list[tup
     """Return each free direction (6,) and felt over desired impedance (k,) along it, complex.
 
     Args:
-        setup: of the sessions, whose hand does nothing.
-        frequencies: (k,) of the push, Hz.
-        wait: ticks before the push.
+        setup: of the sessions, whose hand exerts no wrench.
+        frequencies: (k,) of the wrench, Hz.
+        wait: ticks before the wrench begins.
 
     Raises:
         InvalidInputError: a period that does not divide 1 s, or is too long for the frequencies.
@@ -132,9 +132,12 @@ def measured_ratios(setup: Setup, frequencies: Array, wait: int = 0) -> list[tup
 
 
 def multisine(times: Array, frequencies: Sequence[float] | Array, sizes: Array) -> Array:
-    """Return a push (n,) over times (n,), s, of sizes (k,) at frequencies (k,), Hz.
+    """Return a multisine (n,) with Schroeder's phases, for a low crest factor.
 
-    Phases after Schroeder keep its peak low.
+    Args:
+        times: (n,) s.
+        frequencies: (k,) Hz.
+        sizes: (k,) amplitudes.
     """
     push = np.zeros(times.size)
     for index, (frequency, size) in enumerate(zip(frequencies, sizes, strict=True)):
@@ -144,12 +147,12 @@ def multisine(times: Array, frequencies: Sequence[float] | Array, sizes: Array) 
 
 
 def amplitudes(times: Array, values: Array, frequencies: Sequence[float] | Array) -> Array:
-    """Return the complex amplitudes (k,) of values (n,) at frequencies (k,), Hz, without a drift.
+    """Return the complex amplitudes (k,) of values (n,) at frequencies (k,), linear drift removed.
 
     Args:
-        times: (n,) s, not necessarily at equal distances.
-        values: of any unit.
-        frequencies: of the push.
+        times: (n,) s, not necessarily equidistant.
+        values: (n,) in any unit.
+        frequencies: (k,) of the excitation, Hz.
     """
     columns = [np.ones(times.size), times - times.mean()]
     for frequency in frequencies:
@@ -160,7 +163,7 @@ def amplitudes(times: Array, values: Array, frequencies: Sequence[float] | Array
 
 
 def free_directions(analysis: OperationalAnalysis) -> list[Array]:
-    """Return wrenches (6,) along the directions that are felt as inertia alone, X's own."""
+    """Return wrenches (6,) along the free directions, eigenvectors of X."""
     found = []
     for column, weight in zip(analysis.spectrum.wrenches.T, analysis.weights, strict=True):
         if weight == 0.0:
@@ -172,7 +175,7 @@ def free_directions(analysis: OperationalAnalysis) -> list[Array]:
 
 
 def alone(scene: Scene) -> Scene:
-    """Return the scene held by nobody, and engaged at once."""
+    """Return the scene without a hand and without an engagement ramp."""
     nobody = ConstantWrenchHand(kind="constant_wrench")
     at_once = scene.controller.model_copy(update={"engagement_ramp": 0.0})
     return scene.model_copy(update={"hand": nobody, "controller": at_once})
@@ -183,7 +186,7 @@ def _times(period: float) -> Array:
 
 
 def _answer(times: Array, velocity: Array, frequencies: Array) -> Array:
-    """Return the amplitudes of what follows the settling, by the window's own time."""
+    """Return the amplitudes in the window after settling, with time from its start."""
     samples = round(WINDOW_S / times[1])
     return amplitudes(times[:samples], velocity[-samples:], frequencies)
 

@@ -1,4 +1,4 @@
-"""Stability limits of scenes: Z-width, M-width, penetration, and what an experiment shows."""
+"""Stability limits of scenes: Z-width, M-width, penetration, and results of the experiment."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.workers import in_order
 
-# Masses of hands that are fixed to the device, over the device's.
+# Masses of hands fixed to the device, relative to the device's mass.
 SHARES = (1.0 / 3.0, 1.0, 3.0)
 WHAT = ("z", "m", "loads")
 
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """What steady pushes and the scene's own experiment show.
+    """Results of steady pushes and of the scene's own experiment.
 
     Attributes:
         scene: its name.
         delay: periods from measuring to acting.
-        yields: of a push along every direction; empty of a session that came apart.
-        experience: what the experiment showed.
+        yields: displacements by a push along each direction; empty if the session failed.
+        experience: results of the experiment.
     """
 
     scene: str
@@ -46,14 +46,14 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One thing to measure.
+    """One measurement.
 
     Attributes:
         what: ``z``, ``m`` or ``loads``.
-        scene: where.
+        scene: to measure.
         delay: periods.
-        hand: of ``z``: ``nobody`` or ``still``.
-        share: of ``m``: of the hand's mass; None for the scene's hand.
+        hand: for ``z``, ``nobody`` or ``still``.
+        share: for ``m``, mass of the hand over that of the device; None for the scene's hand.
     """
 
     what: str
@@ -77,16 +77,16 @@ def cases_of(
     rates: Sequence[float],
     what: Sequence[str] = WHAT,
 ) -> list[Case]:
-    """Return what to measure: each delay at a scene's own rate, and each rate with one period.
+    """Return the measurements: each delay at a scene's own rate, and each rate with one period.
 
     Args:
-        scenes: where.
+        scenes: to measure.
         delays: periods from measuring to acting.
-        rates: Hz, of Z-widths besides the scene's own.
-        what: of ``z``, ``m`` and ``loads``.
+        rates: Hz, further rates for Z-widths.
+        what: any of ``z``, ``m`` and ``loads``.
 
     Raises:
-        InvalidInputError: a delay below 0, a rate below 10 Hz, or something else to measure.
+        InvalidInputError: a delay below 0, a rate below 10 Hz, or an unknown measurement.
     """
     for delay in delays:
         if delay < 0:
@@ -116,10 +116,13 @@ def cases_of(
 
 
 def _measured(case: Case) -> list[Found]:
-    """Measure one case.
+    """Carry out one measurement.
+
+    Returns:
+        Its results.
 
     Raises:
-        HapticMechError: a scene that cannot run at all.
+        HapticMechError: a scene that cannot run.
     """
     if case.what == "z":
         return list(z_width(case.scene, delay=case.delay, hand=case.hand))
@@ -135,12 +138,12 @@ def _measured(case: Case) -> list[Found]:
 
 @dataclass(frozen=True)
 class Limits(Results):
-    """All that was found.
+    """All results.
 
     Attributes:
         z_width: stiffest stable joint constraints.
         m_width: lightest and heaviest stable inertias.
-        loads: penetration, and what happened during experiments.
+        loads: penetration, and results of experiments.
     """
 
     NAME: ClassVar[str] = "limits"
@@ -150,7 +153,7 @@ class Limits(Results):
     loads: tuple[Load, ...]
 
     def sheets(self) -> Iterator[Sheet]:
-        """Yield a table for each kind of limit that was measured."""
+        """Yield a table for each kind of measurement."""
         if self.z_width:
             yield _z_sheet(self.z_width)
         if self.m_width:
@@ -159,7 +162,7 @@ class Limits(Results):
             yield _load_sheet(self.loads)
 
     def figures(self) -> Mapping[str, Figure]:
-        """Return Z-width of the first scene and M-width of every one, measured and predicted."""
+        """Return Z-width of the first scene and M-width of all scenes, measured and predicted."""
         found = {}
         if self.z_width:
             found["z_width.png"] = z_width_figure(self.z_width)
@@ -169,12 +172,15 @@ class Limits(Results):
 
 
 def limits(cases: Sequence[Case], processes: int = 1, show: Show = silent) -> Limits:
-    """Measure every case.
+    """Carry out all measurements.
 
     Args:
-        cases: of :func:`cases_of`.
-        processes: that share the cases; it changes no figure.
-        show: told of each case that is done.
+        cases: from :func:`cases_of`.
+        processes: number of processes; it does not affect the results.
+        show: called after each case.
+
+    Returns:
+        Results of all cases.
 
     Raises:
         InvalidInputError: no process.
@@ -193,8 +199,8 @@ def limits(cases: Sequence[Case], processes: int = 1, show: Show = silent) -> Li
 def _z_sheet(points: Sequence[ZPoint]) -> Sheet:
     """Return the stiffest stable joint constraint at each rate, delay and hand, and its damping.
 
-    Beside it: all dampings' stiffnesses over the eigenvalues', from the least to the largest ratio,
-    and over the rule at little damping and where it is stiffest.
+    Further columns: range of the ratio of measured to eigenvalue limit over all dampings, and ratio
+    of measured limit to the rule at the smallest damping and at that of the stiffest constraint.
     """
     lines = []
     for (scene, rate, delay, hand, loop), group in groupby(
@@ -214,7 +220,7 @@ def _z_sheet(points: Sequence[ZPoint]) -> Sheet:
             )
         )
     headings = ("scene", "Hz", "delay", "hand", "loop in", "K N/m", "B N s/m", "/ eigen", "/ rule")
-    return Sheet("stiffest joint constraint that is stable", headings, tuple(lines))
+    return Sheet("stiffest stable joint constraint", headings, tuple(lines))
 
 
 def _m_sheet(points: Sequence[MPoint]) -> Sheet:
@@ -229,11 +235,11 @@ def _m_sheet(points: Sequence[MPoint]) -> Sheet:
         for one in points
     )
     headings = ("delay", "loop in", "hand", "own", "lightest", "eigen", "rule", "heaviest")
-    return Sheet("felt inertia that is stable, over the device's", ("scene", *headings), lines)
+    return Sheet("stable felt inertia over the device's inertia", ("scene", *headings), lines)
 
 
 def _load_sheet(loads: Sequence[Load]) -> Sheet:
-    """Return penetration over F / k where it is farthest off, and what happened in experiments."""
+    """Return the penetration that deviates most from F / k, and results of the experiments."""
     lines = []
     for load in loads:
         seen = load.experience
@@ -250,8 +256,8 @@ def _load_sheet(loads: Sequence[Load]) -> Sheet:
                 f"{1e3 * seen.left_energy:.3f}",
             )
         )
-    headings = ("held", "depth k/F", "drift mm", "depth mm", "contact", "E_h mJ", "left mJ")
-    return Sheet("penetration, drift, contact, energy", ("scene", *headings), tuple(lines))
+    headings = ("constraints", "depth k/F", "drift mm", "depth mm", "contact", "E_h mJ", "rest mJ")
+    return Sheet("penetration, drift, contact error, energy", ("scene", *headings), tuple(lines))
 
 
 def _ratio(measured: float | None, predicted: float | None) -> float | None:

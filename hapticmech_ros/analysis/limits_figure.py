@@ -1,4 +1,4 @@
-"""Z-width and M-width as pictures, measured beside predicted."""
+"""Figures of Z-width and M-width, measured and predicted."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from hapticmech_ros.experiment.figure_style import (
 )
 
 Z_CAPTION = (
-    "Stiffest joint constraint that is stable, held by nobody, over damping, closed by the "
+    "Stiffest stable joint constraint over damping, without a hand, closed by the "
     "controller or (crosses) in the device. Marks: sessions. "
     "Lines: eigenvalues of the loop. Dotted: the rule (b + B) / (T / 2 + t_d). Right: the same "
     "without units, m the device's mass along the constraint and τ = T / 2 + t_d; what little "

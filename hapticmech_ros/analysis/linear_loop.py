@@ -1,16 +1,17 @@
-"""A linear copy of a session's loop, tick by tick, with the mechanism's position frozen.
+"""Linear discrete-time model of a session's loop, with the mechanism's position frozen.
 
     device   (Λ_d + M_a) ẍ = F_s + u - D ẋ,      F_s = -K_s x - B_s ẋ
     point    p̈ = X u_m,                          e = x - p
 
     u = G F_h - K e - B ė   on the device,       C3 F_h + K_m e + B_m ė   on the mechanism
 
-G, K and B are the controllers' linear laws at the position; of K and B the device closes N_k and
-N_b itself. Sampled, held over a period and late by whole periods exactly as :class:`Session` is:
-the device's substeps, its encoders' velocity filter, the correction of commands by what the hand
-has done since, and the prediction of what is in flight are in it; limits, encoder steps and Coulomb
-friction are not. Eigenvalues of one tick outside the unit circle say that the session diverges.
-:mod:`hapticmech_ros.control.loop_stability` is the case of no hand, no damping and no encoders.
+G, K and B are the controllers' linear laws at the position; the device closes the parts N_k and N_b
+of K and B itself. Sampling, hold and delay by whole periods are those of :class:`Session`. The
+model includes the device's substeps, the velocity filter of its encoders, the correction of
+commands by the change of the hand's wrench, and the prediction with commands in flight; it excludes
+limits, encoder steps and Coulomb friction. The loop is unstable if the matrix of one tick has an
+eigenvalue outside the unit circle. :mod:`hapticmech_ros.control.loop_stability` is the special case
+without hand, device damping and encoders.
 """
 
 from __future__ import annotations
@@ -32,11 +33,11 @@ from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, SpringDamperH
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """What the hand is to the device, (6, 6) each.
+    """Linear impedance of the hand, (6, 6) each.
 
     Attributes:
-        stiffness, damping: K_s and B_s, of a hand as a spring and damper to a place.
-        mass: M_a, of a hand that is rigidly fixed to the device.
+        stiffness, damping: K_s and B_s, of a spring and damper to a fixed pose.
+        mass: M_a, of a mass rigidly fixed to the device.
     """
 
     stiffness: Array
@@ -48,7 +49,7 @@ NOBODY = Held(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)))
 
 
 def held_by(scene: Scene) -> Held | None:
-    """Return what the scene's hand is to the device; None for a hand that is not linear here."""
+    """Return the linear impedance of the scene's hand; None if this model has none for it."""
     hand: object = scene.hand
     if isinstance(hand, SpringDamperHand | ArmHand):
         stiffness, damping = spring_gains(hand)
@@ -62,15 +63,15 @@ def held_by(scene: Scene) -> Held | None:
 def tick_matrix(
     scene: Scene, law: Law, inverse_inertia: Array, rows: Array, delay: int, held: Held = NOBODY
 ) -> Array:
-    """Return the matrix of one tick, square.
+    """Return the transition matrix (size, size) of one tick.
 
     Args:
-        scene: whose device and period.
+        scene: whose device and period are used.
         law: of the controllers.
         inverse_inertia: (6, 6) X.
-        rows: of a six-vector that the task space has.
+        rows: (t,) indices of the task space's rows in a six-vector.
         delay: whole periods from measuring to acting.
-        held: the hand.
+        held: impedance of the hand.
 
     Raises:
         InvalidInputError: a delay below 0.
@@ -84,7 +85,10 @@ def tick_matrix(
 def diverges(matrix: Array) -> bool:
     """Return whether an eigenvalue of a tick's matrix is outside the unit circle.
 
-    Rigid motions of device and mechanism lie on it, up to the rounding of their double roots.
+    Eigenvalues of rigid motions lie on it, up to the rounding of double roots.
+
+    Args:
+        matrix: (size, size) of :func:`tick_matrix`.
     """
     return float(np.abs(np.linalg.eigvals(matrix)).max()) > 1.0 + ON_CIRCLE
 
@@ -127,10 +131,10 @@ class _Loop:
         predicted = p + self._delay * period * ahead if self._local else p
         error, error_rate = x - predicted, seen - ahead
         command = -self._stiffness @ error - self._damping @ error_rate
-        # Closed in the device: what it was at the sample is replaced by what it is when it acts.
+        # Closed in the device: the value at the sample is replaced by the current one.
         near = self._near[0] @ x + self._near[1] @ seen
         command = command + near
-        # What is sent is corrected by G times the change of F_h since; or it is not.
+        # With a local force channel commands are corrected by G times the change of F_h.
         to_device.append(command if self._local else command + self._force @ force)
         mechanism = self._hand @ force + self._pull @ error + self._drag @ error_rate
         to_mechanism.append(mechanism)
@@ -156,16 +160,16 @@ class _Loop:
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """Gains of a controller at a position, (6, 6) each, world axes at the point held.
+    """Linear gains of a controller at a position, (6, 6) each, world axes at the point held.
 
     Attributes:
         force: G, from F_h to the device's wrench.
-        stiffness, damping: K and B, from e and ė to the device's wrench; N/m, N s/m and their like
-            in rotation.
+        stiffness, damping: K and B, from e and ė to the device's wrench; N/m and N s/m, in rotation
+            N m/rad and N m s/rad.
         hand: C3, from F_h to the mechanism's wrench.
         pull, drag: K_m and B_m, from e and ė to the mechanism's wrench.
-        local: whether the device corrects G F_h by what F_h has become.
-        near: N_k and N_b.
+        local: whether the device corrects commands by G times the change of F_h.
+        near: N_k and N_b, closed in the device.
     """
 
     force: Array
@@ -179,11 +183,11 @@ class Law:
 
 
 def law_of(control: ControlArchitecture, model: OperationalModel) -> Law:
-    """Return the law of a scene's controllers, limits and ramps left out.
+    """Return the linear law of a scene's controllers, without limits and ramps.
 
     Args:
-        control: whose gains.
-        model: what the analysis reports at the position.
+        control: control architecture with the gains.
+        model: operational model at the position.
     """
     joint, channels = control.gains.joint_constraint, control.channels
     x, share, projector = model.inverse_inertia, model.wrench_projector, model.constraint_projector

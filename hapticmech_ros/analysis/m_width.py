@@ -1,9 +1,9 @@
-"""M-width: the lightest and the heaviest mechanism that a device renders without diverging.
+"""M-width: the lightest and the heaviest mechanism that a device renders stably.
 
-The mechanism's inertias are scaled, and with them X⁻¹, the inertia that is felt. What holds is a
-mass that is rigidly fixed to the device, or the scene's own hand, which stays where it took hold.
-What is watched is the command to the device: where the loop diverges, limits of the actuators hold
-it in a limit cycle, which the hand's force shows less.
+The mechanism's inertias are scaled, and with them the felt inertia X⁻¹. The hand is a mass rigidly
+fixed to the device, or the scene's own hand, which stays where it took hold. Stability is judged by
+the command to the device: if the loop is unstable, the actuators' limits lead to a limit cycle,
+which is less visible in the hand's force.
 """
 
 from __future__ import annotations
@@ -31,13 +31,14 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample, Session
 
-# Of the push, N, that lasts one period, or of G times it if that is more, so that no limit is met;
-# a command that dies out stays near it.
+# N, of the push of one period, or of G times the push if that is larger, so that no limit is
+# reached; a decaying command stays near it.
 TOUCH_N = 0.5
 LOST_N = 8.0 * TOUCH_N
-# s: a mass that is fixed to the device answers within samples, a hand that is a spring swings.
+# Length of the response, s: with a mass fixed to the device, which reacts within samples; with the
+# scene's hand, which oscillates; and of the scene's hand with a heavy mechanism.
 WATCHED_S, SWINGING_S, SLOW_S = 0.6, 2.0, 6.0
-# Felt over device inertia; nothing lighter or heavier is looked for.
+# Range of the search, felt over device inertia.
 LIGHTEST, HEAVIEST = 1e-3, 300.0
 HEAVY = (10.0, 100.0, HEAVIEST)
 
@@ -52,14 +53,14 @@ class MPoint:
         scene: its name.
         delay: periods from measuring to acting.
         local: whether the device closes the force channel.
-        hand: what holds: ``mass`` or ``scene``.
-        share: mass of the hand over that of the device; 0 of the scene's.
-        own: of the mechanism as it is.
-        measured: lightest that is stable, from sessions.
-        predicted: where the linear copy of the loop has an eigenvalue on the unit circle; None of
-            a hand that is not linear.
-        rule: m_a / (m_d + 2 m_a), of a hand with mass; None of the scene's.
-        heaviest: that is stable, of 10, 100 and 300 times the device; 0 if none is.
+        hand: ``mass`` or ``scene``.
+        share: mass of the hand over that of the device; 0 for the scene's hand.
+        own: felt inertia of the unscaled mechanism.
+        measured: lightest stable inertia, from sessions.
+        predicted: lightest stable inertia by eigenvalues of the linear model; None for a nonlinear
+            hand.
+        rule: m_a / (m_d + 2 m_a) for a hand with mass; None for the scene's hand.
+        heaviest: heaviest stable inertia of 10, 100 and 300 times the device's; 0 if none is.
     """
 
     scene: str
@@ -75,23 +76,22 @@ class MPoint:
 
 
 def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None = 1.0) -> MPoint:
-    """Return the lightest and the heaviest felt inertia that is stable.
+    """Return the lightest and the heaviest stable felt inertia.
 
     Args:
         scene: with any device; its ``controller.force_channel.local`` is kept.
         point: operational point; the first one if empty.
         delay: periods from measuring to acting.
-        share: mass of a hand that is fixed to the device, over the device's; None for the
-            scene's hand.
+        share: mass of a hand fixed to the device over the device's; None for the scene's hand.
 
     Raises:
-        InvalidInputError: a negative share, a delay below 0, or a scene's hand that holds at no
-            place: what it does not hold, does not come to rest.
+        InvalidInputError: a negative share, a delay below 0, or a scene's hand that does not hold
+            at a place: the device then never comes to rest.
     """
     if share is None and "waypoints" not in type(scene.hand).model_fields:
         raise InvalidInputError("hand", scene.hand.kind, "must hold the device at a place")
     case = _Case(scene, point, delay, share)
-    # Of lightness, 1 / inertia, so that larger is harder.
+    # The search is over 1 / inertia, of which large values are unstable.
     guess = 1.0 if share in (None, 0.0) else 1.0 / lightest_mass(1.0, share or 0.0)
     bounds = 1.0 / HEAVIEST, 1.0 / LIGHTEST
     watched = WATCHED_S if share is not None else SWINGING_S
@@ -114,7 +114,7 @@ def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None =
 
 
 def both_loops(scene: Scene) -> tuple[Scene, Scene]:
-    """Return a scene with the force channel closed by the device, and by the controller alone."""
+    """Return two scenes: force channel closed by the device, and by the controller alone."""
     return with_loop(scene, True), with_loop(scene, False)
 
 
@@ -137,11 +137,11 @@ class _Case:
 
     @property
     def linear(self) -> bool:
-        """Whether the hand has a linear law."""
+        """Whether the hand has a linear impedance."""
         return self._held is not None
 
     def stable(self, lightness: float, seconds: float) -> bool:
-        """Return whether a session with so light a mechanism comes to rest after a touch."""
+        """Return whether a session with a mechanism this light comes to rest after a touch."""
         scene, share = self._scaled(lightness), self._share
         device = None if share is None else lambda one: MassHeldDevice(one, share)
         setup = Setup(scene, self._point, self._delay, device=device)
@@ -150,7 +150,7 @@ class _Case:
         return touched(setup, push, _command, ticks, LOST_N).stable
 
     def predicted(self, lightness: float) -> bool:
-        """Return whether the linear copy of the loop is stable."""
+        """Return whether the linear model of the loop is stable."""
         if self._held is None:
             return False
         sample = Session(self._scaled(lightness), self._point, self._delay).tick()
@@ -159,7 +159,7 @@ class _Case:
         return not diverges(tick_matrix(self._scene, law, x, rows, self._delay, self._held))
 
     def felt(self, lightness: float) -> float:
-        """Return the lightest felt inertia of so light a mechanism, over the device's: of X_τ."""
+        """Return the least felt inertia of a mechanism this light, by X_τ, over the device's."""
         model = Session(self._scaled(lightness), self._point, self._delay).tick().model
         return 1.0 / float(np.linalg.eigvals(self._inertia @ model.inverse_inertia).real.max())
 

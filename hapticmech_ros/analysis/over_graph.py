@@ -1,10 +1,11 @@
-"""What is felt over a graph of real nodes: its hand pushes by a script, its device is recorded.
+"""Felt impedance over a graph of nodes, with a scripted hand and a recorded device.
 
-F_h and the twist of the same samples are fitted at the push's frequencies, whatever samples a busy
-machine missed; their ratio is the admittance felt. Desired is the mechanism's own linear model.
+F_h and the twist of the same samples are fitted at the excitation's frequencies, also if a busy
+machine missed samples; their ratio is the felt admittance. The desired impedance is that of the
+mechanism's linear model.
 
-The push is as large at every frequency: a sample that is missed leaves the device alone with an
-old command for as long, and what F_h does meanwhile is noise on a light device.
+The excitation has equal amplitudes at all frequencies: when a sample is missed, the device keeps an
+old command meanwhile, and changes of F_h act as noise on a light device.
 """
 
 from __future__ import annotations
@@ -28,29 +29,29 @@ from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.topics import DEVICE_STATE
 
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30, 42)
-# At each frequency, N; and the time before and while it is watched, s.
+# Amplitude at each frequency, N; settling time and measurement window, s.
 PUSH_N = 0.05
 SETTLING_S, WINDOW_S = 1.0, 4.0
-# Beside the push, s.
+# Duration in addition to that of the excitation, s.
 SPARE_S = 0.3
-# Of the samples: a device that kept fewer was starved, and says nothing of what is felt.
+# Share of samples that the device must have kept for a valid measurement.
 ENOUGH = 0.6
 
 
 class FeelGraphError(HapticMechError):
-    """A graph that could not be felt."""
+    """A graph whose felt impedance could not be measured."""
 
 
 def felt_over_graph(scene: Scene, composed: bool) -> list[Felt]:
-    """Return what is felt along every free direction over a graph of a scene.
+    """Return the felt impedance along every free direction over a graph of a scene.
 
     Args:
-        scene: to feel.
-        composed: whether all nodes are in one process; in four otherwise.
+        scene: to measure.
+        composed: whether all nodes are in one process; else in four.
 
     Raises:
         DemoError: a node ended, or the hand never started.
-        FeelGraphError: nothing was recorded, or the machine starved the device.
+        FeelGraphError: nothing was recorded, or the device kept too few samples.
     """
     sample = Session(scene).tick()
     model = felt_model(scene)
@@ -100,10 +101,12 @@ def _samples(bag: Path, period: float) -> tuple[Array, Array, Array]:
     twists = np.array([one.measured.twist for one in samples])
     pushed = np.flatnonzero(np.abs(forces).max(axis=1) > 0.0)
     if pushed.size < 100:
-        raise FeelGraphError("the hand never pushed, or was let go")
+        raise FeelGraphError("no hand wrench was recorded, or rendering was interrupted")
     first = stamps[pushed[0]]
     window = (stamps >= first + SETTLING_S) & (stamps < first + SETTLING_S + WINDOW_S)
     kept = int(np.count_nonzero(window))
     if kept < ENOUGH * WINDOW_S / period:
-        raise FeelGraphError(f"starved: the device kept {kept / WINDOW_S:.0f} samples per second")
+        raise FeelGraphError(
+            f"machine too busy: the device kept {kept / WINDOW_S:.0f} samples per second"
+        )
     return stamps[window] - first, forces[window], twists[window]

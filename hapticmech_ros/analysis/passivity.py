@@ -1,7 +1,7 @@
-"""Trials of passivity: the energy at the hand's port over delayed, uneven and lossy connections.
+"""Passivity trials: energy at the hand's port over connections with delay, jitter and loss.
 
-A trial is a scene, a device, a hand and a connection, for some time. Hands do not come to rest: the
-library's models, moved for as long as a trial lasts.
+A trial is a run of a scene with a device, a hand and a connection. The hands are those of the
+library, moving during the whole trial.
 """
 
 from __future__ import annotations
@@ -26,35 +26,35 @@ from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, Hand, Tremor,
 from hapticmech_ros.session import Run, Session
 from hapticmech_ros.workers import in_order
 
-# Constraint stiffness of every trial, N/m, whatever the rule would give.
+# Joint-constraint stiffness of every trial, N/m, instead of that by the rule.
 STIFFNESS = 2000.0
 JITTER, LOSS = 0.2, 0.05
-# J: E_h is never to be less, beyond what the mechanism gave of its own.
+# J, least admissible E_h, beyond the energy that the mechanism supplied itself.
 ALLOWED_J = 1e-3
-# A device this fast is out of anybody's hands, m/s or rad/s.
+# Speed beyond which a device counts as having escaped from the hand, m/s or rad/s.
 ESCAPED = 1e3
-# From waypoint to waypoint, s; and how far from where it took hold, m and rad.
+# Time between waypoints, s, and their distance from the pose of grasp, m and rad.
 EVERY_S = 0.6
 REACH_M, TURN_RAD = 0.015, 0.1
-# Peak of physiological tremor, as docs/devices.md has it, and a force that shows.
+# Peak frequency of physiological tremor (docs/devices.md), and a clearly visible force.
 TREMOR = Tremor(frequency=10.0, force=(0.5, 0.3, 0.0))
 _SEED = 20
-# Ticks between looks whether a device has escaped.
+# Ticks between checks for an escaped device.
 _AT_ONCE = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What is tried.
+    """Conditions of a trial.
 
     Attributes:
         scene: name or path.
         device: preset, or "scene" for the scene's own.
         hand: of :data:`HANDS`.
         delay: s, each way.
-        local: whether the device closes the loops that it can.
-        control: whether passivity is controlled.
-        seconds: s.
+        local: whether the device closes force channel and joint constraint.
+        control: whether passivity control is on.
+        seconds: duration, s.
     """
 
     scene: str
@@ -68,19 +68,19 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What came of a trial.
+    """Results of a trial.
 
     Attributes:
-        trial: it.
-        lowest: J, least of W + ½ vᵀ Λ_d v - min(0, least E_m): what the hand put in, without what
-            friction took, and with what the mechanism gave of its own.
+        trial: its conditions.
+        lowest: J, least of W + ½ vᵀ Λ_d v - min(0, least E_m): energy supplied by the hand, less
+            friction losses, plus that supplied by the mechanism itself.
         mechanism_gave: J, -min(0, least E_m).
-        most_force: N, of the actuators.
-        motion: m/s, rms of the device in the last quarter.
+        most_force: N, largest force of the actuators.
+        motion: m/s, rms speed of the device in the last quarter.
         chatter: N, rms of the change of the force from sample to sample in the last quarter.
-        changed: share of the samples whose command was changed.
-        drift: m, rms from device to operational point in the last quarter.
-        ended: what ended it early; empty if nothing did.
+        changed: share of the samples whose command was changed by passivity control.
+        drift: m, rms distance of device and operational point in the last quarter.
+        ended: reason for an early end; else empty.
     """
 
     trial: Trial
@@ -95,7 +95,7 @@ class Found:
 
     @property
     def passive(self) -> bool:
-        """Whether it was passive to the end."""
+        """Whether the trial was passive to its end."""
         return self.lowest >= -ALLOWED_J and not self.ended
 
 
@@ -104,7 +104,7 @@ def scene_of(trial: Trial) -> Scene:
 
     Raises:
         SceneError: it cannot be loaded.
-        InvalidInputError: an unknown hand, or a preset that there is none of.
+        InvalidInputError: an unknown hand or device preset.
     """
     if trial.hand not in HANDS:
         raise InvalidInputError("hand", trial.hand, f"must be one of {', '.join(HANDS)}")
@@ -132,7 +132,7 @@ def scene_of(trial: Trial) -> Scene:
 
 
 def _turning(hand: Hand, device: Device) -> Hand:
-    """Return a hand that does not spin a handle up that nothing holds against it."""
+    """Return a hand that does not accelerate a freely rotating handle without end."""
     if device.actuated == "all" or not isinstance(hand, ConstantWrenchHand):
         return hand
     return hand.model_copy(update={"torque": (0.0, 0.0, 0.0)})
@@ -140,6 +140,9 @@ def _turning(hand: Hand, device: Device) -> Hand:
 
 def tried(trial: Trial) -> Found:
     """Run a trial.
+
+    Returns:
+        Its results.
 
     Raises:
         SceneError: it cannot be loaded.
@@ -151,7 +154,7 @@ def tried(trial: Trial) -> Found:
     run, ended = _ran(session, round(trial.seconds / session.period))
     seen, gave = np.zeros((len(run), 5)), float(max(0.0, np.max(-run["to_mechanism"])))
     twist, force = run["device_true_twist"], run["device_applied"][:, :3]
-    # What its driver adds is for the device itself.
+    # The driver's compensation acts on the device only.
     acting = run["device_applied"][1:] - run["device_added"][:-1]
     given = np.cumsum(np.sum(acting * _ways(run), axis=1))
     work = np.concatenate(([0.0], -given))
@@ -176,7 +179,7 @@ def tried(trial: Trial) -> Found:
 
 
 def _ran(session: Session, ticks: int) -> tuple[Run, str]:
-    """Return a run of so many ticks, or until the device escapes, and why it ended earlier."""
+    """Return a run of the given ticks, or until the device escapes, and the reason of its end."""
     rows, done, ended = np.zeros((ticks, session.layout.size)), 0, ""
     while done < ticks and not ended:
         count = min(_AT_ONCE, ticks - done)
@@ -191,12 +194,12 @@ def _ran(session: Session, ticks: int) -> tuple[Run, str]:
             count = int(escaped[0]) + 1
             ended = f"the device escaped at {rows[done + count - 1, 0]:.3g} s"
         done += count
-    # One that fails at once has not moved.
+    # A run that fails at once has one row.
     return Run(rows[: max(done, 1)], session.layout), ended
 
 
 def _ways(run: Run) -> Array:
-    """Return (k - 1, 6) how far the device moves from tick to tick, m and rad."""
+    """Return the device's displacements (k - 1, 6) between ticks, m and rad."""
     turns = Rotation.from_matrix(run["device_true_rotation"].reshape(-1, 3, 3))
     turned = (turns[1:] * turns[:-1].inv()).as_rotvec()
     return np.hstack((np.diff(run["device_true_position"], axis=0), turned))
@@ -223,7 +226,7 @@ def _grips(scene: Scene, seconds: float) -> Hand:
     return _arm(scene, seconds, "firm", release_at=releases, grab_at=grabs)
 
 
-# Name -> the hand of a scene for so many seconds.
+# Name -> function of a scene and a duration (s) that returns the hand.
 HANDS: dict[str, Callable[[Scene, float], Hand]] = {
     "scene": lambda scene, seconds: scene.hand,
     "relaxed": lambda scene, seconds: _arm(scene, seconds, "relaxed"),
@@ -235,10 +238,10 @@ HANDS: dict[str, Callable[[Scene, float], Hand]] = {
 
 @dataclass(frozen=True)
 class PassivityTrials(Results):
-    """What came of trials.
+    """Results of trials.
 
     Attributes:
-        found: of each trial, in order.
+        found: results of each trial, in order.
     """
 
     NAME: ClassVar[str] = "passivity"
@@ -256,7 +259,7 @@ class PassivityTrials(Results):
         return [plain(one) for one in self.found]
 
     def sheets(self) -> Iterator[Sheet]:
-        """Yield, for each scene, loop and delay, the worst of its devices and hands."""
+        """Yield a row for each scene, loop and delay, with the worst of all devices and hands."""
         lines = []
         for (scene, local, delay), group in groupby(sorted(self.found, key=_key), key=_key):
             rows = list(group)
@@ -274,7 +277,7 @@ class PassivityTrials(Results):
                 )
             )
         yield Sheet(
-            "worst device and hand: least energy, most force, chatter, commands changed, drift",
+            "worst device and hand: least energy, largest force, chatter, commands changed, drift",
             ("scene", "loop in", "ms", "passive", "mJ", "N", "N/T", "changed", "mm"),
             tuple(lines),
             ("loop in",),
@@ -288,7 +291,7 @@ def trials(
     delays: Sequence[float],
     seconds: float = 60.0,
 ) -> list[Trial]:
-    """Return a trial for every combination, with the loops closed in the device and over the link.
+    """Return trials for every combination, with loops closed in the device and in the controller.
 
     Args:
         scenes: names or paths.
@@ -311,9 +314,12 @@ def passivity(
     """Run trials.
 
     Args:
-        asked: what to try.
-        show: told of each trial that is over.
-        processes: that share the trials; one for each core if None.
+        asked: conditions of the trials.
+        show: called after each trial.
+        processes: number of processes; one for each core if None.
+
+    Returns:
+        Results of all trials.
 
     Raises:
         SceneError: a scene that cannot be loaded.

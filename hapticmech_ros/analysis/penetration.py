@@ -1,9 +1,9 @@
-"""How far the device gives way along what the joints hold: a steady push, beside F / k.
+"""Penetration into joint constraints under a steady push, compared with F / k.
 
     u_jc = -(k / m_ℓ) Σ w_i n_i n_iᵀ e,   F_h = f n_i / √m_ℓ   give   n_iᵀ e / √m_ℓ = f / k
 
-at rest, whatever the direction's mix of force and torque. The same session without the push is
-subtracted.
+at rest, for any combination of force and torque in the direction. The same session without the push
+is subtracted.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.clutch import pose_error
 
-# N; small, so that a direction that does not resist takes the device 15 mm, not out of the scene.
+# N; along a free direction it moves the device by about 15 mm.
 PUSH_N = 0.1
-# s that the push lasts, and over how much of its end displacements are averaged.
+# Duration of the push, s, and of the average of displacements at its end.
 LASTING_S, AVERAGED_S = 0.3, 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Yield:
-    """What a steady push along one direction does.
+    """Displacement by a steady push along one direction.
 
     Attributes:
         direction: (6,) n_i / √m_ℓ, wrench per N of the push.
-        held: whether the joints hold it.
-        error: n_iᵀ e / √m_ℓ, m: device against operational point; nan if the session was lost.
-        moved: n_iᵀ x / √m_ℓ, m: of the device itself, which is what the hand feels.
-        expected: f / k, m, of the joint-constraint law; infinite without one.
+        held: whether the direction is constrained by the joints.
+        error: n_iᵀ e / √m_ℓ, m, between device and operational point; nan if the session was lost.
+        moved: n_iᵀ x / √m_ℓ, m, displacement of the device.
+        expected: f / k, m, by the joint-constraint law; infinite without one.
     """
 
     direction: Array
@@ -44,12 +44,12 @@ class Yield:
 
     @property
     def stiffness(self) -> float:
-        """What the hand feels, N/m; 0 of a session that was lost."""
+        """Felt stiffness, N/m; 0 if the session was lost."""
         return float(PUSH_N / abs(self.moved)) if np.isfinite(self.moved) else 0.0
 
 
 def penetration(setup: Setup) -> list[Yield]:
-    """Return what a push does along every direction of a scene at its start, held by nobody.
+    """Return the displacements by a push along every direction of a scene, without a hand.
 
     Args:
         setup: of the sessions.

@@ -1,9 +1,9 @@
-"""The usual way to feel a simulation: a stiff spring and damper to it, in all directions alike.
+"""Virtual coupling to a proxy: the same stiff spring and damper in all directions.
 
     u = -(κ Λ_d e + β Λ_d ė)   on the device,      κ Λ_d e + β Λ_d ė   on the mechanism
 
-No Λ_h⁻¹, no force is fed forward, and directions that the joints hold are not told from others. The
-hand feels the mechanism with the device added, and through the spring.
+It uses neither Λ_h⁻¹ nor force feedforward, and does not distinguish constrained directions. The
+hand feels the mechanism through the spring, with the device's inertia added.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.document import Scene
 
-# The gains with which the loop is unstable, over those chosen; as large as is usual.
+# Gain margin of the chosen gains.
 GAIN_MARGIN = 2.0
-# β / κ, in units of the loop's latency (delay + 1/2) T: among these is the one that bears most.
+# Candidates for β / κ, in units of the loop's latency (delay + 1/2) T.
 RATIOS = np.geomspace(0.5, 8.0, 17)
 
 
@@ -35,7 +35,7 @@ class ProxyControl(ControlArchitecture):
     """A spring and damper between device and operational point.
 
     Args:
-        scene: whose device, limits and ramps.
+        scene: whose device, limits and ramps are used.
         stiffness: κ, 1/s².
         damping: β, 1/s.
 
@@ -60,7 +60,16 @@ class ProxyControl(ControlArchitecture):
         ahead: float,
         in_flight: InFlight | None = None,
     ) -> Array:
-        """Return the wrenches for measurements; see :meth:`ControlArchitecture.answer`."""
+        """Return the wrenches for measurements, (6, 6): rows as in :class:`ControlOutput`.
+
+        Args:
+            time: s.
+            clutch: that connects the two poses.
+            device: (19,) measurement of the device.
+            operational_model: (139,) analysis and measurement of the operational point.
+            ahead: s, from the time of ``operational_model`` to that of ``device``.
+            in_flight: commands to the mechanism that have not acted yet.
+        """
         own, point = device_of(device), point_ahead(operational_model, ahead, in_flight)
         error = self.task * pose_error(point.pose, clutch.mapped(own.pose))
         rate = self.task * (own.twist - point.twist)
@@ -77,19 +86,19 @@ class ProxyControl(ControlArchitecture):
         ).rows()
 
     def law(self) -> Law:
-        """Return the law of this controller."""
+        """Return the linear law of this controller."""
         zero = np.zeros((6, 6))
         return Law(zero, self.spring, self.damper, zero, self.spring, self.damper, local=False)
 
 
 def stiffest_proxy(scene: Scene, found: OperationalAnalysis, delay: int) -> tuple[float, float]:
-    """Return κ (1/s²) and β (1/s) of the stiffest proxy that a loop bears with a margin of 2.
+    """Return κ (1/s²) and β (1/s) of the stiffest proxy with a gain margin of 2.
 
-    With the position frozen ë = -(1 + X Λ_d) (κ e + β ė), late; see :func:`stiffest_gains`.
+    With the position frozen ë = -(1 + X Λ_d) (κ e + β ė), delayed; see :func:`stiffest_gains`.
 
     Args:
-        scene: whose device and period.
-        found: analysis where the loop has to be stable.
+        scene: whose device and period are used.
+        found: analysis at the position where the loop has to be stable.
         delay: whole periods from measuring to acting.
 
     Raises:
@@ -102,12 +111,12 @@ def stiffest_proxy(scene: Scene, found: OperationalAnalysis, delay: int) -> tupl
 
 
 def stiffest_gains(scene: Scene, loop: Array, delay: int) -> tuple[float, float]:
-    """Return the largest k and b of ë = -A (k e + b ė), late, that leave a gain margin of 2.
+    """Return the largest k and b of a delayed ë = -A (k e + b ė) with a gain margin of 2.
 
-    Of the ratios of b to k it is the one with the largest k; then half of both.
+    They are half of the limit gains for the ratio of b to k with the largest stable k.
 
     Args:
-        scene: whose device's substeps and period.
+        scene: whose device's substeps and period are used.
         loop: (n, n) A.
         delay: whole periods from measuring to acting.
 

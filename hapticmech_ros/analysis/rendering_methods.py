@@ -1,8 +1,8 @@
-"""What is compared: the architecture, the same without joint constraints, and proxies.
+"""Rendering methods that are compared: the architecture with and without constraints, and proxies.
 
-Both the architecture and the proxy come with two pairs of gains, the scene's own joint-constraint
-gains and the stiffest that the loop bears with a gain margin of 2, chosen in the same way: how
-stiff a wall is, is a choice of gains, and no merit of what is compared.
+Architecture and proxy are both used with two pairs of gains: the scene's own joint-constraint
+gains, and the stiffest ones with a gain margin of 2, chosen in the same way, so that the comparison
+does not depend on the choice of gains.
 """
 
 from __future__ import annotations
@@ -36,25 +36,25 @@ from hapticmech_ros.session import Sample
 FULL, STIFF = "architecture", "architecture, stiffest"
 FREE = "no joint constraint"
 PROXY, SOFT = "proxy, stiffest", "proxy, as soft"
-# Speed of the device after the touch, m/s of the metric; what dies out stays near it.
+# Speed of the device after the touch, and of a session that is lost, m/s of the metric.
 TOUCH_SPEED, LOST_SPEED = 2e-3, 0.04
 WATCHED_S = 1.5
-# Of the touch: what a mechanism that swings by itself leaves between device and point. A loop that
-# is unstable starts from more, and grows.
+# Share of the touch that counts as rest, since a mechanism that swings by itself leaves some
+# relative velocity of device and point. An unstable loop exceeds it.
 FLOOR_SHARE = 0.05
-# Periods; nothing later is looked for.
+# Largest delay tried, periods.
 MOST_DELAY = 50
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One way to render a scene.
+    """One rendering method of a scene.
 
     Attributes:
-        name: of the way.
+        name: of the method.
         setup: of its sessions.
-        law: at the scene's start.
-        holds: whether it resists along all that the joints hold.
+        law: linear law at the scene's start.
+        holds: whether it renders stiffness along all constrained directions.
         gains: stiffness and damping of the joint constraint, or of a proxy, N/m and N s/m.
     """
 
@@ -66,10 +66,10 @@ class Variant:
 
 
 def variants(scene: Scene, point: str = "", delay: int = 1) -> list[Variant]:
-    """Return the ways to render a scene; the stiffest are the stiffest at this delay.
+    """Return the rendering methods of a scene; 'stiffest' gains are those for the given delay.
 
     Args:
-        scene: whose mechanism, device and hand.
+        scene: whose mechanism, device and hand are used.
         point: operational point; the first one if empty.
         delay: periods from measuring to acting.
 
@@ -80,7 +80,7 @@ def variants(scene: Scene, point: str = "", delay: int = 1) -> list[Variant]:
     joint, mass = scene.controller.joint_constraint, scene.device.mass
     stiff = joint.stiffness, joint.damping
     if found.held.size:
-        # Along the direction with most gain: 1 kg of P_c is so much of the device.
+        # Device's mass per unit of P_c along the direction with the largest gain.
         gain = found.held.T @ np.linalg.inv(device_inertia(scene.device)) @ found.held
         loop = np.linalg.eigvalsh(gain)[-1:, None]
         stiff = stiffest_gains(scene, loop, 0 if joint.local else delay)
@@ -109,11 +109,11 @@ def _proxy(name: str, scene: Scene, point: str, delay: int, kappa: float, beta: 
 
 
 def largest_delay(variant: Variant) -> int | None:
-    """Return the most periods of delay, up to 50, with which sessions come to rest; -1 if none.
+    """Return the delay margin of sessions, up to 50 periods; -1 if unstable without delay.
 
-    Held by nobody, touched along all directions at once; what is watched is the velocity of device
-    against operational point. None of a variant that ties nothing together along some direction:
-    the device then coasts, and comes to rest nowhere.
+    The device is touched along all directions at once, without a hand; stability is judged by the
+    velocity of the device relative to the operational point. None for a method without coupling
+    along some direction: the device then moves on and does not come to rest.
     """
     if not variant.holds:
         return None
@@ -137,7 +137,7 @@ def largest_delay(variant: Variant) -> int | None:
 
 
 def predicted_delay(variant: Variant) -> int:
-    """Return the same of the linear copy of the loop."""
+    """Return the delay margin of the linear model of the loop."""
     setup = variant.setup
     found = directions(setup.scene, setup.point).analysis
 

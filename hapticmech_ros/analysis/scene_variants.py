@@ -1,4 +1,4 @@
-"""Scenes with one thing changed: gains, rate, hand, inertias."""
+"""Copies of scenes with one change: gains, rate, hand, device or inertias."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.hand import ConstantWrenchHand
 from hapticmech_ros.scene.mechanism import Inertial
 
-# What closes force channel and joint constraint: the device, or the controller alone.
+# Whether the device closes force channel and joint constraint, by name of the loop.
 LOOPS = {"device": True, "controller": False}
 NO_CHANNEL = PositionChannelGains(
     stiffness=0.0, damping=0.0, angular_stiffness=0.0, angular_damping=0.0
@@ -20,21 +20,21 @@ NO_CHANNEL = PositionChannelGains(
 
 
 def at_once(scene: Scene) -> Scene:
-    """Return a scene whose rendering comes in without a ramp, and is not held to be passive."""
+    """Return a scene without engagement ramp and without passivity control."""
     free = scene.controller.passivity.model_copy(update={"control": False})
     changed = {"engagement_ramp": 0.0, "passivity": free}
     return scene.model_copy(update={"controller": scene.controller.model_copy(update=changed)})
 
 
 def held_by_nobody(scene: Scene) -> Scene:
-    """Return a scene whose hand does nothing."""
+    """Return a scene whose hand exerts no wrench."""
     return scene.model_copy(update={"hand": ConstantWrenchHand(kind="constant_wrench")})
 
 
 def held_still(scene: Scene) -> Scene:
-    """Return a scene whose hand holds on at once and stays where it took hold.
+    """Return a scene whose hand grasps at once and stays at the pose of grasp.
 
-    A hand that follows waypoints stays at none; any other is left as it is.
+    Waypoints and delays of a hand are removed; a hand without them is unchanged.
     """
     hand = scene.hand
     if "waypoints" not in type(hand).model_fields:
@@ -77,7 +77,7 @@ def without_channel(scene: Scene) -> Scene:
 
 
 def with_loop(scene: Scene, local: bool) -> Scene:
-    """Return a scene whose device closes force channel and joint constraint, or does not."""
+    """Return a scene whose device closes force channel and joint constraint if ``local``."""
     force = scene.controller.force_channel.model_copy(update={"local": local})
     joint = scene.controller.joint_constraint.model_copy(update={"local": local})
     changed = {"force_channel": force, "joint_constraint": joint}
@@ -86,10 +86,10 @@ def with_loop(scene: Scene, local: bool) -> Scene:
 
 
 def with_device(scene: Scene, preset: str) -> Scene:
-    """Return a scene on another device, named after both; gains are those of its own.
+    """Return a scene with another device and gains for it, named after both.
 
     Raises:
-        InvalidInputError: a preset that there is none of.
+        InvalidInputError: an unknown preset.
     """
     if preset not in device_presets():
         raise InvalidInputError("device", preset, f"must be one of {sorted(device_presets())}")
@@ -98,10 +98,10 @@ def with_device(scene: Scene, preset: str) -> Scene:
 
 
 def at_rate(scene: Scene, rate_hz: float) -> Scene:
-    """Return a scene that is sampled and controlled at another rate, Hz.
+    """Return a scene with another control rate, Hz.
 
     Raises:
-        InvalidInputError: a rate below 10 Hz, or not finite.
+        InvalidInputError: a rate below 10 Hz or not finite.
     """
     if not (np.isfinite(rate_hz) and rate_hz >= 10.0):
         raise InvalidInputError("rate", rate_hz, "must be 10 Hz or more")
@@ -110,9 +110,9 @@ def at_rate(scene: Scene, rate_hz: float) -> Scene:
 
 
 def scaled(scene: Scene, factor: float) -> Scene:
-    """Return a scene whose links are ``factor`` times as heavy, so that X is divided by it.
+    """Return a scene with all inertias multiplied by ``factor``, so that X is divided by it.
 
-    The metric goes with it: the same directions are rigid, at the same stiffness.
+    The metric is scaled too: the same directions are rigid, with the same stiffness.
 
     Raises:
         InvalidInputError: a factor that is not positive and finite.

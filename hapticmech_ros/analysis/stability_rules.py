@@ -1,7 +1,7 @@
-"""The rules of the literature for a wall of stiffness K and damping B that is sampled and held.
+"""Rules of the literature for a sampled virtual wall of stiffness K and damping B with a hold.
 
-They are for one degree of freedom of mass m, with physical damping b, in the hands of anybody who
-is passive. None of them knows how large B may be; see docs/limits.md for how far each holds here.
+They apply to one degree of freedom of mass m and physical damping b, held by any passive user. None
+of them bounds B; docs/limits.md compares them with sessions.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from hapticmech_ros.errors import InvalidInputError
 
 
 def passive_stiffness(physical: float, damping: float, period: float) -> float:
-    """Return K up to which a wall is passive, N/m: b > K T / 2 + |B|. 0 if at none.
+    """Return the largest K of a passive wall, N/m: b > K T / 2 + |B|. 0 if there is none.
 
     Colgate and Schenkel, "Passivity of a class of sampled-data systems", J. Robotic Systems 1997.
 
@@ -27,7 +27,7 @@ def passive_stiffness(physical: float, damping: float, period: float) -> float:
 
 
 def delayed_stiffness(physical: float, damping: float, period: float, delay: float) -> float:
-    """Return K up to which a wall is stable by the rule with delay, N/m: (b + B) / (T / 2 + t_d).
+    """Return the largest stable K by the rule with delay, N/m: (b + B) / (T / 2 + t_d).
 
     Gil, Sanchez, Hulin, Preusche and Hirzinger, "Stability boundary for haptic rendering: influence
     of damping and delay", J. Computing and Information Science in Engineering 2009.
@@ -36,7 +36,7 @@ def delayed_stiffness(physical: float, damping: float, period: float, delay: flo
         physical: b of the device, N s/m.
         damping: B of the wall, N s/m.
         period: T, s.
-        delay: t_d, s, from measuring to acting, hold not counted.
+        delay: t_d, s, from measuring to acting, without the hold.
 
     Raises:
         InvalidInputError: as :func:`passive_stiffness`, or a delay below 0.
@@ -46,7 +46,7 @@ def delayed_stiffness(physical: float, damping: float, period: float, delay: flo
 
 
 def quantised_stiffness(physical: float, friction: float, period: float, step: float) -> float:
-    """Return K up to which encoder steps Δ give no limit cycle, N/m: min(2 b / T, 2 f_c / Δ).
+    """Return the largest K without a limit cycle by encoder steps, N/m: min(2 b / T, 2 f_c / Δ).
 
     Diolaiti, Niemeyer, Barbagli and Salisbury, "Stability of haptic rendering: discretization,
     quantization, time delay, and Coulomb effects", IEEE Trans. Robotics 2006.
@@ -55,7 +55,7 @@ def quantised_stiffness(physical: float, friction: float, period: float, step: f
         physical: b of the device, N s/m.
         friction: f_c, Coulomb friction of the device, N.
         period: T, s.
-        step: Δ, m; 0 is ideal.
+        step: Δ, m; 0 for an ideal encoder.
 
     Raises:
         InvalidInputError: as :func:`passive_stiffness`, or friction or step below 0.
@@ -66,12 +66,12 @@ def quantised_stiffness(physical: float, friction: float, period: float, step: f
 
 
 def lightest_mass(device: float, hand: float) -> float:
-    """Return the virtual mass that must be exceeded, kg: m_d m_a / (m_d + 2 m_a).
+    """Return the lower bound of the virtual mass for stability, kg: m_d m_a / (m_d + 2 m_a).
 
-    The force channel of a device of mass m_d, held by a rigid mass m_a, answers F_h = -m_a ẍ of one
-    sample with u = (m_d / m_v - 1) F_h in a later one. With (m_d + m_a) ẍ = u the answers follow
-    u' = -(m_d / m_v - 1) m_a / (m_d + m_a) u: they die out where the factor is inside (-1, 1),
-    however many samples lie between.
+    On a device of mass m_d with a rigidly fixed mass m_a, the force channel responds to
+    F_h = -m_a ẍ of one sample with u = (m_d / m_v - 1) F_h in a later one. With (m_d + m_a) ẍ = u
+    successive commands are u' = -(m_d / m_v - 1) m_a / (m_d + m_a) u; they decay if the factor is
+    inside (-1, 1), for any number of samples of delay.
 
     Args:
         device: m_d, kg.

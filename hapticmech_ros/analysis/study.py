@@ -1,7 +1,7 @@
-"""The protocol of a study: options, a run, results, and from those a file, tables and figures.
+"""Common protocol of studies and benchmarks: results, and their files, tables and figures.
 
-A study defines its own results and what they show; how they are written, printed and turned into an
-exit code is the same for all, for those of this folder and for the developers' benchmarks.
+A study defines its results, tables and figures. Writing, printing and the exit code are common to
+the studies of this folder and the developers' benchmarks.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from rich.table import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Told of the progress, a line at a time.
+# Called with one line of progress.
 Show = Callable[[str], None]
 
-# Where a value does not exist.
+# Text for a value that does not exist.
 NOTHING = "-"
-# Of a table's first column, characters that are kept together where there is little room.
+# Least width of a table's first column, characters.
 NAME_WIDTH = 20
 
 
@@ -37,7 +37,7 @@ def silent(line: str) -> None:
 
 
 class Marked(str):
-    """A cell that stands out on a terminal: its text, and rich's name of a style."""
+    """Text of a cell with a style of rich, for a terminal."""
 
     style: str
 
@@ -49,7 +49,7 @@ class Marked(str):
 
 
 def judged(text: str, good: bool) -> Marked:
-    """Return a cell that says whether something is as it should be."""
+    """Return a cell that is highlighted if a result is not as required."""
     return Marked(text, "green" if good else "bold red")
 
 
@@ -58,11 +58,11 @@ class Sheet:
     """A table, for a terminal and for a document.
 
     Attributes:
-        title: above it.
+        title: above the table.
         headings: of the columns.
-        rows: of texts, as many as headings; shorter ones are filled up.
-        words: headings of columns of words, besides the first; numbers stand to the right.
-        caption: below it.
+        rows: of texts, one for each heading; shorter rows are padded.
+        words: headings of text columns besides the first; all others are aligned to the right.
+        caption: below the table.
     """
 
     title: str
@@ -81,7 +81,7 @@ class Sheet:
             box=SIMPLE_HEAD,
             padding=(0, 1, 0, 0),
         )
-        # On a narrow terminal numbers are folded before names are.
+        # On a narrow terminal columns of numbers are folded before the first column.
         names = [row[0] for row in self.rows if row]
         least = [min(NAME_WIDTH, max(map(len, names), default=0)), *[None] * len(self.headings)]
         for index, heading in enumerate(self.headings):
@@ -104,13 +104,13 @@ class Sheet:
 
 
 class Results(ABC):
-    """What a study found.
+    """Results of a study.
 
-    A dataclass whose fields, with its public properties, are what is written as JSON.
+    A dataclass whose fields and public properties are written as JSON.
 
     Attributes:
-        NAME: of the files: ``<NAME>.json``, ``<NAME>.md`` and, of one figure, ``<NAME>.png``.
-        FAULT: what to say of results that are not sound.
+        NAME: of the files: ``<NAME>.json``, ``<NAME>.md`` and, for one figure, ``<NAME>.png``.
+        FAULT: message if the results are not sound.
     """
 
     NAME: ClassVar[str]
@@ -134,7 +134,7 @@ class Results(ABC):
         return ()
 
     def figures(self) -> Mapping[str, Figure]:
-        """Return figures by the names of their files."""
+        """Return the figures by file name."""
         return {}
 
     def markdown(self) -> str:
@@ -145,7 +145,7 @@ class Results(ABC):
         """Write JSON, tables and figures.
 
         Args:
-            out: folder, made if it is not there.
+            out: folder, created if needed.
             figure: path of the first figure; in the folder if None.
         """
         from hapticmech_ros.experiment.figure_style import save
@@ -160,10 +160,10 @@ class Results(ABC):
 
 
 def plain(value: object) -> Any:
-    """Return a value as JSON has it.
+    """Return a value in terms of JSON's types.
 
-    Dataclasses become dictionaries of their fields and public properties, arrays lists, complex
-    numbers pairs (real, imaginary), and numbers that are not finite None.
+    Dataclasses become dictionaries of their fields and public properties, arrays become lists,
+    complex numbers pairs (real, imaginary), and non-finite numbers None.
     """
     if is_dataclass(value) and not isinstance(value, type):
         return {name: plain(getattr(value, name)) for name in _names(value)}

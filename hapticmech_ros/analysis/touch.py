@@ -1,17 +1,18 @@
-"""Does it come to rest? A session is touched once, and what follows has to die out.
+"""Stability test of a session: the response to a short push must decay.
 
-The touch is a push on the device that lasts one period. The same session without the touch is
-subtracted, so that what moves by itself does not count. What is left is watched in two halves, each
-under a window of Hann's shape, so that neither the phase of an oscillation nor where a half begins
-is mistaken for growth:
+The device is pushed for one period ("touched"). The response of the same session without the push
+is subtracted, which removes motion that is not caused by it. The remaining signal is divided into
+two halves, each weighted with a Hann window, so that neither the phase of an oscillation nor the
+place of the division is mistaken for growth:
 
     stable if  rms of the second half < 0.98 rms of the first half,  or below the floor
 
-A run ends, and is unstable, where something is as large as nothing stable gets: before limits of
-forces hold it, and before the rounding of the run without a touch has grown to the same size.
+A run is stopped and counted as unstable if the signal exceeds a bound that no stable response
+reaches. The bound is below the actuators' limits, and is exceeded before rounding errors of the run
+without a push grow to the same size.
 
-Over ten cycles a linear loop passes that has 0.1 % of critical damping. One that diverges does not,
-nor one that has come to a limit cycle.
+Over ten cycles a linear loop with 0.1 % of critical damping passes the test; a diverging loop and a
+limit cycle do not.
 """
 
 from __future__ import annotations
@@ -29,24 +30,24 @@ from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample, Session
 
 Observe = Callable[[Sample], Array]
-# Rounding of a session that is at rest, in m/s or N; far below what anybody feels.
+# Bound of the rounding errors of a session at rest, m/s or N; far below perception.
 FLOOR = 1e-9
-# Of the first half, what is left in the second.
+# Largest ratio of the second half's rms to the first's.
 LEFT = 0.98
-# Of what is watched before it is, so that the touch itself has passed.
+# Share of the signal that is skipped at its start, so that the push itself has passed.
 PASSED = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """How sessions are made.
+    """Configuration of sessions.
 
     Attributes:
-        scene: what to run.
+        scene: to run.
         point: operational point that the device holds; the scene's first one if empty.
         delay: whole periods from measuring to acting.
-        control: makes controllers other than the scene's.
-        device: makes a device other than the scene's.
+        control: factory of controllers other than the scene's.
+        device: factory of a device other than the scene's.
     """
 
     scene: Scene
@@ -64,12 +65,12 @@ class Setup:
 
 @dataclass(frozen=True, slots=True)
 class Touched:
-    """What followed a touch.
+    """Response to a touch.
 
     Attributes:
-        early, late: rms of the first and the second half, in units of what was watched; infinite
-            where the session ended by itself or was lost.
-        floor: below which it counts as rest.
+        early, late: rms of the first and the second half, in units of the signal; infinite if the
+            session ended by itself or was lost.
+        floor: rms below which it counts as rest.
     """
 
     early: float
@@ -78,22 +79,25 @@ class Touched:
 
     @property
     def stable(self) -> bool:
-        """Whether it dies out."""
+        """Whether the response decays."""
         return self.late < max(LEFT * self.early, self.floor)
 
 
 def touched(
     setup: Setup, push: Array, observe: Observe, ticks: int, lost: float, floor: float = FLOOR
 ) -> Touched:
-    """Touch a session and watch what follows.
+    """Touch a session and measure the response.
 
     Args:
         setup: of the session.
         push: (6,) on the device for one period, world axes, N and N m.
-        observe: what of a sample is watched, (k,).
-        ticks: that are watched, 20 or more.
-        lost: size of what is watched, from which nothing comes back.
-        floor: of the rms, below which it counts as rest.
+        observe: function of a sample that returns the signal, (k,).
+        ticks: length of the signal, 20 or more.
+        lost: magnitude of the signal from which the session counts as lost.
+        floor: rms below which it counts as rest.
+
+    Returns:
+        Rms of both halves of the response.
 
     Raises:
         InvalidInputError: fewer than 20 ticks.
@@ -117,10 +121,10 @@ def _watched(
     calm: Array | None = None,
     lost: float = np.inf,
 ) -> Array | None:
-    """Return what is watched (ticks, k), or None of a session that is lost or ended by itself."""
+    """Return the signal (ticks, k), or None if the session is lost or ended by itself."""
     session, rows = setup.session(), []
     try:
-        # Until the first command is there, the device is nobody's.
+        # Until the first command arrives the device is not controlled.
         session.run(setup.delay)
         for tick in range(ticks):
             rows.append(observe(session.tick(hand_wrench=push if tick == 0 else None)))
@@ -137,15 +141,14 @@ def _rms(rows: Array) -> float:
 
 
 class MassHeldDevice(ImpedanceDevice):
-    """A scene's device with a mass fixed to it where a force sensor sees it.
+    """A scene's device with a mass fixed to it on the hand's side of the force sensor.
 
         (Λ_d + M_a) ẍ = F_o + u - D ẋ,      F_h = -M_a ẍ,      M_a = share Λ_d
 
-    F_h of a period is measured at its end, and so is known to the next one. The scene's own hand
-    is not there.
+    F_h of a period is measured at its end and used in the next one. The scene's own hand is absent.
 
     Args:
-        scene: whose device.
+        scene: whose device is used.
         share: M_a over Λ_d, 0 or more.
 
     Raises:
@@ -169,7 +172,18 @@ class MassHeldDevice(ImpedanceDevice):
         ticks: int,
         push: Array = NO_WRENCH,
     ) -> DeviceState:
-        """Advance one period; see :meth:`ImpedanceDevice.step`."""
+        """Advance one period.
+
+        Args:
+            state: at the start of the period.
+            command: (6,) servo_cf, held over the period; None for actuators off.
+            held: not used: the scene's own hand is absent.
+            ticks: whole periods since the hand took hold; not used.
+            push: (6,) further wrench on the device, world axes, N and N m.
+
+        Returns:
+            State at the end of the period.
+        """
         new = super().step(state, command, None, ticks, push)
         inert = -self._own * (new.twist - state.twist) / self.period
         return new.replaced(hand_wrench=inert, reported=inert)

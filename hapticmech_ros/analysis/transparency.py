@@ -1,4 +1,4 @@
-"""Transparency: felt beside desired impedance of scenes, over both loops and several delays."""
+"""Transparency: felt over desired impedance of scenes, for both loops and several delays."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hapticmech_ros.analysis.study import Results, Sheet, Show, silent
 from hapticmech_ros.experiment.figure_style import BLUE, GREY, ORANGE, dress, new_figure
 from hapticmech_ros.scene import load_scene
 
-# A session, or a graph of nodes in one process or in four.
+# Measured with a session, or with a graph of nodes in one process or in four.
 OVER = ("session", "composed", "processes")
 FIGURE_CAPTION = (
     "Felt over desired impedance along each free direction of each scene, at the smallest delay. "
@@ -33,13 +33,13 @@ CIRCLES = {"marker": "o", "markersize": 4.0, "fillstyle": "none", "linestyle": "
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What is felt along one direction of a scene.
+    """Felt impedance along one direction of a scene.
 
     Attributes:
         scene: its name.
-        loop: what closes the force channel: device or controller; of a graph, its layout.
+        loop: where the force channel is closed, device or controller; for a graph, its layout.
         delay: periods from measuring to acting.
-        felt: along the direction.
+        felt: felt impedance along the direction.
     """
 
     scene: str
@@ -73,10 +73,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Transparency(Results):
-    """What is felt of scenes.
+    """Felt impedance of scenes.
 
     Attributes:
-        rows: a direction each.
+        rows: one for each direction.
     """
 
     NAME: ClassVar[str] = "impedance"
@@ -88,7 +88,7 @@ class Transparency(Results):
         return [row.document() for row in self.rows]
 
     def sheets(self) -> Iterator[Sheet]:
-        """Yield, for each scene, loop and delay, the worst of its directions."""
+        """Yield a row for each scene, loop and delay, with the worst of its directions."""
         lines = []
         for key, group in groupby(self.rows, lambda row: (row.scene, row.loop, row.delay)):
             found = [row.felt for row in group]
@@ -102,9 +102,9 @@ class Transparency(Results):
                     _percent(max(one.model_error(30.0) for one in found)),
                 )
             )
-        headings = ("scene", "loop in", "delay", "ways", "to 10 Hz", "to 30 Hz", "3 dB, Hz")
+        headings = ("scene", "loop in", "delay", "directions", "to 10 Hz", "to 30 Hz", "3 dB, Hz")
         yield Sheet(
-            "felt over desired impedance, worst direction",
+            "error of felt impedance, worst direction",
             (*headings, "steady", "model"),
             tuple(lines),
             ("loop in",),
@@ -112,7 +112,7 @@ class Transparency(Results):
         )
 
     def figures(self) -> Mapping[str, Figure]:
-        """Return size and phase of felt over desired impedance."""
+        """Return magnitude and phase of felt over desired impedance."""
         figure = new_figure(9.0, 4.0, FIGURE_CAPTION)
         sizes, phases = figure.subplots(1, 2)
         least = min((row.delay for row in self.rows), default=0)
@@ -139,13 +139,16 @@ def transparency(
 ) -> Transparency:
     """Measure every scene with both loops and each delay.
 
-    Over a graph the loop is closed in the device, and the delay is what it is.
+    Over a graph the loop is closed in the device, and the delay is that of the graph.
 
     Args:
         scenes: names or paths.
         delays: periods from measuring to acting, each 0 or more.
-        show: told of each scene.
-        over: of :data:`OVER`.
+        show: called with each scene.
+        over: one of :data:`OVER`.
+
+    Returns:
+        Felt impedance of every scene, loop, delay and direction.
 
     Raises:
         SceneError: a scene that cannot be loaded.

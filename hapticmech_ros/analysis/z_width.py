@@ -1,8 +1,8 @@
-"""Z-width: the stiffest joint constraint that is stable, over the damping that goes with it.
+"""Z-width: the stiffest stable joint constraint over its damping.
 
-Position channels are off, so that the wall alone is tried: along the directions n_i that the joints
-hold, the device is tied to a mechanism that does not move. What is watched is the velocity of the
-device against the operational point, n_iᵀ ė / √m_ℓ, in m/s.
+Position channels are off, so that the wall alone is tested: along the constrained directions n_i
+the device is coupled to a mechanism that does not move. The signal is the velocity of the device
+relative to the operational point, n_iᵀ ė / √m_ℓ, in m/s.
 """
 
 from __future__ import annotations
@@ -38,19 +38,20 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample
 
-# Of the damping that is unstable by itself: small to nearly all of it.
+# Dampings as shares of the one that is unstable without stiffness.
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
-# Speed of the device against the mechanism after the touch, m/s: its force stays below a newton.
+# Relative speed of the device after the touch, m/s; forces stay below 1 N.
 TOUCH_SPEED = 2e-3
-# m/s; an oscillation that dies out stays near the speed of the touch.
+# m/s; a decaying oscillation stays near the speed of the touch.
 LOST_SPEED = 20.0 * TOUCH_SPEED
-# The device's equation of motion is continuous, and the rules are about that. Semi-implicit
-# substeps take T / (2 n) off the hold: with the 4 that scenes have, walls seem 7 to 33 % stiffer.
+# The rules are for a device in continuous time. Semi-implicit substeps shorten the hold by
+# T / (2 n): with the 4 substeps of the scenes, limits would be 7 to 33 % too high.
 SUBSTEPS = 32
-# Of the wall's own oscillation, and of the loop's delay; no shorter and no longer than this, ticks.
+# Length of the response: cycles of the wall's oscillation, multiples of the loop's delay, and its
+# bounds in ticks.
 CYCLES, DELAYS = 10.0, 60
 SHORTEST, LONGEST = 300, 8000
-# N/m; nothing stiffer is looked for, nothing softer is a wall.
+# Range of the search, N/m.
 SOFTEST, STIFFEST = 1e-2, 1e8
 
 
@@ -62,13 +63,13 @@ class ZPoint:
         scene: its name.
         rate_hz: of the loop.
         delay: periods from measuring to acting.
-        hand: ``nobody`` or ``still``: the scene's hand, where it took hold.
-        loop: what closes the wall: ``device`` or ``controller``.
+        hand: ``nobody``, or ``still`` for the scene's hand at the pose of grasp.
+        loop: where the wall is closed: ``device`` or ``controller``.
         damping: b of the joint constraint, N s/m.
         mass: of the device along the direction that is unstable first, kg per unit of P_c.
-        measured: k, N/m, from sessions; None if not even the softest wall is stable.
-        predicted: k, N/m, where the linear copy of the loop has an eigenvalue on the unit circle;
-            None as above, or of a hand that is not linear.
+        measured: k, N/m, from sessions; None if even the softest wall is unstable.
+        predicted: k, N/m, at which the linear model of the loop has an eigenvalue on the unit
+            circle; None as above, or for a nonlinear hand.
         rule: k, N/m, (b + B) / (T / 2 + t_d).
         passive: k, N/m, up to which the wall is passive by Colgate and Schenkel.
     """
@@ -90,12 +91,12 @@ class Wall:
     """The joint constraints of a scene at its start.
 
     Args:
-        scene: whose.
+        scene: with a joint constraint at its start.
         point: operational point; the first one if empty.
 
     Attributes:
-        scene: without ramp and position channels, the device in fine substeps.
-        mass: of the device along the direction with most gain, 1 / λ_max(Λ_d⁻¹ P_c), kg.
+        scene: without ramp and position channels, with fine substeps of the device.
+        mass: of the device along the direction with the largest gain, 1 / λ_max(Λ_d⁻¹ P_c), kg.
         physical: damping of the device along it, N s/m per unit of P_c.
         local: whether the device closes the wall.
 
@@ -126,7 +127,7 @@ class Wall:
         self._push = wrench * TOUCH_SPEED / np.sqrt(len(sizes))
 
     def observe(self) -> Observe:
-        """Return what is watched of a sample: n_iᵀ ė / √m_ℓ, m/s."""
+        """Return the signal of a sample: n_iᵀ ė / √m_ℓ, m/s."""
         normals = self._normals.T
 
         def watch(sample: Sample) -> Array:
@@ -152,7 +153,7 @@ class Wall:
         return touched(setup, push, self.observe(), ticks, LOST_SPEED).stable
 
     def predicted(self, damping: float, delay: int, hand: str) -> float | None:
-        """Return the stiffness, N/m, at which the linear copy of the loop becomes unstable."""
+        """Return the stiffness, N/m, at which the linear model of the loop becomes unstable."""
         held = NOBODY if hand == "nobody" else held_by(self.scene)
         if held is None:
             return None
@@ -169,13 +170,13 @@ class Wall:
         return frontier(stable, guess, SOFTEST, STIFFEST, FINE)
 
     def late(self, delay: int) -> int:
-        """Return how late, periods, the wall is in a loop that is late by ``delay`` periods."""
+        """Return the delay of the wall, periods, in a loop with a delay of ``delay`` periods."""
         return 0 if self.local else delay
 
     def most_damping(self, delay: int) -> float:
         """Return B, N s/m, at which a damper alone is unstable: T B / m = 2 sin(π / (4 d + 2)).
 
-        d is how late the wall is, :meth:`late`.
+        d is the delay of the wall, :meth:`late`.
 
         Raises:
             InvalidInputError: a delay below 0.
@@ -204,7 +205,7 @@ def z_width(
         point: operational point; the first one if empty.
         delay: periods from measuring to acting.
         hand: ``nobody``, or ``still`` for the scene's.
-        shares: dampings, of the one that is unstable by itself.
+        shares: dampings as shares of the one that is unstable without stiffness.
 
     Raises:
         InvalidInputError: no constraint, a delay below 0, another hand, or a share outside (0, 1).

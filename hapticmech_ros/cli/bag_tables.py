@@ -1,4 +1,4 @@
-"""Tables that ``hapticmech bag`` prints."""
+"""Tables of ``hapticmech bag``."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ WIDEST = 1000
 
 
 def show_info(info: BagInfo) -> None:
-    """Print what is in a bag."""
+    """Print the contents of a bag."""
     _say(f"{info.path}: {info.storage}, {_size(info.bytes)}, {info.messages} messages")
     if not info.finished:
-        _say("unfinished: still being recorded, or cut short; counts are not up to date", "yellow")
+        _say("unfinished: still being recorded, or interrupted; counts may be outdated", "yellow")
     if info.compression:
         _say(f"compression: {info.compression}")
     if info.messages:
@@ -43,7 +43,7 @@ def show_info(info: BagInfo) -> None:
 
 
 def show_check(checked: BagCheck) -> None:
-    """Print what is to be said of a bag."""
+    """Print the result of a bag's check."""
     table = _table("topic", "messages", "Hz", "missing", "largest gap", "stamps back", "notes")
     for topic in checked.topics:
         notes = list(topic.notes)
@@ -71,9 +71,9 @@ def show_check(checked: BagCheck) -> None:
 
 
 def show_comparison(compared: BagComparison) -> None:
-    """Print how far a second bag is from the first."""
+    """Print the deviations of a second bag from the first."""
     table = _table(
-        "topic", "by", "matched", "missing", "extra", "equal bits", "largest", "rms", "where"
+        "topic", "matched by", "matched", "missing", "extra", "equal bits", "largest", "rms", "at"
     )
     for topic in compared.topics:
         worst = topic.worst
@@ -97,7 +97,7 @@ def show_comparison(compared: BagComparison) -> None:
 
 
 def show_repair(done: RepairReport) -> None:
-    """Print what was recovered, and what was lost."""
+    """Print recovered and lost messages of a repair."""
     for file in done.files:
         trouble = f"; {file.trouble}" if file.trouble else ""
         lost = f"; {file.lost_bytes} bytes lost" if file.lost_bytes else ""
@@ -107,7 +107,7 @@ def show_repair(done: RepairReport) -> None:
     for name, reason in sorted(done.refused.items()):
         _say(f"  {name}: lost, {reason}", "red")
     if done.stated is not None and done.stated != done.messages:
-        _say(f"the damaged bag's metadata speak of {done.stated} messages", "yellow")
+        _say(f"according to its metadata the damaged bag had {done.stated} messages", "yellow")
     _say(f"{done.messages} messages recovered into {done.path}")
 
 
@@ -124,7 +124,7 @@ def _table(*columns: str) -> Table:
 
 
 def _show(table: Table) -> None:
-    # As wide as it needs to be: a topic's name in one piece can be searched for.
+    # As wide as needed, so that topic names are not broken.
     Console(width=WIDEST).print(table)
 
 

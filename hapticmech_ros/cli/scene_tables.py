@@ -1,4 +1,4 @@
-"""Scenes, what they are and what they make run, as lines and tables for a terminal."""
+"""Lists, checks and plans of scenes as lines and tables for a terminal."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NUMBERS = {"rows", "times", "bytes"}
 def show_plan(plan: ScenePlan) -> None:
     """Print a plan."""
     for name, text in _lines(plan):
-        console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"{name:<22} {text}", highlight=False, markup=False, soft_wrap=True)
     if plan.closures:
         console.print(_closures(plan.closures))
     console.print(_tick(plan))
@@ -29,17 +29,17 @@ def show_plan(plan: ScenePlan) -> None:
 
 
 def show_scenes(scenes: Sequence[tuple[str, str]]) -> None:
-    """Print names of scenes, and what they are for."""
+    """Print names and purposes of scenes."""
     for name, purpose in scenes:
         console.print(f"{name:<20} {purpose}", highlight=False, markup=False, soft_wrap=True)
 
 
 def show_check(check: SceneCheck, left: LeftOut) -> None:
-    """Print what a scene is, what its model's file has besides, and what to look at."""
+    """Print properties of a scene, parts of its model file that are not used, and warnings."""
     lines = {
         "scene": check.scene,
         "mechanism": f"{check.links} links of {check.mass_kg:.4g} kg, {check.joints} moving joints",
-        "freedoms": f"nv = {check.nv}, closures of rank {check.rank}, mobility {check.mobility}",
+        "coordinates": f"nv = {check.nv}, closures of rank {check.rank}, mobility {check.mobility}",
     }
     for name, text in lines.items():
         console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
@@ -49,19 +49,25 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
             table.add_row(closure, kind, str(rows), str(independent))
         console.print(table)
     table = _table(
-        "operational points, at the start", "name", "link", "rank of X", "count", "kg", "bears"
+        "operational points at the start",
+        "name",
+        "link",
+        "rank of X",
+        "count",
+        "kg",
+        "delay margin",
     )
     for point in check.points:
         felt = "-" if point.mass_kg is None else f"{point.mass_kg[0]:.3g} to {point.mass_kg[1]:.3g}"
-        bears = f"{point.loop.periods} periods" if point.loop.periods >= 0 else "[yellow]none[/]"
-        table.add_row(point.name, point.link, str(point.rank), str(point.count), felt, bears)
+        margin = f"{point.loop.periods} periods" if point.loop.periods >= 0 else "[yellow]none[/]"
+        table.add_row(point.name, point.link, str(point.rank), str(point.count), felt, margin)
     console.print(table)
     for note in left.notes:
-        console.print(f"not in the scene: {note}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"not used: {note}", highlight=False, markup=False, soft_wrap=True)
     if left.shapes:
         more = len(left.shapes) - SHAPES_SHOWN
         rest = f" and {more} more, which --json lists" if more > 0 else ""
-        text = f"its model's shapes: {', '.join(left.shapes[:SHAPES_SHOWN])}{rest}"
+        text = f"shapes of the model: {', '.join(left.shapes[:SHAPES_SHOWN])}{rest}"
         console.print(text, highlight=False, markup=False, soft_wrap=True)
     for warning in check.warnings:
         console.print(f"[yellow]warning:[/] {escape(warning)}", highlight=False, soft_wrap=True)
@@ -105,9 +111,9 @@ def _closures(closures: tuple[ClosurePlan, ...]) -> Table:
 
 
 def _tick(plan: ScenePlan) -> Table:
-    table = _table("a tick", "stage", "what", "times", "why")
+    table = _table("computations of a tick", "stage", "what", "times", "why")
     for part in plan.tick:
-        times = f"{part.times}" if part.computed else "[yellow]left out[/]"
+        times = f"{part.times}" if part.computed else "[yellow]omitted[/]"
         table.add_row(part.stage, escape(part.what), times, escape(part.why))
     return table
 
@@ -118,7 +124,7 @@ def _arrays(plan: ScenePlan) -> Table:
         shape = " × ".join(str(size) for size in array.shape)
         table.add_row(escape(array.name), shape, str(array.size_bytes))
     total = sum(array.size_bytes for array in plan.arrays)
-    table.add_row("all of them", "", str(total))
+    table.add_row("total", "", str(total))
     return table
 
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.scene.controller import ForceChannelGains, PositionChannelGains
-from hapticmech_ros.scene.gain_rule import BORNE
+from hapticmech_ros.scene.gain_rule import DESIGN_PHASE_LAG
 
 
 class FourChannel:
@@ -50,13 +50,17 @@ class FourChannel:
         self.position, self.force = position, force
         stiffness = np.array([position.stiffness] * 3 + [position.angular_stiffness] * 3)
         damping = np.array([position.damping] * 3 + [position.angular_damping] * 3)
-        share = np.ones(6) if inertia is None else borne_share(stiffness, damping, inertia, lag)
+        share = (
+            np.ones(6) if inertia is None else bandwidth_factor(stiffness, damping, inertia, lag)
+        )
         self.stiffness, self.damping = stiffness, damping
         self.held_stiffness, self.held_damping = share**2 * stiffness, share * damping
 
 
-def borne_share(stiffness: Array, damping: Array, inertia: Array, lag: float) -> Array:
-    """Return the factor (6,) on ω and on damping that keeps ω τ and its damper's within 0.3.
+def bandwidth_factor(stiffness: Array, damping: Array, inertia: Array, lag: float) -> Array:
+    """Return the factor (6,) that keeps ω τ and its damper's phase lag within 0.3 rad.
+
+    ω and damping are multiplied by it, stiffness by its square.
 
     Args:
         stiffness: (6,) of C.
@@ -65,4 +69,4 @@ def borne_share(stiffness: Array, damping: Array, inertia: Array, lag: float) ->
         lag: τ, s.
     """
     pace = np.maximum(np.sqrt(stiffness / inertia), damping / inertia)
-    return np.asarray(BORNE / np.maximum(pace * lag, BORNE))
+    return np.asarray(DESIGN_PHASE_LAG / np.maximum(pace * lag, DESIGN_PHASE_LAG))

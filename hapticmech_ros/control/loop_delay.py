@@ -1,9 +1,9 @@
-"""How late a loop is as it runs: found from answers to samples, and what gains bear of it.
+"""Measurement of the loop's delay at run time, and gains adapted to it.
 
-A device that finds its sample in the answer knows by its own clock how long the way there and back
-took: no two clocks are compared. Gains are made for the delay that is declared; a longer one is
-followed, up at once and down only after it has been shorter for a while, so that gains do not pass
-to and fro with the traffic.
+The device measures the round trip with its own clock, from sending a sample to receiving the
+command that refers to it, so clocks need not be synchronised. Gains are designed for the declared
+delay. If the measured delay is longer, the design delay is raised at once; it is lowered only after
+the delay has been shorter for some time, so that gains do not follow fluctuations of the traffic.
 """
 
 from __future__ import annotations
@@ -15,25 +15,26 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.scene.controller import Connection, Controller
 from hapticmech_ros.scene.device import Device
-from hapticmech_ros.scene.gain_rule import BORNE, damping_for, lag_of
+from hapticmech_ros.scene.gain_rule import DESIGN_PHASE_LAG, damping_for, lag_of
 
-# Of the round trips in a window; the rest are a machine's hiccups.
+# Quantile of the round trips in a window; longer ones are outliers of scheduling.
 QUANTILE = 0.95
 WINDOW = 400
-# Round trips from one look at the window to the next, and before the first one.
+# Round trips between two updates of the quantile, and before the first one.
 EVERY = 40
-# What a graph itself takes, s, beside what is declared.
+# Delay of the graph itself, s, in addition to the declared one.
 OWN_S = 0.005
-# A delay longer by this counts as another one; shorter ones after so many seconds.
+# The design delay rises if the measured one exceeds it by this factor and time (s); it falls after
+# the measured one has been below this factor of it for so many seconds.
 LONGER, LONGER_S = 1.1, 0.001
 SHORTER, SHORTER_AFTER_S = 0.7, 2.0
 
 
 class RoundTripEstimate:
-    """A high quantile of the last round trips.
+    """High quantile of the latest round trips.
 
     Attributes:
-        value: s; 0 while there are too few.
+        value: s; 0 until there are enough of them.
     """
 
     def __init__(self) -> None:
@@ -42,7 +43,7 @@ class RoundTripEstimate:
         self._count = 0
 
     def add(self, round_trip: float) -> None:
-        """Count one round trip, s."""
+        """Add one round trip, s."""
         self._window[self._count % WINDOW] = round_trip
         self._count += 1
         if self._count % EVERY == 0:
@@ -52,13 +53,13 @@ class RoundTripEstimate:
 
 
 class DelayFollower:
-    """Says which one-way delay gains are to be made for, as round trips are measured.
+    """Choice of the one-way delay that gains are designed for, from measured round trips.
 
     Args:
-        connection: what is declared; gains are never made for less.
+        connection: declared connection; its delay is the least that gains are designed for.
 
     Attributes:
-        delay: s, one way, that gains are made for.
+        delay: design delay, s, one way.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -67,11 +68,19 @@ class DelayFollower:
         self._shorter_since: float | None = None
 
     def exceeded(self, round_trip: float) -> bool:
-        """Return whether a round trip (s) is longer than what is declared and a graph's own."""
+        """Return whether a round trip (s) exceeds the declared delay plus that of the graph."""
         return round_trip > self._tolerated
 
     def follow(self, round_trip: float, time: float) -> bool:
-        """Take a round trip (s) measured at a time (s); return whether ``delay`` has changed."""
+        """Process a measured round trip.
+
+        Args:
+            round_trip: s.
+            time: of the measurement, s.
+
+        Returns:
+            Whether ``delay`` changed.
+        """
         target = 0.5 * round_trip if self.exceeded(round_trip) else self._designed
         if target > LONGER * self.delay + LONGER_S:
             self._shorter_since = None
@@ -88,11 +97,11 @@ class DelayFollower:
         return True
 
 
-def borne_round_trip(gains: Controller, inertia: Array, period: float) -> float:
-    """Return the way there and back (s) that gains bear as they are, with a margin of three.
+def admissible_round_trip(gains: Controller, inertia: Array, period: float) -> float:
+    """Return the largest round trip (s) for which gains keep a delay margin of three.
 
-    By the rule ω τ = 0.3 for what is closed over the connection: the position channel on the
-    device, and the joint constraint where the device does not close it.
+    It follows from ω τ = 0.3 for the loops that are closed over the connection: the position
+    channel on the device, and the joint constraint unless the device closes it.
 
     Args:
         gains: of the controllers.
@@ -106,27 +115,30 @@ def borne_round_trip(gains: Controller, inertia: Array, period: float) -> float:
     if not joint.local:
         springs.append((joint.stiffness, 0.0, float(inertia[0])))
     pace = max(max(math.sqrt(k / m), b / m) for k, b, m in springs)
-    return max(BORNE / pace - 1.5 * period, 0.0) if pace > 0.0 else math.inf
+    return max(DESIGN_PHASE_LAG / pace - 1.5 * period, 0.0) if pace > 0.0 else math.inf
 
 
 def made_for(gains: Controller, device: Device, period: float, delay: float) -> Controller:
-    """Return gains whose joint constraint bears a one-way delay (s), where it crosses it at all.
+    """Return gains whose joint constraint is designed for a one-way delay.
 
-    The position channel is scaled with the delay by
-    :class:`~hapticmech_ros.control.four_channel.FourChannel`.
+    They are unchanged if the device closes the joint constraint itself. The position channel is
+    scaled with the delay by :class:`~hapticmech_ros.control.four_channel.FourChannel`.
 
     Args:
-        gains: as they are without it.
-        device: whose mass.
-        period: s.
-        delay: s.
+        gains: without that delay.
+        device: whose mass is used.
+        period: control period, s.
+        delay: one way, s.
     """
     joint = gains.joint_constraint
     if joint.local:
         return gains
     late = Connection(expected=min(delay, 1.0))
-    borne = device.mass * (BORNE / lag_of(device, late, period, local=False)) ** 2
-    if joint.stiffness <= borne:
+    admissible = device.mass * (DESIGN_PHASE_LAG / lag_of(device, late, period, local=False)) ** 2
+    if joint.stiffness <= admissible:
         return gains
-    softer = {"stiffness": borne, "damping": min(joint.damping, damping_for(borne, device))}
+    softer = {
+        "stiffness": admissible,
+        "damping": min(joint.damping, damping_for(admissible, device)),
+    }
     return gains.model_copy(update={"joint_constraint": joint.model_copy(update=softer)})

@@ -1,15 +1,15 @@
-"""Whether the springs and dampers of a scene bear the loop's delay: exact for the sampled loop.
+"""Delay margin and gain margin of a scene's springs and dampers, exact for the sampled loop.
 
-With positions frozen, what is between device and operational point obeys
+With positions frozen, the error between device and operational point obeys
 
     ë = -A_k e(t - τ) - A_b ė(t - τ) - N_k e - N_b ė,      A_k = Λ_d⁻¹ (1 - Π) C_k + X C_k,
                                                              N_k = Λ_d⁻¹ k P_c
 
-and A_b, N_b likewise of the dampers: sampled, held over a period T, and what is not closed in the
-device acting d periods after it was measured. A joint constraint that is not closed in the device
-counts among A. The loop is stable where all eigenvalues of one period's step are inside the unit
-circle. The hand is left out: it can only
-damp, unless it is stiff itself.
+and A_b, N_b are defined likewise with the dampers. Wrenches are held over a period T; those of A
+act d periods after the measurement, those of N are closed in the device. A joint constraint that
+the device does not close belongs to A. The loop is stable if all eigenvalues of the transition
+matrix of one period are inside the unit circle. The hand is left out: it adds damping, unless it is
+stiff itself.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.measurements import OperationalModel
 
-# More periods, or more gain, than anybody asks for.
+# Upper ends of the searches for the margins.
 MOST_PERIODS = 64
 MOST_GAIN = 1024.0
-# That a loop should bear: one is always there, and a graph is late now and then.
+# Delay margin below which a warning is given: one period is inherent, a graph may add another.
 ENOUGH_PERIODS = 2
 # Eigenvalues of rigid motions lie on the circle, up to rounding of their double roots.
 ON_CIRCLE = 1e-6
@@ -34,59 +34,62 @@ ON_CIRCLE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class LoopMargins:
-    """How far a loop is from being unstable.
+    """Stability margins of a loop.
 
     Attributes:
-        periods: most whole periods of delay at which it is stable; -1 if at none.
-        gain: factor on stiffnesses and dampings at which it becomes unstable, at the delay given;
-            below 1 where it is unstable as it is.
+        periods: delay margin, the most whole periods of delay with which the loop is stable; -1 if
+            it is unstable without delay.
+        gain: gain margin at the given delay, the factor on stiffness and damping at which the loop
+            becomes unstable; below 1 if it is unstable.
     """
 
     periods: int
     gain: float
 
     def warning(self, point: str, period: float, needed: int) -> str | None:
-        """Return what is wrong with a loop that bears fewer than the periods needed, or None.
+        """Return a warning if the delay margin is smaller than needed, else None.
 
         Args:
-            point: its name.
+            point: name of the operational point.
             period: s.
-            needed: periods.
+            needed: required delay margin, periods.
         """
         if self.periods >= needed:
             return None
         period_ms = 1e3 * period
-        borne = f"{self.periods * period_ms:g} ms" if self.periods >= 0 else "no delay at all"
+        margin = f"has a delay margin of {self.periods * period_ms:g} ms"
+        if self.periods < 0:
+            margin = "is unstable even without delay"
         return (
-            f"at {point} the loop bears {borne}: with one period of {period_ms:g} ms the "
-            f"controller's stiffness and damping may be {self.gain:.2g} times as large, no more"
+            f"at {point} the loop {margin}: with one period of delay ({period_ms:g} ms) the "
+            f"stability limit is {self.gain:.2g} times the controller's stiffness and damping"
         )
 
 
 class LoopTerms(NamedTuple):
-    """Springs, 1/s², and dampers, 1/s, of a loop, (n, n) each.
+    """Stiffness, 1/s², and damping, 1/s, of a loop, (n, n) each.
 
     Attributes:
-        late: A_k and A_b.
-        local: N_k and N_b.
+        late: A_k and A_b, which act with delay.
+        local: N_k and N_b, which the device closes.
     """
 
     late: tuple[Array, Array]
     local: tuple[Array, Array]
 
     def scaled(self, gain: float) -> LoopTerms:
-        """Return all of it, so many times as strong."""
+        """Return all terms multiplied by a gain."""
         (a, b), (c, d) = self
         return LoopTerms((gain * a, gain * b), (gain * c, gain * d))
 
 
 def loop_terms(control: ControlArchitecture, model: OperationalModel, rows: Array) -> LoopTerms:
-    """Return the springs and dampers of a scene.
+    """Return the stiffness and damping of a scene's loop.
 
     Args:
-        control: whose gains.
-        model: what the analysis reports at a position.
-        rows: of a six-vector that the task space has.
+        control: control architecture with the gains.
+        model: operational model at a position.
+        rows: (t,) indices of the task space's rows in a six-vector.
     """
     position = control.gains.position_channel
     to_mechanism, to_device = position.to_mechanism, position.to_device
@@ -114,10 +117,10 @@ def loop_terms(control: ControlArchitecture, model: OperationalModel, rows: Arra
 
 
 def spectral_radius(terms: LoopTerms, period: float, delay: int, substeps: int) -> float:
-    """Return the largest eigenvalue's size of one period's step.
+    """Return the spectral radius of the transition matrix of one period.
 
     Args:
-        terms: springs and dampers.
+        terms: stiffness and damping.
         period: s.
         delay: whole periods from measuring to acting.
         substeps: of the device in a period.
@@ -127,7 +130,7 @@ def spectral_radius(terms: LoopTerms, period: float, delay: int, substeps: int) 
     size = n * (2 + delay)
     step = np.zeros((size, size))
     one = np.eye(n)
-    # What a held acceleration adds to the position over semi-implicit steps.
+    # Change of position by a held acceleration over semi-implicit substeps.
     moved = 0.5 * period**2 * (1.0 + 1.0 / substeps)
     step[:n, :n], step[:n, n : 2 * n] = one, period * one
     step[n : 2 * n, n : 2 * n] = one
@@ -144,7 +147,7 @@ def spectral_radius(terms: LoopTerms, period: float, delay: int, substeps: int) 
 
 
 def _acting(answer: Array, moved: float, period: float) -> Array:
-    """Return what an answer (n, 2 n) that is held adds to errors and their rates."""
+    """Return the change of errors and their rates by a held acceleration (n, 2 n)."""
     return np.vstack((moved * answer, period * answer))
 
 
@@ -156,15 +159,15 @@ def loop_margins(
     delay: int = 1,
     most_periods: int = MOST_PERIODS,
 ) -> LoopMargins:
-    """Return how far the loop of a scene is from being unstable at a position.
+    """Return the delay margin and the gain margin of a scene's loop at a position.
 
     Args:
-        control: of the scene.
-        model: what the analysis reports there.
-        rows: of a six-vector that the task space has.
+        control: control architecture of the scene.
+        model: operational model at the position.
+        rows: (t,) indices of the task space's rows in a six-vector.
         period: s.
         delay: whole periods from measuring to acting.
-        most_periods: at which the search for delays that are borne ends.
+        most_periods: at which the search for the delay margin ends.
     """
     terms = loop_terms(control, model, rows)
 

@@ -1,4 +1,4 @@
-"""The paper's experiment (section 4): run or read it, sum it up, compare it, draw Fig. 5."""
+"""The paper's experiment (section 4): run or read it, summarise, compare, draw Fig. 5."""
 
 from hapticmech_ros.experiment.agreement import compare
 from hapticmech_ros.experiment.from_bag import record_from_bag
@@ -7,7 +7,7 @@ from hapticmech_ros.experiment.health import GraphHealth, NodeHealth, health_fro
 from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.experiment.summary import summarise
 
-# Drawing (figures, run) is imported where it is used: matplotlib takes its time to load.
+# Drawing (figures, run) is imported where it is used: matplotlib is slow to import.
 __all__ = [
     "ExperimentRecord",
     "GraphHealth",

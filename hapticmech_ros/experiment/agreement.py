@@ -1,4 +1,4 @@
-"""How far a run of the graph is from the session, its reference without ROS."""
+"""Deviations of a run of the graph from the session, its reference without ROS."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from hapticmech_ros.experiment.summary import count_changes, root_mean_square
 def compare(graph: ExperimentRecord, session: ExperimentRecord) -> dict[str, Any]:
     """Return deviations of ``graph`` from ``session`` after the hand's start, ready for JSON.
 
-    Both are aligned to the hand's first push; the session is interpolated at the graph's times on
-    the span that both have. The n-th changes of the constraint count are compared one by one, as
-    graph less session.
+    Both are aligned to the hand's first push; the session is interpolated at the graph's times
+    within the common span. The n-th changes of the constraint count are compared one by one, as
+    graph minus session.
 
     Raises:
         InvalidInputError: different scenes or points, or no common span.

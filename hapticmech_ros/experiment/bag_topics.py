@@ -1,4 +1,4 @@
-"""Topics that the experiment needs of a bag, under their full names."""
+"""Topics of a bag that the experiment needs, with their full names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hapticmech_ros.wire.topics import (
 )
 
 NEEDED = (DEVICE_STATE, POINT_MODEL, CONSTRAINT_PART, ENERGY)
-# Only the picture of the mechanism needs these.
+# Needed only for the drawing of the mechanism.
 WELCOME = (JOINT_STATES,)
 
 
@@ -32,8 +32,8 @@ def chosen_topics(bag: BagReader, point: str, namespace: str) -> dict[Topic, str
     """Return the topics to read and their full names in ``bag``.
 
     Raises:
-        BagError: needed topics missing, empty, of another type, or under a former name; names all
-            of them.
+        BagError: topics missing, empty, of another type or under a former name; the message lists
+            all of them.
     """
     refuse_former_topics(bag)
     names = {topic: full_name(topic, point, namespace) for topic in NEEDED}
@@ -64,7 +64,7 @@ def chosen_topics(bag: BagReader, point: str, namespace: str) -> dict[Topic, str
 
 
 def _namespace_hint(bag: BagReader, missing: list[str], namespace: str) -> str:
-    """Say where the device's state is, if the bag holds one under another namespace."""
+    """Return a hint if the bag has the device's state under another namespace."""
     if not missing:
         return ""
     ending = f"/{DEVICE_STATE.name}"

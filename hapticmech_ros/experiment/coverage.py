@@ -1,7 +1,7 @@
-"""Whether a record holds the whole run: when each group of samples begins, ends and pauses.
+"""Completeness of a record: start, end and pauses of each group of samples.
 
-A recorder that finds a publisher late, or a node that stops early, leaves a bag whose averages say
-little; nothing else in the record would show it.
+If a recorder discovers a publisher late or a node stops early, averages over the record are
+misleading, which only its coverage shows.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.experiment.record import ExperimentRecord
 
-# Longer than this (s) without a sample counts as a hole: ten samples of the topics for people.
+# Pauses longer than this (s) make a record incomplete: ten samples of the topics at view rate.
 LONGEST_PAUSE_S = 0.1
-# A control loop slower than its gains bear oscillates within about this long.
+# A control loop whose rate is too low for its gains oscillates within about this time.
 WINDOW_S = 0.03
 
 GROUPS = {
@@ -27,15 +27,15 @@ GROUPS = {
 
 
 def coverage(record: ExperimentRecord) -> dict[str, Any]:
-    """Return how far the samples cover the run, from the hand's push to the record's end.
+    """Return the coverage of the run by samples, from the hand's push to the record's end.
 
     ``complete`` is true if no group pauses for longer than :data:`LONGEST_PAUSE_S`; ``groups``
-    gives first and last time, longest pause (with those at both ends), number of samples, and
-    their rate over the emptiest :data:`WINDOW_S`.
+    gives first and last time, longest pause (including both ends), number of samples, and their
+    least rate over :data:`WINDOW_S`.
     """
     end = max(float(getattr(record, name)[-1]) for name in GROUPS.values() if _any(record, name))
     groups = {what: _group(getattr(record, name), end) for what, name in GROUPS.items()}
-    # A nanosecond absorbs the rounding of times that are sums of periods.
+    # Tolerance of 1 ns for the rounding of times that are sums of periods.
     limit = LONGEST_PAUSE_S + 1e-9
     complete = all(group["longest_pause_s"] <= limit for group in groups.values())
     return {"complete": complete, "groups": groups}
@@ -58,11 +58,11 @@ def _group(times: Array, end: float) -> dict[str, Any]:
 
 
 def _slowest_rate(times: Array) -> float | None:
-    """Return the least number of samples in a window that follows one of them, per second."""
+    """Return the least rate of samples, 1/s, over windows that begin at a sample."""
     starts = times[times + WINDOW_S <= times[-1]]
     if not starts.size:
         return None
-    # Half a nanosecond absorbs the rounding of times that are sums of periods.
+    # Tolerance of 0.5 ns for the rounding of times that are sums of periods.
     ends = np.searchsorted(times, starts + WINDOW_S + 5e-10, side="right")
     counts = ends - np.searchsorted(times, starts, side="right")
     return float(counts.min() / WINDOW_S)

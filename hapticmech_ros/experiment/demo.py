@@ -1,4 +1,4 @@
-"""The paper's experiment over the graph of nodes: start, record, stop, and write what was seen."""
+"""The paper's experiment over the graph of nodes: start, record, stop, and write the results."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from hapticmech_ros.scene import load_scene
 
 RECORDER = "hapticmech_ros.nodes.recorder"
 
-# A simulated hand comes to no harm: stalls of a busy machine are waited for rather than answered by
-# letting go, which would make another experiment of it. Before a real hand, 12 ms is the default.
+# With a simulated hand, stalls of a busy machine are tolerated instead of disengaging, which would
+# change the experiment. The default for a real hand is 12 ms.
 PATIENCE = {"haptic_device.command_timeout": 0.05, "teleoperation_controller.input_timeout": 0.05}
 
-# (stage, share done or None while unknown)
+# (stage, share done, or None if unknown)
 Show = Callable[[str, float | None], None]
 
 
 class DemoError(HapticMechError):
-    """The demo could not be carried through."""
+    """The demo could not be completed."""
 
 
 def run_demo(
@@ -47,15 +47,18 @@ def run_demo(
     storage: str = "mcap",
     show: Show = lambda stage, done: None,
 ) -> dict[str, object]:
-    """Run the experiment over ROS and return its summary.
+    """Run the experiment over ROS.
 
     Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``.
-    What an earlier run left there under these names is replaced.
+    Files of the same names from an earlier run are replaced.
+
+    Returns:
+        Summary of the run.
 
     Raises:
         SceneError: no such scene, or a bad one.
         DemoError: a node ended, or the hand never started.
-        BagError: ``out/bag`` is there and is no bag.
+        BagError: ``out/bag`` exists and is not a bag.
     """
     scene = load_scene(scene_name)
     seconds = scene.experiment.duration if duration is None else duration
@@ -85,7 +88,7 @@ def record_graph(
     storage: str = "mcap",
     show: Show = lambda stage, done: None,
 ) -> None:
-    """Record a graph whose hand starts once everything is recorded.
+    """Record a graph whose hand starts once the recorder receives all topics.
 
     Args:
         scene_name: shipped scene, or path.
@@ -93,12 +96,12 @@ def record_graph(
         composed: whether all nodes are in one process.
         seconds: s, from when the hand starts.
         storage: mcap or sqlite3.
-        show: told how far it is.
+        show: called with the progress.
 
     Raises:
         DemoError: a node ended, or the hand never started.
     """
-    # Before the recorder waits for the graph: the first time it takes longer than that waits.
+    # Before the recorder waits for the graph: the first compilation takes longer than its timeout.
     compile_ahead()
     environment = private_environment()
     command = [sys.executable, "-m", RECORDER, "--out", str(bag), "--scene", scene_name]
@@ -131,7 +134,11 @@ def _expect(events: Iterator[dict[str, Any]], name: str) -> None:
 
 
 def _clear(bag: Path) -> None:
-    """Remove an earlier bag of ours; refuse anything else."""
+    """Remove an earlier bag.
+
+    Raises:
+        BagError: ``bag`` exists and is not a bag.
+    """
     if not bag.exists():
         bag.parent.mkdir(parents=True, exist_ok=True)
         return

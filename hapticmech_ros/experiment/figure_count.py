@@ -1,4 +1,4 @@
-"""Fig. 5a: number of virtual joint constraints over time, and the spectrum it is read from."""
+"""Fig. 5a: number of virtual joint constraints over time, and the spectrum it is based on."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CAPTION = (
     "direction of the task space (bottom): 0 is rigid (drawn at the lower edge), 1 as free as the "
     "link alone."
 )
-# s below this is drawn at the lower edge: zero but for rounding.
+# s below this is drawn at the lower edge; it is zero up to rounding.
 LOWEST_S = 1e-3
 
 
@@ -62,7 +62,10 @@ def count_figure(
             alpha=0.9,
         )
     perception = scene.perception
-    for threshold, name in ((perception.s_on, "felt below"), (perception.s_off, "let go above")):
+    for threshold, name in (
+        (perception.s_on, "constrained below"),
+        (perception.s_off, "free above"),
+    ):
         bottom.axhline(threshold, color=VERMILION, linestyle="--", linewidth=1.0)
         bottom.annotate(
             f"{name} {threshold:g}",

@@ -1,4 +1,4 @@
-"""Looks that the figures share. None of them touches matplotlib's global state."""
+"""Common style of the figures; matplotlib's global state is not changed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.experiment.summary import count_changes
 
-# Okabe and Ito's colours, which people who see colours differently can tell apart.
+# Okabe and Ito's colours, distinguishable with colour vision deficiencies.
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 ORANGE, SKY, BLACK, GREY = "#E69F00", "#56B4E9", "#000000", "#8C8C8C"
 AXIS_COLOURS = {"x": BLUE, "y": VERMILION, "z": GREEN}
@@ -49,7 +49,7 @@ def new_figure(width: float, height: float, caption: str) -> Figure:
 
 
 def dress(axes: Axes, x_label: str, y_label: str) -> None:
-    """Give axes labels, ticks and a light grid."""
+    """Set labels, ticks and a light grid of axes."""
     axes.set_xlabel(x_label, fontsize=TEXT)
     axes.set_ylabel(y_label, fontsize=TEXT)
     axes.tick_params(labelsize=SMALL)
@@ -60,7 +60,7 @@ def dress(axes: Axes, x_label: str, y_label: str) -> None:
 
 
 def mark_changes(axes: Axes, record: ExperimentRecord, label: bool = False) -> None:
-    """Draw a dotted vertical line where the constraint count changes; name it if ``label``."""
+    """Draw a dotted vertical line where the constraint count changes, annotated if ``label``."""
     for change in count_changes(record):
         axes.axvline(change["time_s"], color=GREY, linestyle=":", linewidth=1.2, zorder=1)
         if label:
@@ -78,7 +78,7 @@ def mark_changes(axes: Axes, record: ExperimentRecord, label: bool = False) -> N
 
 
 def legend(axes: Axes, columns: int) -> None:
-    """Add a legend above the axes, where it hides nothing."""
+    """Add a legend above the axes."""
     axes.legend(
         fontsize=SMALL,
         loc="lower left",
@@ -91,6 +91,10 @@ def legend(axes: Axes, columns: int) -> None:
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG and return its path."""
+    """Write a figure as PNG.
+
+    Returns:
+        Its path.
+    """
     figure.savefig(path, format="png", metadata={"Software": None})
     return path

@@ -1,4 +1,4 @@
-"""Fig. 5b: trajectory of the hand on the device against that of the operational point."""
+"""Fig. 5b: trajectories of the hand on the device and of the operational point."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.view.skeleton import Skeleton, skeleton
 
 MM = 1e3
-# The circle of reach is drawn where the point comes nearer to it than this share of its radius.
+# The circle of reach is drawn if the point comes nearer to it than this share of its radius.
 NEAR_REACH = 0.05
 CAPTION = (
     "Fig. 5b. Trajectory of the user's hand on the haptic device and of the operational point in "
@@ -43,7 +43,7 @@ _NAMES = "xyz"
 def trajectory_figure(
     record: ExperimentRecord, scene: Scene, reference: ExperimentRecord | None = None
 ) -> Figure:
-    """Return the figure: one view of the plane x-y, or three of space; then errors over time.
+    """Return the figure: a view of the plane x-y or three views of space, and errors over time.
 
     ``reference`` is drawn behind, in grey.
     """
@@ -136,7 +136,7 @@ def _mechanism(
 
 
 def _taut(axes: Axes, record: ExperimentRecord, scene: Scene) -> None:
-    """Draw the circle on which the links beyond the point are taut, where the point comes near."""
+    """Draw the circle on which the links beyond the point are stretched, if the point is near."""
     circle = taut_circle(scene, record.point)
     if circle is None:
         return
@@ -161,7 +161,7 @@ def _taut(axes: Axes, record: ExperimentRecord, scene: Scene) -> None:
 
 
 def _close_up(axes: Axes, record: ExperimentRecord) -> None:
-    """Draw the place of the last change of the count (or of the largest error) enlarged."""
+    """Draw an enlarged view of the last change of the count, or of the largest error."""
     changes = count_changes(record)
     distance, _ = pose_errors(record)
     if changes:
@@ -184,7 +184,7 @@ def _close_up(axes: Axes, record: ExperimentRecord) -> None:
 
 
 def _pairs(axes: Axes, record: ExperimentRecord, index: int) -> None:
-    """Join hand and operational point at the same times, every 25 ms around sample ``index``."""
+    """Connect hand and operational point at equal times, every 25 ms around sample ``index``."""
     every = max(round(0.025 / record.period), 1)
     for i in range(max(index - 20 * every, 0), min(index + 20 * every, record.times.size), every):
         pair = MM * np.array((record.point_position[i], record.device_position[i]))

@@ -1,4 +1,4 @@
-"""Fig. 5c: virtual joint-constraint wrench on the user, and what physics expects of it."""
+"""Fig. 5c: virtual joint-constraint wrench on the user, and its expected value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writes the pictures of Fig. 5."""
+"""Writes the plots of Fig. 5."""
 
 from __future__ import annotations
 
@@ -25,13 +25,16 @@ def write_figures(
     out_dir: str | os.PathLike[str],
     reference: ExperimentRecord | None = None,
 ) -> list[Path]:
-    """Write ``fig5a.png``, ``fig5b.png`` and ``fig5c.png`` into ``out_dir`` and return their paths.
+    """Write ``fig5a.png``, ``fig5b.png`` and ``fig5c.png`` into ``out_dir``.
 
     Args:
         record: the run.
-        scene: what ran.
-        out_dir: folder that exists; files of the same names are replaced.
+        scene: of the run.
+        out_dir: existing folder; files of the same names are replaced.
         reference: a run to draw behind this one, in grey.
+
+    Returns:
+        Paths of the figures.
     """
     folder = Path(out_dir)
     return [save(draw(record, scene, reference), folder / name) for name, draw in FIGURES.items()]

@@ -1,4 +1,4 @@
-"""A record of the experiment from a bag that a graph of nodes was recorded into.
+"""A record of the experiment from a bag of a graph of nodes.
 
 Times are the senders' stamps, not those of reception.
 """
@@ -30,7 +30,7 @@ from hapticmech_ros.wire.topics import (
 )
 
 _Series = tuple[Array, Array]
-# Where things are in the rows of stamped.py: of the device's state, and of renderings.
+# Columns in the rows of stamped.py: of device states, and of operational models.
 HAND = slice(7, 13)
 POINT = slice(1, 8)
 SHARE = slice(8, 44)
@@ -45,20 +45,20 @@ def record_from_bag(
 ) -> ExperimentRecord:
     """Return the run recorded in the bag at ``path``.
 
-    Time 0 is the first sample in which the hand pushes. What came more than the hand's start delay
-    before it is left out, and what came after ``duration``. Mechanism and device have deadlines of
-    their own: the operational point's pose is interpolated at the device's times.
+    Time 0 is the first sample in which the hand pushes. Samples more than the hand's start delay
+    before it, or after ``duration``, are left out. Mechanism and device are sampled at different
+    times: the operational point's pose is interpolated at the device's times.
 
     Args:
         path: rosbag2 folder, or one ``.mcap`` or ``.db3`` file.
-        scene: what ran.
+        scene: of the run.
         point: operational point that the device held; the scene's first one if empty.
         namespace: of the graph.
         duration: s after the hand's start; to the bag's end if left out.
 
     Raises:
-        BagError: no bag, damaged, topics missing or empty, messages that break rules, or a hand
-            that never pushed.
+        BagError: no bag, a damaged one, topics missing or empty, invalid messages, or a hand that
+            never pushed.
         InvalidInputError: the scene has no such point.
     """
     name = scene.operational_point(point).name
@@ -163,7 +163,11 @@ def _energies(
 def _joints(
     series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int, scene: Scene
 ) -> dict[str, Array]:
-    """Return q: the topic carries it as the difference from the neutral configuration."""
+    """Return q; the topic has it as the difference from the neutral configuration.
+
+    Raises:
+        InvalidInputError: a wrong number of coordinates.
+    """
     model = build_tree(scene).pinocchio
     if JOINT_STATES not in series or series[JOINT_STATES][1].ndim != 2:
         return {"joint_times": np.zeros(0), "joint_positions": np.zeros((0, model.nq))}
@@ -180,7 +184,7 @@ def _joints(
 
 
 def _held(series: _Series, at: Array) -> Array:
-    """Return rows (m, 6) that stand at stamps ``at`` (m,): the latest sent until then, or zeros."""
+    """Return the rows (m, 6) valid at stamps ``at`` (m,): the latest sent before, or zeros."""
     stamps, rows = series
     index = np.searchsorted(stamps, at, side="right") - 1
     return np.where((index >= 0)[:, None], rows[np.maximum(index, 0)], 0.0)

@@ -24,14 +24,17 @@ def run_session(
     """Run a session from engagement until ``duration`` after the hand starts.
 
     Args:
-        scene: what to run.
-        duration: s after the hand's start; the scene's experiment says if left out.
-        progress: told the share done, 0 to 1, about a hundred times.
+        scene: to run.
+        duration: s after the hand's start; by default that of the scene's experiment.
+        progress: called with the share done, 0 to 1, about a hundred times.
         point: operational point that the device holds; the scene's first one if empty.
+
+    Returns:
+        Record of the run.
 
     Raises:
         InvalidInputError: duration not positive, unknown point.
-        ClosureError: a closed loop came apart.
+        ClosureError: a closed loop could not be kept closed.
     """
     lasting = scene.experiment.duration if duration is None else float(duration)
     if not (np.isfinite(lasting) and lasting > 0.0):
@@ -48,7 +51,7 @@ def run_session(
 
 
 class SessionRecorder:
-    """Collects the samples of a session that someone else ticks."""
+    """Collects the samples of a session whose ticks are made elsewhere."""
 
     def __init__(self, session: Session, point: str = "") -> None:
         self._session = session
@@ -57,7 +60,7 @@ class SessionRecorder:
         self._rows: dict[str, list[Array | float]] = {}
 
     def add(self, sample: Sample) -> None:
-        """Take one sample; it must be the session's latest."""
+        """Add a sample, which must be the session's latest."""
         mechanism, analysis = sample.mechanism, sample.analysis
         kinetic, potential = self._session.simulator.mechanism.energy(mechanism.q, mechanism.v)
         beta = self._scene.controller.joint_constraint.feedforward
@@ -85,10 +88,10 @@ class SessionRecorder:
             self._rows.setdefault(name, []).append(value)
 
     def record(self) -> ExperimentRecord:
-        """Return what was collected.
+        """Return the record of the collected samples.
 
         Raises:
-            InvalidInputError: nothing was.
+            InvalidInputError: there are none.
         """
         if not self._rows:
             raise InvalidInputError("samples", 0, "must be at least one")

@@ -1,4 +1,4 @@
-"""How well a graph of nodes ran, in the nodes' own words: their last diagnostics in a bag."""
+"""Health of a graph of nodes: their last diagnostics in a bag."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class NodeHealth:
 
     Attributes:
         level: ``ok``, ``warning``, ``error`` or ``stale``.
-        message: what the node says of itself.
-        figures: by name, as numbers where they are numbers; units are in the names.
+        message: of the node's diagnostics.
+        figures: values by name, as numbers where possible; units are in the names.
     """
 
     level: str
@@ -38,13 +38,13 @@ class GraphHealth:
     nodes: Mapping[str, NodeHealth]
 
     def total(self, figure: str) -> float | None:
-        """Return a figure's sum over the nodes that give it; None if none does."""
+        """Return the sum of a figure over the nodes that report it; None if none does."""
         values = [node.figures[figure] for node in self.nodes.values() if figure in node.figures]
         numbers = [value for value in values if not isinstance(value, str)]
         return sum(numbers) if numbers else None
 
     def one(self, figure: str) -> Figure | None:
-        """Return a figure that one node gives (the first that does); None if none does."""
+        """Return a figure of the first node that reports it; None if none does."""
         for node in self.nodes.values():
             if figure in node.figures:
                 return node.figures[figure]
@@ -55,7 +55,7 @@ def health_from_bag(path: str | os.PathLike[str]) -> GraphHealth:
     """Return the last status of every node in the bag at ``path``.
 
     Raises:
-        BagError: no bag, damaged, or ``/diagnostics`` of another type.
+        BagError: no bag, a damaged one, or ``/diagnostics`` of another type.
     """
     last: dict[str, NodeHealth] = {}
     with BagReader(path) as bag:
@@ -83,6 +83,6 @@ def _figure(text: str) -> Figure:
             value = kind(text)
         except ValueError:
             continue
-        # JSON knows neither infinity nor NaN.
+        # JSON has neither infinity nor NaN.
         return value if abs(value) < float("inf") else text
     return text

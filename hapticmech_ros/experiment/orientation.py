@@ -1,4 +1,4 @@
-"""Orientations in time: interpolation and angles of unit quaternions (x, y, z, w)."""
+"""Interpolation of orientations over time, and angles between unit quaternions (x, y, z, w)."""
 
 from __future__ import annotations
 
@@ -6,14 +6,18 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 
-# Below this angle (rad) the chord stands for the arc: relative difference below 1e-17.
+# Below this angle (rad) the chord is used for the arc; the relative difference is below 1e-17.
 _SMALL = 1e-8
 
 
 def angle_between(a: Array, b: Array) -> Array:
-    """Return the angles (n,) in rad, 0 to pi, between orientations (n, 4); signs do not matter.
+    """Return the angles (n,) in rad, 0 to pi, between orientations (n, 4) of either sign.
 
-    From chords, so that small angles keep their digits.
+    They are computed from chords, so that small angles are accurate.
+
+    Args:
+        a: (n, 4) unit quaternions.
+        b: (n, 4) unit quaternions.
     """
     apart = np.linalg.norm(a - b, axis=-1)
     across = np.linalg.norm(a + b, axis=-1)
@@ -24,9 +28,9 @@ def slerp(at: Array, times: Array, orientations: Array) -> Array:
     """Return orientations (m, 4) at times ``at`` (m,), on the shortest arc between neighbours.
 
     Args:
-        at: s, within the span of ``times``; beyond it the first or last orientation holds.
+        at: (m,) s, within the span of ``times``; beyond it the first or last orientation holds.
         times: (n,) s, increasing.
-        orientations: (n, 4) unit quaternions; at ``times`` they are returned as they are.
+        orientations: (n, 4) unit quaternions; at ``times`` they are returned unchanged.
     """
     if times.size == 1:
         return np.repeat(orientations, at.size, axis=0)

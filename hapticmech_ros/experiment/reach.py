@@ -1,4 +1,4 @@
-"""How far a loop lets the operational point go: the circle on which the links beyond are taut."""
+"""Reach of the operational point in a loop: the circle on which the links beyond are stretched."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class TautCircle:
 def taut_circle(scene: Scene, point: str = "") -> TautCircle | None:
     """Return the circle on which the chain from the operational point to a ground pin is stretched.
 
-    Only for what is simple: a planar scene in which a chain of pin-jointed links starts at the
-    operational point and ends in a closure with the world. None otherwise.
+    It is defined for a planar scene in which a chain of pin-jointed links starts at the operational
+    point and ends in a closure with the world; else None.
     """
     if scene.task_space != "planar":
         return None

@@ -1,7 +1,7 @@
-"""What was measured in one run of the experiment, whether by a session or by a graph of nodes.
+"""Measurements of one run of the experiment, from a session or from a graph of nodes.
 
-Time is in s and 0 is when the hand starts to push. Quantities that are sampled together share a
-time array; a graph publishes some of them more slowly than others. Axes of ``world`` everywhere;
+Time is in s from when the hand starts to push. Quantities that are sampled together share a time
+array; a graph publishes some of them at lower rates than others. All axes are those of ``world``;
 wrenches are force (N), then torque (N m).
 """
 
@@ -64,8 +64,8 @@ class ExperimentRecord:
         analysis_times: (k,)
         count: (k,) number of joint constraints reported.
         s: (k, t) s of the spectrum, descending.
-        expected_wrench: (k, 6) -(1 - β) Π F_h: what the joints must answer to the hand's push at
-            rest, from the analysis alone and no spring; u_jc should come close to it.
+        expected_wrench: (k, 6) -(1 - β) Π F_h, the wrench with which the joints balance the hand's
+            at rest, from the analysis alone; u_jc should approximate it.
         energy_times: (e,)
         kinetic, potential, work_in, damping_loss, latch_loss: (e,) J, of the mechanism.
         closure_error: (e,) largest residual of the closed loops, m or rad.
@@ -73,7 +73,7 @@ class ExperimentRecord:
         joint_positions: (j, nq) q of the mechanism.
 
     Raises:
-        InvalidInputError: wrong shapes, not finite, times that do not increase, or nothing there.
+        InvalidInputError: wrong shapes, non-finite values, times that do not increase, or no data.
     """
 
     scene: str
@@ -127,7 +127,7 @@ class ExperimentRecord:
 
     @property
     def energy_balance(self) -> Array:
-        """Return (e,) J: energy held, less what came in, plus losses; constant if nothing leaks."""
+        """Return (e,) J: stored energy minus work in plus losses; constant if energy balances."""
         held = self.kinetic + self.potential
         return np.asarray(held - self.work_in + self.damping_loss + self.latch_loss)
 
@@ -145,6 +145,10 @@ class ExperimentRecord:
 
 
 def first_push(hand_wrench: Array) -> int | None:
-    """Return the index of the first sample (n, 6) in which the hand pushes; None if none is."""
+    """Return the index of the first sample in which the hand pushes; None if there is none.
+
+    Args:
+        hand_wrench: (n, 6) N and N m.
+    """
     pushing = np.flatnonzero(np.any(hand_wrench != 0.0, axis=1))
     return int(pushing[0]) if pushing.size else None

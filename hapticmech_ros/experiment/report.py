@@ -1,4 +1,4 @@
-"""The summary as a short table for the terminal."""
+"""The summary of a run as a short table for the terminal."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _error_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _coverage_rows(coverage: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return a row only if something was not recorded: what, and its longest pause."""
+    """Return a row with the longest pause if the record is incomplete; else none."""
     if coverage["complete"]:
         return []
     worst = max(coverage["groups"].items(), key=lambda item: float(item[1]["longest_pause_s"]))
@@ -81,8 +81,8 @@ def _agreement_rows(agreement: Mapping[str, Any] | None) -> list[tuple[str, str]
     ]
     apart = agreement["count_change_difference_max_s"]
     return [
-        ("graph to session, device / point, max", " / ".join(deviations)),
-        ("count changes apart, max", _number(apart, 1e3, "ms", 1)),
+        ("deviation from session, device / point, max", " / ".join(deviations)),
+        ("time between count changes, max", _number(apart, 1e3, "ms", 1)),
     ]
 
 

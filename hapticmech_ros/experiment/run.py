@@ -1,4 +1,4 @@
-"""Writes the results of a run: summary.json and the pictures of Fig. 5."""
+"""Writes the results of a run: summary.json and the plots of Fig. 5."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def write_results(
     agreement: Mapping[str, Any] | None = None,
     reference: ExperimentRecord | None = None,
 ) -> dict[str, Any]:
-    """Write ``summary.json`` and the figures into ``out_dir``, which is made if need be.
+    """Write ``summary.json`` and the figures into ``out_dir``, which is created if needed.
 
     Args:
         record: the run.
-        scene: what ran.
+        scene: of the run.
         out_dir: folder; files of the same names in it are replaced.
         graph: diagnostics of the nodes, for a run of the graph.
-        agreement: from :func:`compare`; goes into the summary.
+        agreement: from :func:`compare`; included in the summary.
         reference: a run to draw behind this one, such as the session's.
 
     Returns:

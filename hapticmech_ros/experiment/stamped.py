@@ -1,4 +1,4 @@
-"""Samples of one topic, gathered from a bag and put in order of their own stamps."""
+"""Samples of one topic of a bag, in order of their stamps."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ ARRAY_TYPE = "std_msgs/msg/Float64MultiArray"
 
 
 class StampedSamples:
-    """Gathers the messages of one topic as numbers.
+    """Collects the messages of one topic as numbers.
 
     Args:
-        topic: full name, for messages of errors.
+        topic: full name, for error messages.
         kind: its message type: a stamped wrench, joint states, or ``state``,
             ``operational_model`` or ``energy`` for the arrays of wire/layouts.py.
     """
@@ -32,10 +32,10 @@ class StampedSamples:
         self._rows: list[Any] = []
 
     def add(self, message: Any) -> None:
-        """Take a message.
+        """Add a message.
 
         Raises:
-            BagError: not what the topic should carry.
+            BagError: a message that is invalid for the topic.
         """
         try:
             stamp, row = self._read(message)
@@ -45,10 +45,10 @@ class StampedSamples:
         self._rows.append(row)
 
     def ordered(self) -> tuple[Array, Array]:
-        """Return stamps (n,) in ns, increasing, and rows (n, ...); of equal stamps the last counts.
+        """Return increasing stamps (n,), ns, and rows (n, ...); of equal stamps the last is kept.
 
         Raises:
-            BagError: not finite, or rows of different length.
+            BagError: non-finite values, or rows of different lengths.
         """
         stamps = np.array(self._stamps, dtype=np.int64)
         order = np.argsort(stamps, kind="stable")
@@ -79,7 +79,7 @@ def _joints(message: Any) -> tuple[int, Array]:
 
 
 def _operational_model(message: Any) -> tuple[int, Array]:
-    """Row: count, position (3), quaternion (4), Π (36), s (t)."""
+    """Return a row: count, position (3), quaternion (4), Π (36), s (t)."""
     found = unpack_operational_model(message.data)
     share = found.model.wrench_projector
     pose = _pose_row(found.point.pose)
@@ -87,7 +87,7 @@ def _operational_model(message: Any) -> tuple[int, Array]:
 
 
 def _device(message: Any) -> tuple[int, Array]:
-    """Row: position (3), quaternion (4), hand wrench (6)."""
+    """Return a row: position (3), quaternion (4), hand wrench (6)."""
     stamp_ns, measured, *_ = unpack_device(message.data)
     return stamp_ns, np.concatenate((_pose_row(measured.pose), measured.hand_wrench))
 
@@ -97,7 +97,10 @@ def _pose_row(pose: pin.SE3) -> Array:
 
 
 def _energy(message: Any) -> tuple[int, tuple[float, ...]]:
-    """Row: kinetic, potential, work in, damping loss, latch loss (J), closure error (m, rad)."""
+    """Return a row: kinetic, potential, work in, losses by damping and latching, closure error.
+
+    Energies are in J, the closure error in m or rad.
+    """
     e = unpack_energy(message.data)
     losses = (e.damping_loss, e.latch_loss, e.closure_error)
     return e.stamp_ns, (e.kinetic, e.potential, e.work_in, *losses)
@@ -113,6 +116,6 @@ _READERS = {
 
 
 def samples_of(topic: str, message_type: str) -> StampedSamples:
-    """Return an empty gatherer for a topic; the end of its name tells what an array holds."""
+    """Return an empty collector for a topic; the end of its name determines an array's layout."""
     kind = topic.rsplit("/", 1)[-1] if message_type == ARRAY_TYPE else message_type
     return StampedSamples(topic, kind)

@@ -1,7 +1,7 @@
-"""The experiment in numbers, ready for JSON. Keys carry their unit; None where nothing is known.
+"""Summary of the experiment for JSON. Keys contain their units; unknown values are None.
 
-Only what happens after the hand starts to push (t >= 0) is summed up; changes of the count are
-listed from the record's start.
+The summary covers the time after the hand starts to push (t >= 0); changes of the count are listed
+from the record's start.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ def summarise(record: ExperimentRecord, scene: Scene, graph: GraphHealth | None 
 
     Args:
         record: the run.
-        scene: what ran.
-        graph: what the nodes said of themselves, for a run of the graph.
+        scene: of the run.
+        graph: diagnostics of the nodes, for a run of the graph.
     """
     summary: Json = {
         "scene": record.scene,
@@ -74,7 +74,11 @@ def pose_errors(record: ExperimentRecord) -> tuple[Array, Array]:
 
 
 def root_mean_square(values: Array) -> float | None:
-    """Return the rms of the norms of rows, or of numbers; None if there are none."""
+    """Return the rms of the norms of rows, or of numbers; None if there are none.
+
+    Args:
+        values: (n, k) rows or (n,) numbers.
+    """
     if values.shape[0] == 0:
         return None
     squares = values**2 if values.ndim == 1 else np.sum(values**2, axis=1)
@@ -92,7 +96,7 @@ def _constraints(record: ExperimentRecord) -> Json:
 
 
 def _while_held(record: ExperimentRecord, count: int) -> Json:
-    """Return what the user felt while ``count`` held, beside what physics expects."""
+    """Return the wrench on the user during a constraint count, and its expected value."""
     times = record.wrench_times
     index = np.searchsorted(record.analysis_times, times, side="right") - 1
     chosen = (index >= 0) & (times >= 0.0)
@@ -127,8 +131,8 @@ def _while_held(record: ExperimentRecord, count: int) -> Json:
 def _typical_gain(felt: Array, expected: Array) -> float | None:
     """Return the median of felt·expected / |expected|² over samples (n, 3); None if there are none.
 
-    A ratio of rms values counts a few samples that ring, or that lie beside a change of count, by
-    their squares; the median does not. Samples under half the rms expected say nothing of a gain.
+    The median is insensitive to oscillations and to samples next to a change of count, which enter
+    a ratio of rms values with their squares. Samples below half the expected rms are not used.
     """
     sizes = np.sum(expected**2, axis=1)
     strong = (sizes > 0.0) & (sizes >= 0.25 * np.mean(sizes)) if sizes.size else sizes > 0.0
@@ -138,7 +142,7 @@ def _typical_gain(felt: Array, expected: Array) -> float | None:
 
 
 def _held_time(record: ExperimentRecord, count: int) -> float:
-    """Return how long ``count`` held after the hand's start, s."""
+    """Return the duration of a constraint count after the hand's start, s."""
     started = record.analysis_times >= 0.0
     times, counts = record.analysis_times[started], record.count[started]
     return float(np.sum(np.diff(times)[counts[:-1] == count]))

@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.loop_delay import DelayFollower, borne_round_trip, made_for
+from hapticmech_ros.control.loop_delay import DelayFollower, admissible_round_trip, made_for
 from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.ordering import InOrder
@@ -102,17 +102,17 @@ class DevicePath(InOrder):
             return ""
         device, designed = self._scene.device, 2.0 * self._scene.connection.designed
         inertia = np.array([device.mass] * 3 + [device.inertia] * 3)
-        borne = borne_round_trip(gains, inertia, self._scene.simulation.period)
-        borne = max(borne, designed)
-        if self.round_trip <= borne:
+        admissible = admissible_round_trip(gains, inertia, self._scene.simulation.period)
+        admissible = max(admissible, designed)
+        if self.round_trip <= admissible:
             return ""
         done = "nothing is softened (parameter soften)"
         if soften:
             done = f"softened for {1e3 * self._follower.delay:.0f} ms each way"
         return (
-            f"the way to the device and back takes {1e3 * self.round_trip:.0f} ms, declared are "
-            f"{1e3 * designed:.0f} ms and gains bear {1e3 * borne:.0f} ms: {done}; declare it by "
-            "network_delay, on all nodes"
+            f"the round trip to the device takes {1e3 * self.round_trip:.0f} ms; declared are "
+            f"{1e3 * designed:.0f} ms, the gains allow {1e3 * admissible:.0f} ms: {done}; declare "
+            "it by network_delay, on all nodes"
         )
 
     def put(self, sample: Array, stamp_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""Λ_h⁻¹, spectrum and count over a whole recording, or over a mechanism's motion; without ROS."""
+"""Λ_h⁻¹, spectrum and count over a recording or over a grid of joint positions, without ROS."""
 
 from hapticmech_ros.offline.analysis import (
     AnalysedStates,

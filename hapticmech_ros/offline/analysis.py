@@ -22,7 +22,7 @@ from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import ConstraintCounter
 from hapticmech_ros.times import NANOSECONDS
 
-# Told of the progress after so many states.
+# Number of states between reports of progress.
 TOLD = 1000
 
 Show = Callable[[int, int], None]
@@ -30,15 +30,15 @@ Show = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class FeltStates:
-    """What a user holding an operational point feels at each of n states.
+    """Operational analysis of a point at each of n states.
 
     Attributes:
-        s: (n, t) √μ of each direction of the task space, largest first; 0 is rigid.
+        s: (n, t) √μ of each direction of the task space, descending; 0 is rigid.
         wrenches: (n, 6, t) columns n_i of these directions, axes of the world at the point, scaled
             by the link's inertia; the last ones, as many as joint constraints are felt, are the
             constraint wrenches.
         inverse_inertia: (n, 6, 6) X = Λ_h⁻¹, axes of the world, 1/kg, 1/(kg m) and 1/(kg m²).
-        constraint_projector: (n, 6, 6) P_c, whose range the constraint wrenches span.
+        constraint_projector: (n, 6, 6) P_c, whose range is spanned by the constraint wrenches.
         wrench_projector: (n, 6, 6) Π.
         free_acceleration: (n, 6) a_0, m/s² and rad/s².
         position: (n, 3) of the point, m.
@@ -61,7 +61,11 @@ class FeltStates:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write all arrays under their names as a NumPy archive, and return its path."""
+        """Write all arrays under their names as a NumPy archive.
+
+        Returns:
+            Its path.
+        """
         target = Path(path)
         with target.open("wb") as file:
             np.savez(file, **self.arrays())
@@ -70,12 +74,12 @@ class FeltStates:
 
 @dataclass(frozen=True, slots=True)
 class AnalysedStates(FeltStates):
-    """What was felt during a recording.
+    """Operational analysis over a recording.
 
     Attributes:
-        stamps_ns: (n,) times that the states stand for, ns.
-        times: (n,) since the first, s.
-        count: (n,) joint constraints reported, with hysteresis and dwell as the analyser node has.
+        stamps_ns: (n,) stamps of the states, ns.
+        times: (n,) since the first state, s.
+        count: (n,) joint constraints reported, with hysteresis and dwell as in the analyser node.
     """
 
     stamps_ns: npt.NDArray[np.int64]
@@ -95,17 +99,20 @@ def felt_states(
     """Analyse an operational point at n states.
 
     Args:
-        mechanism: that is in these states; left as it was found.
+        mechanism: to analyse; its operational points are restored afterwards.
         q: (n, nq) configurations.
         v: (n, nv) rates.
-        active: n times which closures are closed.
+        active: for each state, which closures are closed.
         point: name of the operational point; the scene's first one if empty.
-        show: told of states done, and of all there are.
-        grasps: (n, points, 7) where each operational point is; as in the scene if left out.
+        show: called with the number of states done and their total.
+        grasps: (n, points, 7) pose of each operational point on its link; the scene's if None.
+
+    Returns:
+        The analysis of every state.
 
     Raises:
-        InvalidInputError: no such point, or one on a link that is not there.
-        HapticMechError: a state cannot be analysed; says which.
+        InvalidInputError: no such point, or a point on an unknown link.
+        HapticMechError: a state that cannot be analysed, with its index.
     """
     analyser = Analyser(mechanism, point)
     total, t = len(active), analyser.rows.size
@@ -155,7 +162,11 @@ def analyse_states(
     point: str = "",
     show: Show = lambda done, total: None,
 ) -> AnalysedStates:
-    """Analyse an operational point at every recorded state; see :func:`felt_states`."""
+    """Analyse an operational point at every recorded state; see :func:`felt_states`.
+
+    Returns:
+        The analysis of every state, with times and counts.
+    """
     active = [tuple(row) for row in states.active.tolist()]
     felt = felt_states(mechanism, states.q, states.v, active, point, show, states.grasps)
     times = (states.stamps_ns - states.stamps_ns[:1]) / NANOSECONDS

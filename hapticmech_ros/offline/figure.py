@@ -1,4 +1,4 @@
-"""Pictures of what is felt: over a recording's time, or over the motion of one or two joints."""
+"""Figures of felt inertia and spectrum over a recording, or over one or two joints."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WHERE = (
     "smallest s = √μ that is not rigid (right). White: the mechanism cannot come there."
 )
 LARGEST_KG = 1e3
-# s below this is drawn at the lower edge: zero but for rounding.
+# s below this is drawn at the lower edge; it is zero up to rounding.
 LOWEST_S = 1e-3
 
 
@@ -87,14 +87,14 @@ def _maps(found: SweptStates, prescribed: Sequence[PrescribedJoint], largest: fl
         ("smallest s", smallest),
     )
     across, up = prescribed[-1], prescribed[-2]
-    # Of further joints the first place of each is shown.
+    # Further joints are shown at their first place.
     kept = (found.grid[:, :-2] == found.grid[0, :-2]).all(axis=1)
     for axes, (title, values) in zip(figure.subplots(1, 3, sharey=True), shown, strict=True):
         grid = np.full((len(up.values), len(across.values)), np.nan)
         grid[found.grid[kept, -2], found.grid[kept, -1]] = values[kept]
         if np.isnan(grid).all():
-            # No scale of colours has anything to begin with.
-            axes.set_title(f"{title}: rigid wherever it comes", fontsize=SMALL)
+            # There are no finite values for a colour scale.
+            axes.set_title(f"{title}: rigid at all places", fontsize=SMALL)
         else:
             drawn = axes.pcolormesh(
                 across.values, up.values, grid, norm=LogNorm(), shading="nearest"

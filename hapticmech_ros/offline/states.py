@@ -1,4 +1,4 @@
-"""States of a mechanism from a bag: its own messages at the control rate, or joint states."""
+"""States of a mechanism from a bag: `mechanism/state` at the control rate, or joint states."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class RecordedStates:
     """States in order of their stamps.
 
     Attributes:
-        stamps_ns: (n,) times they stand for, ns.
+        stamps_ns: (n,) stamps, ns.
         q: (n, nq) configurations.
         v: (n, nv) rates.
         active: (n, closures) whether each closure is closed.
         grasps: (n, points, 7) where each operational point is.
-        topic: where they are from.
+        topic: of the messages.
     """
 
     stamps_ns: npt.NDArray[np.int64]
@@ -50,14 +50,15 @@ def states_from_bag(
 
     Args:
         path: rosbag2 folder, or one ``.mcap`` or ``.db3`` file.
-        mechanism: what moved.
-        topic: of joint states of any graph. If empty ``mechanism/state`` is read, which has every
-            sample and says which loops were closed, or else ``mechanism/measured_js``. Joint states
-            say nothing of loops: they are taken as the scene starts.
+        mechanism: that was recorded.
+        topic: of joint states of any graph. If empty, ``mechanism/state`` is read, which has every
+            sample and the closed loops, or else ``mechanism/measured_js``. Joint states have no
+            information about loops: those closed at the scene's start are assumed.
         namespace: of the graph.
 
     Raises:
-        BagError: no bag, damaged, no such topic or nothing in it, or messages of another mechanism.
+        BagError: no bag, a damaged one, a topic that is missing or empty, or messages of another
+            mechanism.
     """
     with BagReader(path) as bag:
         name = topic or _name(bag, namespace)

@@ -1,4 +1,4 @@
-"""What is felt over the motion of a mechanism: joints prescribed over a grid, loops kept closed."""
+"""Operational analysis over a grid of prescribed joint positions, with loops kept closed."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.workers import worker_pool
 
-# Prescribed joints move in steps no longer than this (rad or m): loops stay on their branch.
+# Longest step of prescribed joints (rad or m), so that loops stay on their branch.
 LONGEST_STEP = 0.02
-# Loops are closed to this fraction of the mechanism's length, or cannot be.
+# Largest closure error, as a fraction of the mechanism's length.
 CLOSED, ROUNDS = 1e-12, 20
 
-# Of the places nearest to the start so many are tried before the grid is given up.
+# Number of places nearest to the start that are tried as the first one.
 MOST_STARTS = 50
-# With fewer places to be reached at once, telling another process takes longer than going there.
+# Least number of places at a time for which further processes save time.
 WORTH_SHARING = 16
 
 Show = Callable[[int], None]
@@ -50,13 +50,13 @@ class PrescribedJoint:
 
 @dataclass(frozen=True, slots=True)
 class SweptStates(FeltStates):
-    """What is felt at every place of a grid that the mechanism can reach.
+    """Operational analysis at every place of a grid that the mechanism can reach.
 
     Attributes:
         places: (n, joints) coordinates of the prescribed joints, rad or m.
-        grid: (n, joints) number of each place along each joint.
+        grid: (n, joints) index of each place along each joint.
         q: (n, nq) configurations.
-        count: (n,) joint constraints felt there, at rest.
+        count: (n,) joint constraints felt at rest.
     """
 
     places: Array
@@ -72,22 +72,26 @@ def sweep(
     processes: int = 1,
     show: Show = lambda done: None,
 ) -> SweptStates:
-    """Lead joints over a grid, from where the scene starts, and analyse a point at each place.
+    """Move joints over a grid from the scene's start, and analyse a point at each place.
 
-    Loops that are closed at the scene's start stay closed, by the joints that are not led. Found is
-    every place that can be reached from one beside it, beginning with the one nearest to the start.
+    Loops that are closed at the scene's start are kept closed by the joints that are not
+    prescribed. The result has every place that can be reached from a neighbour, beginning with the
+    place nearest to the start.
 
     Args:
-        scene: with the mechanism.
-        prescribed: the joints.
+        scene: of the mechanism.
+        prescribed: joints and their values.
         point: name of the operational point; the scene's first one if empty.
-        processes: how many share the work; it changes no bit of the result. With more than one, a
+        processes: number of processes; the result is the same to the bit. With more than one, a
             script that calls this has to guard it by ``if __name__ == "__main__"``.
-        show: told of the number of places reached.
+        show: called with the number of places reached.
+
+    Returns:
+        The analysis of every place that was reached, in the grid's order.
 
     Raises:
-        InvalidInputError: no joint, no such joint or one with several degrees of freedom, one named
-            twice, no values or such that are not finite, or nothing that can be reached.
+        InvalidInputError: no joint, an unknown one, one with several degrees of freedom or named
+            twice, no values or non-finite ones, or a grid without a reachable place.
     """
     mechanism = Mechanism(scene)
     columns = _columns(mechanism, prescribed)
@@ -101,7 +105,7 @@ def sweep(
                 (reached[parent], [one.values[k] for one, k in zip(prescribed, place, strict=True)])
                 for place, parent in wanted.items()
             ]
-            found = zip(wanted, workers.lead(goals), strict=True)
+            found = zip(wanted, workers.move(goals), strict=True)
             front = []
             for place, q in found:
                 if q is not None:
@@ -114,7 +118,11 @@ def sweep(
 def _first(
     mechanism: Mechanism, prescribed: Sequence[PrescribedJoint], columns: list[int]
 ) -> tuple[Place, Array]:
-    """Return the place nearest to the scene's start, and the configuration there."""
+    """Return the place nearest to the scene's start, and the configuration there.
+
+    Raises:
+        InvalidInputError: none of the nearest places can be reached.
+    """
     q, _ = consistent_initial_state(mechanism)
     here = mechanism.coordinates(q)[columns]
     grids = np.meshgrid(*(one.values for one in prescribed), indexing="ij")
@@ -122,7 +130,7 @@ def _first(
     shape = tuple(len(one.values) for one in prescribed)
     nearest = np.argsort(np.abs(places - here).max(axis=1), kind="stable")[:MOST_STARTS]
     for index in nearest.tolist():
-        there = _lead(mechanism, q, columns, places[index].tolist())
+        there = _move(mechanism, q, columns, places[index].tolist())
         if there is not None:
             return tuple(int(k) for k in np.unravel_index(index, shape)), there
     rule = "must hold a place that the mechanism can reach"
@@ -132,7 +140,7 @@ def _first(
 def _beside(
     front: list[Place], reached: Mapping[Place, Array], prescribed: Sequence[PrescribedJoint]
 ) -> dict[Place, Place]:
-    """Return the places beside the front that are not reached yet, and from where to go there."""
+    """Return the unreached neighbours of the front, each with the place to start from."""
     wanted: dict[Place, Place] = {}
     for place in front:
         for axis, step in itertools.product(range(len(prescribed)), (-1, 1)):
@@ -143,7 +151,7 @@ def _beside(
 
 
 class _Workers:
-    """Leads a mechanism to places, in this process or, where there are many, in several."""
+    """Moves a mechanism to places, in this process or, if there are many, in several."""
 
     def __init__(
         self, scene: Scene, mechanism: Mechanism, columns: list[int], processes: int
@@ -159,15 +167,15 @@ class _Workers:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def lead(self, goals: list[Goal]) -> list[Array | None]:
+    def move(self, goals: list[Goal]) -> list[Array | None]:
         """Return for each (q, goal) the configuration there, or None."""
         if self._processes == 1 or len(goals) < WORTH_SHARING:
-            return [_lead(self._mechanism, q, self._columns, goal) for q, goal in goals]
+            return [_move(self._mechanism, q, self._columns, goal) for q, goal in goals]
         if self._pool is None:
-            # Forked, a process would lack the threads that this one has.
+            # Not forked: a forked process would lack this one's threads.
             self._pool = worker_pool(self._processes, _prepare, self._scene, self._columns)
         size = math.ceil(len(goals) / self._processes)
-        return list(self._pool.map(_lead_prepared, goals, chunksize=size))
+        return list(self._pool.map(_move_prepared, goals, chunksize=size))
 
 
 _PREPARED: list[tuple[Mechanism, list[int]]] = []
@@ -177,9 +185,9 @@ def _prepare(scene: Scene, columns: list[int]) -> None:
     _PREPARED.append((Mechanism(scene), columns))
 
 
-def _lead_prepared(goal: Goal) -> Array | None:
+def _move_prepared(goal: Goal) -> Array | None:
     ((mechanism, columns),) = _PREPARED
-    return _lead(mechanism, goal[0], columns, goal[1])
+    return _move(mechanism, goal[0], columns, goal[1])
 
 
 def _felt(
@@ -201,27 +209,33 @@ def _felt(
 
 
 def _columns(mechanism: Mechanism, prescribed: Sequence[PrescribedJoint]) -> list[int]:
-    """Return where the led joints are in v; see :func:`sweep` for what is refused."""
+    """Return the indices in v of the prescribed joints.
+
+    Raises:
+        InvalidInputError: as :func:`sweep`.
+    """
     tree, columns = mechanism.tree, []
     names = [joint.joint for joint in prescribed]
     if not names or len(set(names)) < len(names):
-        raise InvalidInputError("prescribed joints", names, "must be one at least, each named once")
+        raise InvalidInputError("prescribed joints", names, "must be at least one, each named once")
     for joint in prescribed:
         if joint.joint not in tree.joint_names:
             rule = f"must be one of {', '.join(tree.joint_names)}"
-            raise InvalidInputError("led joint", joint.joint, rule)
+            raise InvalidInputError("prescribed joint", joint.joint, rule)
         part = tree.velocity_slice(tree.joint_names.index(joint.joint))
         if part.stop - part.start != 1:
-            raise InvalidInputError("led joint", joint.joint, "must have one degree of freedom")
+            raise InvalidInputError(
+                "prescribed joint", joint.joint, "must have one degree of freedom"
+            )
         if not joint.values or not all(map(math.isfinite, joint.values)):
-            rule = "must be one number at least, all finite"
+            rule = "must be at least one number, all finite"
             raise InvalidInputError(f"values of {joint.joint}", joint.values, rule)
         columns.append(part.start)
     return columns
 
 
-def _lead(mechanism: Mechanism, q: Array, columns: list[int], goal: list[float]) -> Array | None:
-    """Return q with the led joints at ``goal`` and loops closed; None if it cannot come there."""
+def _move(mechanism: Mechanism, q: Array, columns: list[int], goal: list[float]) -> Array | None:
+    """Return q with prescribed joints at ``goal`` and loops closed; None if not reachable."""
     start = mechanism.coordinates(q)[columns]
     way = np.array(goal) - start
     steps = max(1, math.ceil(float(np.abs(way).max(initial=0.0)) / LONGEST_STEP))
@@ -234,7 +248,10 @@ def _lead(mechanism: Mechanism, q: Array, columns: list[int], goal: list[float])
 
 
 def _closed(mechanism: Mechanism, q: Array, columns: list[int], values: Array) -> Array | None:
-    """Put the led joints to their values, and close the loops by the others: Newton."""
+    """Return q with the prescribed joints at their values and loops closed by Newton's method.
+
+    None if the loops cannot be closed.
+    """
     active = mechanism.initially_active
     change = np.zeros(mechanism.nv)
     change[columns] = values - mechanism.coordinates(q)[columns]
@@ -246,7 +263,7 @@ def _closed(mechanism: Mechanism, q: Array, columns: list[int], values: Array) -
             return q
         rows = closing.jacobian[:, others]
         move, *_ = np.linalg.lstsq(rows, -closing.residual, rcond=1e-10)
-        # A longer move than the led joints' says that the loops let go here.
+        # A much longer move than that of the prescribed joints: the loops cannot be closed here.
         if np.abs(move).max(initial=0.0) > 20.0 * LONGEST_STEP:
             return None
         change[:] = 0.0

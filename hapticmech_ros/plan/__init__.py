@@ -1,1 +1,1 @@
-"""What will run for a scene, and what will not: the plan compiled from it, as data."""
+"""Plan of a scene: what is computed for it, as data."""

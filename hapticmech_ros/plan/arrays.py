@@ -1,4 +1,4 @@
-"""How large the arrays are that a tick works on."""
+"""Sizes of the arrays of a tick."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class ArraySize:
     """An array of a tick.
 
     Attributes:
-        name: what is in it.
-        shape: of it.
-        size_bytes: of its numbers.
+        name: description of the content.
+        shape: of the array.
+        size_bytes: size of its data.
     """
 
     name: str
@@ -40,22 +40,20 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
     yield "q", run.state.q
     yield "v", run.state.v
     active_set = mechanism.active_set(run.state.active)
-    for name, array in zip(
-        ("constants, whole", "constants, real"), active_set.constants, strict=True
-    ):
+    for name, array in zip(("model, integers", "model, reals"), active_set.constants, strict=True):
         yield name, array
-    yield "a configuration's terms (packed)", np.empty(active_set.size)
+    yield "data of a configuration", np.empty(active_set.size)
     packed = views_of(np.empty(active_set.size), active_set.model)
     for name in PARTS:
         if getattr(packed, name).size:
             yield f"of which {name}", getattr(packed, name)
-    yield "work of a step", np.empty(work_size(mechanism.nq, mechanism.nv, points))
+    yield "workspace of a step", np.empty(work_size(mechanism.nq, mechanism.nv, points))
     terms = run.simulator.evaluate(run.state)
     yield "h", terms.bias_force
     yield "Ẇv", terms.closure_bias
     yield "J_h of each point", np.empty((points, 6, mechanism.nv))
     yield "wrenches of the task space", np.empty((t, t))
-    yield "what the controllers need of the point", np.empty(OPERATIONAL_MODEL.size)
-    yield "what they need of the device", np.empty(DEVICE_SAMPLE.size)
+    yield "operational model for the controllers", np.empty(OPERATIONAL_MODEL.size)
+    yield "device sample for the controllers", np.empty(DEVICE_SAMPLE.size)
     held = run.device.at_rest(terms.points[run.analyser.index].pose)
     yield "state of the device", held.flat

@@ -1,4 +1,4 @@
-"""Which of several ways to compute a thing is taken for a scene, and why."""
+"""Methods chosen for a scene where there are alternatives, and the reasons."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from hapticmech_ros.plan.running import Running
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One way out of several.
+    """Choice of a method.
 
     Attributes:
         about: what is computed.
-        taken: the way that is taken.
-        why: the fact that decides.
+        taken: the chosen method.
+        why: reason of the choice.
     """
 
     about: str
@@ -25,7 +25,7 @@ class Choice:
 
 
 def choices(run: Running) -> Iterator[Choice]:
-    """Yield every choice. One that is added to the solver gets its line here."""
+    """Yield all choices; one that is added to the solver must be added here."""
     yield _configuration(run)
     yield _path(run)
     yield _closure_rows(run)
@@ -35,7 +35,7 @@ def choices(run: Running) -> Iterator[Choice]:
 def _configuration(run: Running) -> Choice:
     nq, nv = run.mechanism.nq, run.mechanism.nv
     if run.flat:
-        return Choice("configuration", "a vector", f"nq = nv = {nv}: a step adds to it")
+        return Choice("configuration", "a vector", f"nq = nv = {nv}: steps are added")
     why = f"nq = {nq}, nv = {nv}: a step is integrated on the manifold at every stage"
     return Choice("configuration", "on a manifold", why)
 
@@ -44,31 +44,30 @@ def _path(run: Running) -> Choice:
     mechanism = run.mechanism
     active_set, nv = mechanism.active_set(run.state.active), mechanism.nv
     if active_set.is_sparse:
-        why = (
-            f"{nv} rates, and a band of {active_set.model.width} places: dense where it is in doubt"
-        )
-        return Choice("path", "sparse, linear in size", why)
+        why = f"{nv} rates, bandwidth {active_set.model.width}; dense where the rank is uncertain"
+        return Choice("factorisation", "sparse, linear in size", why)
     if mechanism.needs_matrix:
-        return Choice("path", "dense", "the integrator needs D as a matrix")
-    return Choice("path", "dense", f"{nv} rates and {active_set.m} rows are few, or some redundant")
+        return Choice("factorisation", "dense", "the integrator needs D as a matrix")
+    why = f"few rates ({nv}) and rows ({active_set.m}), or redundant rows"
+    return Choice("factorisation", "dense", why)
 
 
 def _closure_rows(run: Running) -> Choice:
     m = run.rows.rows
     if run.mechanism.active_set(run.state.active).is_sparse and m:
-        return Choice("rows factored by", "QR inside a band", "see path")
+        return Choice("closure factorisation", "banded QR", "see factorisation")
     if m == 0:
-        return Choice("rows factored by", "nothing", "no closure is active")
+        return Choice("closure factorisation", "none", "no closure is active")
     if m <= FEW_ROWS:
-        return Choice("rows factored by", "SVD", f"{m} rows, up to {FEW_ROWS} are few")
-    why = f"{m} rows, more than {FEW_ROWS}; SVD where the rank is in doubt"
-    return Choice("rows factored by", "pivoted QR", why)
+        return Choice("closure factorisation", "SVD", f"{m} rows, at most {FEW_ROWS}")
+    why = f"{m} rows, more than {FEW_ROWS}; SVD where the rank is uncertain"
+    return Choice("closure factorisation", "pivoted QR", why)
 
 
 def _stabilisation(run: Running) -> Choice:
     if run.rows.rows == 0 and not run.can_latch:
-        return Choice("stabilisation", "none", "no closure is active, and none latches")
+        return Choice("stabilisation", "none", "no closure is active or can latch")
     rate = run.stepping.baumgarte_rate
     if rate > 0.0:
-        return Choice("stabilisation", "baumgarte", f"the scene says so, at {rate:g} /s")
+        return Choice("stabilisation", "baumgarte", f"chosen by the scene, rate {rate:g} /s")
     return Choice("stabilisation", "projection", "after every substep, in the mass metric")

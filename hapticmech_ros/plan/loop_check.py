@@ -1,9 +1,10 @@
-"""Whether a scene's rendering bears the delay of its loop, said in a sentence if not.
+"""Warnings if a scene's rendering loop has too small a delay margin.
 
-What the graph itself takes is found exactly, see :mod:`~hapticmech_ros.control.loop_stability`: two
-periods are to be borne. Over a connection goes, on the device's side only, the position channel,
-which is scaled to it, and the joint constraint where the device does not close it: that one is held
-to the rule ω τ <= 0.3, of which three times as much is the end.
+For the delay of the graph itself the margin is computed exactly, see
+:mod:`~hapticmech_ros.control.loop_stability`; two periods are required. Over a connection two loops
+of the device are closed: the position channel, whose gains are scaled to the delay, and the joint
+constraint unless the device closes it. The latter is compared with the rule ω τ <= 0.3; it becomes
+unstable at about three times that.
 """
 
 from __future__ import annotations
@@ -14,18 +15,18 @@ from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.gain_rule import BORNE, lag_of
+from hapticmech_ros.scene.gain_rule import DESIGN_PHASE_LAG, lag_of
 from hapticmech_ros.simulation import Simulator
 
-# Of ω τ = 0.3, at which a late spring becomes unstable.
+# Factor on ω τ = 0.3 at which a delayed spring becomes unstable.
 MARGIN = 3.0
 
 
 def loop_warning(scene: Scene, point: str, gains: Controller) -> str:
-    """Return what is wrong with a loop where its scene starts; empty if nothing is.
+    """Return a warning about the loop at the scene's start; empty if its margins suffice.
 
     Args:
-        scene: whose device, period and connection.
+        scene: whose device, period and connection are used.
         point: operational point that is held.
         gains: of the controllers.
     """
@@ -41,21 +42,21 @@ def loop_warning(scene: Scene, point: str, gains: Controller) -> str:
 
 
 def connection_warning(scene: Scene, gains: Controller) -> str:
-    """Return what a scene's connection, simulated or declared, does not bear; empty if nothing.
+    """Return a warning if a joint constraint is too stiff for the connection; else empty.
 
     Args:
-        scene: whose device, period and connection.
+        scene: whose device, period and connection, simulated or declared, are used.
         gains: of the controllers.
     """
     joint, delay = gains.joint_constraint, scene.connection.designed
     if delay == 0.0 or joint.local:
         return ""
     lag = lag_of(scene.device, scene.connection, scene.simulation.period, local=False)
-    borne = scene.device.mass * (BORNE / lag) ** 2
-    if joint.stiffness <= MARGIN**2 * borne:
+    admissible = scene.device.mass * (DESIGN_PHASE_LAG / lag) ** 2
+    if joint.stiffness <= MARGIN**2 * admissible:
         return ""
     return (
         f"over a connection of {1e3 * delay:g} ms each way a joint constraint that the device does "
-        f"not close itself bears {borne:.3g} N/m with a margin of three, and has "
-        f"{joint.stiffness:g} N/m: set controller.joint_constraint.local, or leave it to the rule"
+        f"not close itself may have {admissible:.3g} N/m for a margin of three, but has "
+        f"{joint.stiffness:g} N/m: set controller.joint_constraint.local, or give no stiffness"
     )

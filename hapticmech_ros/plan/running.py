@@ -1,4 +1,4 @@
-"""What a scene makes run: the objects that the plan asks, and nothing that it knows by itself."""
+"""Objects that run for a scene, from which the plan takes its facts."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from hapticmech_ros.simulation import MechanismState, Simulator
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A scene's objects at its start.
+    """Objects of a scene at its start.
 
     Attributes:
-        scene: what they are made from.
+        scene: they are made from.
         simulator: steps the mechanism.
         state: initial state, loops closed.
-        analyser: of the point that is held.
-        device: that the hand holds.
+        analyser: of the operational point that is held.
+        device: held by the hand.
         rows: rows, rank and mobility of the closures active there.
         stepping: integrator, period, substeps, Baumgarte's rate.
         scheme: the integrator's stages.
@@ -45,12 +45,12 @@ class Running:
 
     @property
     def flat(self) -> bool:
-        """Whether q is a vector as v is, so that a step adds to it."""
+        """Whether q is a vector like v, so that steps are added to it."""
         return self.mechanism.nq == self.mechanism.nv
 
     @property
     def can_latch(self) -> tuple[str, ...]:
-        """Names of the closures that are open and close by themselves when they come near."""
+        """Names of the open closures that latch when their frames come near each other."""
         return tuple(
             loop.name
             for loop, on in zip(self.mechanism.closures, self.state.active, strict=True)
@@ -59,11 +59,14 @@ class Running:
 
 
 def running(scene: Scene, point: str = "") -> Running:
-    """Build what runs for a scene, as a session does.
+    """Build the objects that run for a scene, as a session does.
 
     Args:
         scene: to run.
         point: operational point that is held; the scene's first one if empty.
+
+    Returns:
+        The scene's objects at its start.
 
     Raises:
         InvalidInputError: no such point.

@@ -1,4 +1,4 @@
-"""What a scene is, and what its author should look at before anybody takes hold of it."""
+"""Properties of a scene, and warnings to its author before it is rendered."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ from hapticmech_ros.plan.loop_check import connection_warning
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator
 
-# Relative σ below which a start is next to a singular position: directions change within degrees.
+# Relative σ below which the start counts as next to a singular position: directions change within
+# degrees.
 NEAR_SINGULAR = 1e-2
-# Of the scene's length: beyond this a start as written was not closed.
+# Closure error in scene lengths beyond which the start as written was not closed.
 FAR = 1e-3
-# Explicit rules bear k T² / m up to about 7.7 (rk4) and 4 (rk2, semi-implicit Euler).
+# Explicit rules are stable for k T² / m up to about 7.7 (rk4) and 4 (rk2, semi-implicit Euler).
 STIFF = 4.0
 
 
@@ -31,11 +32,11 @@ class PointCheck:
     """An operational point at the start.
 
     Attributes:
-        name, link: as the scene has them.
-        rank: of X: directions in which it can be moved.
+        name, link: as in the scene.
+        rank: of X, the number of directions in which it can be moved.
         count: joint constraints felt.
-        mass_kg: least and largest inertia to forces, kg; None where it cannot be pushed.
-        loop: how much delay, and how much more gain, the rendering bears there.
+        mass_kg: least and largest inertia to forces, kg; None if no force moves it.
+        loop: delay margin and gain margin of the rendering there.
     """
 
     name: str
@@ -48,19 +49,19 @@ class PointCheck:
 
 @dataclass(frozen=True, slots=True)
 class SceneCheck:
-    """What a scene is.
+    """Properties of a scene.
 
     Attributes:
         scene: name.
-        links: all of them.
-        joints: moving ones.
+        links: number of links.
+        joints: number of moving joints.
         nv: degrees of freedom of the open tree.
         mass_kg: of all links.
-        closures: name, kind, rows m, and how many of them are independent of those before them.
+        closures: name, kind, rows m, and number of rows independent of those of earlier closures.
         rank: of all active closures.
         mobility: nv - rank.
         points: operational points.
-        warnings: what to look at.
+        warnings: to the author.
     """
 
     scene: str
@@ -76,7 +77,7 @@ class SceneCheck:
 
 
 def check_scene(scene: Scene) -> SceneCheck:
-    """Return what a scene is at its start.
+    """Return the properties of a scene at its start.
 
     Raises:
         SingularInertiaError: a joint moves no mass.
@@ -120,7 +121,7 @@ def _points(simulator: Simulator, state: MechanismState) -> Iterator[PointCheck]
 
 
 def _loops(points: Sequence[PointCheck], scene: Scene) -> Iterator[str]:
-    """Yield points at which the springs and dampers of the rendering bear little delay."""
+    """Yield warnings about points at which the rendering has too small a delay margin."""
     for point in points:
         warning = point.loop.warning(point.name, scene.simulation.period, ENOUGH_PERIODS)
         if warning is not None:
@@ -132,9 +133,9 @@ def _loops(points: Sequence[PointCheck], scene: Scene) -> Iterator[str]:
 def _warnings(simulator: Simulator, state: MechanismState, rows: Redundancy) -> Iterator[str]:
     mechanism, scene = simulator.mechanism, simulator.mechanism.scene
     if rows.mobility == 0:
-        yield "nothing can move: the closures leave no freedom"
+        yield "the mechanism cannot move: the closures leave no degree of freedom"
     if rows.wholly_redundant:
-        yield f"closures that follow from the others: {', '.join(rows.wholly_redundant)}"
+        yield f"redundant closures: {', '.join(rows.wholly_redundant)}"
     closing = mechanism.closing_terms(state.q, state.active)
     if closing.least < NEAR_SINGULAR:
         yield f"the start is next to a singular position: relative σ {closing.least:.1e}"
@@ -146,7 +147,7 @@ def _warnings(simulator: Simulator, state: MechanismState, rows: Redundancy) -> 
             low, high = link.joint.limits.lower, link.joint.limits.upper
             if isinstance(at, float) and not low <= at <= high:
                 name = link.joint.name
-                yield f"joint {name} starts at {at:g}, beyond its stops at {low:g} and {high:g}"
+                yield f"joint {name} starts at {at:g}, outside its stops at {low:g} and {high:g}"
 
 
 def _start(simulator: Simulator, state: MechanismState) -> Iterator[str]:
@@ -158,7 +159,7 @@ def _start(simulator: Simulator, state: MechanismState) -> Iterator[str]:
 
 
 def _stiffness(simulator: Simulator, state: MechanismState) -> Iterator[str]:
-    """Yield springs and stops that an explicit rule does not bear."""
+    """Yield warnings about springs and stops that are unstable with an explicit integrator."""
     mechanism, scene = simulator.mechanism, simulator.mechanism.scene
     if scene.simulation.integrator == "linearly_implicit":
         return
@@ -171,6 +172,6 @@ def _stiffness(simulator: Simulator, state: MechanismState) -> Iterator[str]:
         ratio = stiffness * step**2 * float(mobile[mechanism.tree.velocity_slice(index)].max())
         if ratio > STIFF:
             yield (
-                f"joint {joint.name}: k T² / m = {ratio:.3g} is above {STIFF:g}, which"
-                f" {scene.simulation.integrator} does not bear: integrator: linearly_implicit"
+                f"joint {joint.name}: k T² / m = {ratio:.3g} is above {STIFF:g}, with which"
+                f" {scene.simulation.integrator} may be unstable: set integrator: linearly_implicit"
             )

@@ -1,4 +1,4 @@
-"""The plan of a scene: facts that the objects which run give of themselves."""
+"""The plan of a scene, taken from the objects that run."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class ClosurePlan:
     """One closure of the scene.
 
     Attributes:
-        name, kind: as the scene has them.
+        name, kind: as in the scene.
         rows: number of scalar constraints.
-        active: at the start.
-        can_latch: open, and closes by itself when its frames come near.
-        redundant: names of rows that follow from those before them, at the start.
+        active: whether it is active at the start.
+        can_latch: whether it is open and latches when its frames come near each other.
+        redundant: names of rows that depend on those before them, at the start.
     """
 
     name: str
@@ -37,34 +37,34 @@ class ClosurePlan:
 
 @dataclass(frozen=True, slots=True)
 class ScenePlan:
-    """What runs for a scene.
+    """The plan of a scene.
 
     Attributes:
         scene: name.
-        topology: ``closed`` where a closure is active at the start; else ``serial``, each joint on
-            the one before, or ``branched``.
+        topology: ``closed`` if a closure is active at the start; else ``serial`` if each joint
+            follows the one before, or ``branched``.
         joints: number of moving joints by type.
-        still_joints: fixed and locked ones, merged into what carries them.
+        still_joints: number of fixed and locked joints, whose links are merged with their parents.
         nq, nv: length of configuration and of rates.
         task_space: ``planar`` or ``spatial``.
-        task_rows: rows of a six-vector that it has.
+        task_rows: number of its rows in a six-vector.
         gravity: (3,) m/s².
         points: operational points.
-        analysed: the one that is held.
+        analysed: the operational point that is held.
         closures: in the scene's order.
         rows: m of all closures together.
-        active_rows: m of those active at the start.
-        rank: r of these there.
+        active_rows: m of the closures active at the start.
+        rank: r of these rows at the start.
         mobility: nv - r.
-        redundant_rows: names of the m - r others.
+        redundant_rows: names of the m - r redundant rows.
         elements: number of passive elements by kind; dampers and efforts by degree of freedom.
         integrator: name.
         stages: of the integrator.
         period: s.
         substeps: steps of the integrator in a period.
-        choices: which way is taken where there are several.
-        tick: what a tick computes, and what it leaves out.
-        arrays: their sizes.
+        choices: methods chosen where there are alternatives.
+        tick: what a tick computes and omits.
+        arrays: of a tick, with their sizes.
     """
 
     scene: str
@@ -95,7 +95,7 @@ class ScenePlan:
 
 
 def plan_scene(scene: Scene, point: str = "") -> ScenePlan:
-    """Return what runs for a scene.
+    """Return the plan of a scene.
 
     Args:
         scene: validated.

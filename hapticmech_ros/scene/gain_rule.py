@@ -21,8 +21,8 @@ from hapticmech_ros.scene.controller import Connection, JointConstraintGains
 from hapticmech_ros.scene.device import Device
 
 MOST_N_PER_M = 2000.0
-# ω τ of a spring that a late loop bears with a margin of three.
-BORNE = 0.3
+# Phase lag ω τ (rad) of a delayed spring by design; it becomes unstable at about three times that.
+DESIGN_PHASE_LAG = 0.3
 DAMPING_RATIO = 0.8
 
 
@@ -56,7 +56,7 @@ def by_rule(
     lag = lag_of(device, connection, period, gains.local)
     stiffness = gains.stiffness
     if "stiffness" not in given:
-        stiffness = min(MOST_N_PER_M, device.mass * (BORNE / lag) ** 2)
+        stiffness = min(MOST_N_PER_M, device.mass * (DESIGN_PHASE_LAG / lag) ** 2)
     damping = gains.damping
     if "damping" not in given:
         damping = damping_for(stiffness, device)

@@ -43,7 +43,7 @@ def test_without_joint_constraints_joints_are_not_felt(columns):
     assert columns[FULL].count == columns[FULL].constraints == 1
 
 
-def test_sessions_bear_the_delay_that_eigenvalues_say(columns):
+def test_delay_margins_of_sessions_agree_with_eigenvalues(columns):
     for variant in (PROXY, SOFT):
         assert columns[variant].largest_delay == columns[variant].predicted_delay
     for variant in (FULL, STIFF):

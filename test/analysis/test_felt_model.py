@@ -87,7 +87,7 @@ def test_what_dampers_do_is_felt_in_time(name):
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_an_answer_for_a_late_loop_makes_no_loop_less_stable(name):
-    """With 0 to 5 periods; of which joint constraints' springs do not bear the last ones anyway."""
+    """With 0 to 5 periods; joint constraints are unstable with the last ones in any case."""
     scene = load_scene(name)
     simulator = Simulator(scene)
     calm = linear_point(simulator, simulator.initial_state())
@@ -114,7 +114,7 @@ def test_a_swing_without_dampers_does_not_grow_by_itself():
         assert one.bandwidth == 85.0
 
 
-def test_springs_that_the_loop_does_not_bear_grow_in_the_model():
+def test_springs_beyond_the_stability_limit_grow_in_the_model():
     """The bound of the loop without what the mechanism does by itself, which only damps here."""
     scene = load_scene("five_bar")
     model = felt_model(scene)

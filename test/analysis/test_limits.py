@@ -1,4 +1,4 @@
-"""Z-width, M-width, penetration: sessions bear what eigenvalues say, and give way by F / k."""
+"""Z-width and M-width of sessions agree with eigenvalues, and penetration with F / k."""
 
 import json
 
@@ -36,7 +36,7 @@ def test_a_wall_that_the_device_closes_is_as_stiff_at_any_delay(share):
 
 
 @pytest.mark.parametrize(("delay", "share"), [(0, 0.5), (1, 0.1), (1, 0.7), (5, 0.5)])
-def test_sessions_bear_the_stiffness_that_eigenvalues_say(delay, share):
+def test_stiffness_limits_of_sessions_agree_with_eigenvalues(delay, share):
     """2 %: bisection to 1 %, and a rate of decay that ten cycles still tell from none."""
     (found,) = z_width(late("five_bar"), delay=delay, shares=[share])
     assert found.measured == pytest.approx(found.predicted, rel=0.02)
@@ -126,7 +126,7 @@ def test_the_command_writes_tables_file_and_pictures(tmp_path):
     words = ["feel", "limits", "two_link", "--delays", "1", "--rates", "1000"]
     found = CliRunner().invoke(app, [*words, "--processes", "1", "--out", str(tmp_path)])
     assert found.exit_code == 0, found.output
-    assert "stiffest joint constraint" in found.output
+    assert "stiffest stable joint constraint" in found.output
     written = json.loads((tmp_path / "limits.json").read_text(encoding="utf-8"))
     assert {one["delay"] for one in written["z_width"]} == {1}
     assert len(written["m_width"]) == 4

@@ -13,7 +13,7 @@ from hapticmech_ros.control.loop_delay import (
     WINDOW,
     DelayFollower,
     RoundTripEstimate,
-    borne_round_trip,
+    admissible_round_trip,
     made_for,
 )
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
@@ -97,18 +97,18 @@ def test_a_longer_way_is_followed_at_once_and_a_shorter_one_after_a_while():
     assert follower.delay == 0.01  # never below what is declared
 
 
-def test_gains_bear_by_the_rule_what_crosses_the_way():
+def test_the_admissible_round_trip_follows_from_loops_over_the_connection():
     scene = over(Connection())
     inertia = np.diag(ControlArchitecture(scene).device_inertia)
     period = scene.simulation.period
-    local = borne_round_trip(scene.controller, inertia, period)
+    local = admissible_round_trip(scene.controller, inertia, period)
     position = scene.controller.position_channel
     assert local == pytest.approx(0.3 * 0.3 / position.damping - 1.5 * period)
-    late = borne_round_trip(over(Connection(), local=False).controller, inertia, period)
+    late = admissible_round_trip(over(Connection(), local=False).controller, inertia, period)
     assert late < local
     channels = position.model_copy(update={"to_device": 0.0})
     none = scene.controller.model_copy(update={"position_channel": channels})
-    assert borne_round_trip(none, inertia, period) == np.inf
+    assert admissible_round_trip(none, inertia, period) == np.inf
 
 
 def test_gains_made_for_a_delay_are_softer_only_where_they_cross_it():

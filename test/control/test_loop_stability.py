@@ -1,4 +1,4 @@
-"""Which gains and delays the sampled loop bears: closed forms, and sessions that diverge."""
+"""Delay and gain margins of the sampled loop: closed forms, and sessions that diverge."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_without_delay_a_spring_needs_the_damping_of_half_a_period(stiffness):
 
 
 @pytest.mark.parametrize("delay", [1, 2, 5])
-def test_a_damper_alone_bears_what_its_delay_leaves_it(delay):
+def test_the_stability_limit_of_a_damper_alone_follows_from_its_delay(delay):
     """z^(d+1) - z^d + T b = 0 has a root on the circle at T b = 2 sin(π / (4 d + 2))."""
     largest = 2.0 * np.sin(np.pi / (4 * delay + 2)) / T
     # A spring of next to nothing, which leaves no root at 1.
@@ -94,11 +94,11 @@ def test_sessions_diverge_where_it_says(name, delay, local):
     assert wild[800:].max() > 10.0 * calm[800:].max()
 
 
-def test_scene_check_warns_of_a_loop_that_bears_nothing():
+def test_scene_check_warns_of_a_loop_without_delay_margin():
     scene = load_scene("five_bar")
     assert check_scene(scene).points[0].loop.periods == 21
     assert check_scene(scene).warnings == ()
     (warning,) = check_scene(with_gains(scene, 8.0)).warnings
-    assert "at handle the loop bears no delay at all" in warning
+    assert "at handle the loop is unstable even without delay" in warning
     margin = check_scene(scene).points[0].loop.gain
-    assert f"may be {margin / 8.0:.2g} times" in warning
+    assert f"limit is {margin / 8.0:.2g} times" in warning

@@ -58,7 +58,7 @@ def test_graph_with_diagnostics_and_agreement(make_bag, session_record, scene, t
     text = printed(summary)
     assert "500.0 Hz" in text
     assert "0.51 / 0.90 / 1.50" in text
-    assert "graph to session" in text
+    assert "deviation from session" in text
 
 
 def test_table_of_a_graph_that_says_nothing(handmade, scene, tmp_path):

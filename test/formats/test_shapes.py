@@ -168,7 +168,7 @@ def test_scene_check_lists_the_names(tmp_path):
     file = str(scene(path, [("base_collision", "arm_collision")]))
     told = CliRunner().invoke(app, ["scene", "check", file])
     assert told.exit_code == 0, told.output
-    assert "its model's shapes: base_collision_2, base_collision_3" in told.output
+    assert "shapes of the model: base_collision_2, base_collision_3" in told.output
     assert "and 9 more, which --json lists" in told.output
     found = json.loads(CliRunner().invoke(app, ["scene", "check", file, "--json"]).output)
     assert found["model_shapes"] == [f"base_collision_{k}" for k in range(2, 71)]

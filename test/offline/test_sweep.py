@@ -1,4 +1,4 @@
-"""Joints prescribed over a grid: loops stay closed, and on their branch."""
+"""Joints prescribed over a grid: loops stay closed and on their branch."""
 
 import numpy as np
 import pytest
@@ -115,10 +115,10 @@ def test_an_open_chain_goes_everywhere():
 @pytest.mark.parametrize(
     ("prescribed", "rule"),
     [
-        ([], "one at least"),
+        ([], "at least one"),
         ([WIDE, WIDE], "named once"),
         ([PrescribedJoint("elbow", (0.0,))], "must be one of joint1"),
-        ([PrescribedJoint("joint1", ())], "one number at least"),
+        ([PrescribedJoint("joint1", ())], "at least one number"),
         ([PrescribedJoint("joint1", (0.0, float("nan")))], "finite"),
         (
             [
@@ -170,7 +170,7 @@ def test_a_mechanism_that_is_rigid_everywhere_has_a_picture_too(swept, places):
     figure = sweep_figure(SweptStates(**arrays), prescribed)
     figure.canvas.draw()
     said = {axes.get_title().split(": ")[1] for axes in figure.axes}
-    assert said == {"rigid wherever it comes"}
+    assert said == {"rigid at all places"}
     arrays["inverse_inertia"][:] = np.eye(6)
     figure = sweep_figure(SweptStates(**arrays), prescribed)
     figure.canvas.draw()

@@ -105,16 +105,16 @@ def test_redundant_rows_are_named() -> None:
 
 def test_many_rows_are_factored_by_qr_and_few_by_svd() -> None:
     few, many = (dense(n_four_bar(FEW_ROWS // 2 + more)) for more in (0, 1))
-    assert taken(plan_scene(few))["rows factored by"] == "SVD"
-    assert taken(plan_scene(many))["rows factored by"] == "pivoted QR"
+    assert taken(plan_scene(few))["closure factorisation"] == "SVD"
+    assert taken(plan_scene(many))["closure factorisation"] == "pivoted QR"
 
 
 def test_what_reaches_few_rates_is_factored_inside_a_band() -> None:
     found = taken(plan_scene(n_four_bar(10)))
-    assert found["path"] == "sparse, linear in size"
-    assert found["rows factored by"] == "QR inside a band"
-    assert taken(plan_scene(dense(n_four_bar(10))))["path"] == "dense"
-    assert taken(plan_scene(load_scene("five_bar")))["path"] == "dense"
+    assert found["factorisation"] == "sparse, linear in size"
+    assert found["closure factorisation"] == "banded QR"
+    assert taken(plan_scene(dense(n_four_bar(10))))["factorisation"] == "dense"
+    assert taken(plan_scene(load_scene("five_bar")))["factorisation"] == "dense"
 
 
 def dense(scene: Scene) -> Scene:
@@ -156,7 +156,11 @@ def baumgarte(document: dict[str, Any]) -> None:
     document["simulation"]["stabilisation"] = "baumgarte"
 
 
-CLOSING = {"W and its factorisation", "projection onto the closures", "closures taken out of S"}
+CLOSING = {
+    "W and its factorisation",
+    "projection onto the closures",
+    "projection of S onto closed-loop motions",
+}
 
 
 @pytest.mark.parametrize(
@@ -202,11 +206,11 @@ def test_what_latches_is_looked_for_until_it_is_closed() -> None:
     plan = plan_scene(load_scene("four_bar_closing"))
     (closure,) = plan.closures
     assert closure.can_latch
-    assert computed(plan)["distance of what may latch"] == 1
+    assert computed(plan)["distance of closures that can latch"] == 1
     closed = changed(
         "five_bar", lambda document: document["closures"][0].update(latch_distance=None)
     )
-    assert "distance of what may latch" not in computed(plan_scene(closed))
+    assert "distance of closures that can latch" not in computed(plan_scene(closed))
 
 
 def test_a_free_joint_is_on_a_manifold() -> None:
@@ -257,5 +261,5 @@ def test_the_command_prints_the_plan() -> None:
         json.dumps(asdict(plan_scene(load_scene("four_bar_closing"))))
     )
     text = CliRunner().invoke(app, ["scene", "plan", "four_bar_closing"]).stdout
-    for words in ("serial", "3 revolute", "open, can latch", "left out", "no closure is active"):
+    for words in ("serial", "3 revolute", "open, can latch", "omitted", "no closure is active"):
         assert words in text

@@ -46,7 +46,7 @@ def test_scenes_that_are_shipped_have_the_rule_s(name):
 @pytest.mark.parametrize("local", [True, False])
 @pytest.mark.parametrize("delay", [0.0, 0.01, 0.05])
 @pytest.mark.parametrize("mass", [0.03, 0.3, 3.0])
-def test_the_loop_bears_twice_the_rule_s_gains(period, local, delay, mass):
+def test_the_rule_leaves_a_gain_margin_of_two(period, local, delay, mass):
     made = scene({"mass": mass}, {"delay": delay}, period, local=local)
     joint = made.controller.joint_constraint
     assert joint.stiffness <= 2000.0
