@@ -1,15 +1,16 @@
-"""Public functions that take or return arrays state the shape of each one."""
+"""Docstrings of public functions: shapes of arrays, and errors that are raised."""
 
 from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "hapticmech_ros"
+Check = Callable[[ast.FunctionDef], Iterator[str]]
 ARRAY = re.compile(r"\bArray\b|\bndarray\b")
 SHAPE = re.compile(r"\([^()]*\)")
 
@@ -34,6 +35,25 @@ def entry(section: str, name: str) -> str:
     return found.group(1) if found else ""
 
 
+def raised(node: ast.AST) -> Iterator[str]:
+    """Yield the names of what a function raises, without what functions inside it do."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.FunctionDef, ast.Lambda)):
+            continue
+        if isinstance(child, ast.Raise) and isinstance(child.exc, ast.Call):
+            yield ast.unparse(child.exc.func).rpartition(".")[2]
+        yield from raised(child)
+
+
+def missing_errors(node: ast.FunctionDef) -> Iterator[str]:
+    """Yield errors that a docstring does not name; of a function that makes one, that none is."""
+    section = (ast.get_docstring(node) or "").partition("Raises:")[2]
+    for name in sorted(set(raised(node))):
+        known = name in section if name[0].isupper() else bool(section)
+        if not known and name != "AssertionError":
+            yield f"{name}, in Raises:"
+
+
 def faults(node: ast.FunctionDef) -> Iterator[str]:
     """Yield what the docstring of a function does not say."""
     doc = ast.get_docstring(node) or ""
@@ -46,18 +66,38 @@ def faults(node: ast.FunctionDef) -> Iterator[str]:
         yield "shape of what is returned"
 
 
-def undocumented(text: str) -> list[str]:
+def undocumented(text: str, check: Check = faults) -> list[str]:
     """Return the faults of a file's functions."""
     return [
         f"{node.lineno} {name}: {fault}"
         for name, node in functions(ast.parse(text).body)
-        for fault in faults(node)
+        for fault in check(node)
     ]
 
 
 @pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: path.stem)
 def test_arrays_of_public_functions_have_shapes(path: Path) -> None:
     assert undocumented(path.read_text(encoding="utf-8")) == []
+
+
+# What a command line program raises ends it with a message; its docstring is its help.
+@pytest.mark.parametrize(
+    "path",
+    [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent.name != "cli"],
+    ids=lambda path: path.stem,
+)
+def test_errors_of_public_functions_are_named(path: Path) -> None:
+    assert undocumented(path.read_text(encoding="utf-8"), missing_errors) == []
+
+
+def test_an_error_that_is_not_named_is_found() -> None:
+    body = "    def inner():\n        raise A(1)\n    raise {}(1)\n"
+    one = 'def f():\n    """Do.\n\n    Raises:\n        B: if so.\n    """\n'
+    assert undocumented(one + body.format("B"), missing_errors) == []
+    assert undocumented(one + body.format("made"), missing_errors) == []
+    assert undocumented(one + body.format("x.C"), missing_errors) == ["1 f: C, in Raises:"]
+    bare = 'def f():\n    """Do."""\n' + body.format("made")
+    assert undocumented(bare, missing_errors) == ["1 f: made, in Raises:"]
 
 
 def test_a_missing_shape_is_found() -> None:

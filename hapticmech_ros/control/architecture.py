@@ -20,7 +20,7 @@ from hapticmech_ros.control.measurements import (
     OperationalModel,
     PointMeasurement,
 )
-from hapticmech_ros.control.prediction import InFlight, foreseen, point_ahead
+from hapticmech_ros.control.prediction import InFlight, predicted_twist, point_ahead
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.quaternions import quaternion_of
@@ -275,7 +275,7 @@ class ControlArchitecture:
         if in_flight is not None and operational_model.size == OPERATIONAL_MODEL.size:
             operational_model, model = operational_model.copy(), model_of(operational_model)
             free, contact = model.free_acceleration, operational_model[_CONTACT]
-            twist = foreseen(
+            twist = predicted_twist(
                 operational_model[_TWIST], model.inverse_inertia, free, contact, in_flight
             )
             operational_model[_TWIST] = twist

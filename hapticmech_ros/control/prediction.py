@@ -40,7 +40,7 @@ def carried_on(pose: pin.SE3, twist: Array, duration: float) -> pin.SE3:
     return pin.SE3(turn @ pose.rotation, pose.translation + duration * twist[:3])
 
 
-def foreseen(
+def predicted_twist(
     twist: Array,
     inverse_inertia: Array,
     free_acceleration: Array,
@@ -79,6 +79,6 @@ def point_ahead(
     twist, contact = seen.twist, seen.contact_wrench
     if in_flight is not None:
         x, free = model.inverse_inertia, model.free_acceleration
-        twist = foreseen(twist, x, free, contact, in_flight)
+        twist = predicted_twist(twist, x, free, contact, in_flight)
         ahead += in_flight.duration
     return PointMeasurement(carried_on(seen.pose, twist, ahead), twist, contact)

@@ -48,7 +48,7 @@ class Failures:
         reseat: puts the actor back to where all was well, at rest, with nobody under a force.
 
     Attributes:
-        count, defects: failures so far, and those of them that nobody had foreseen.
+        count, defects: failures so far, and unexpected ones among them.
         last: what failed last, and how.
     """
 

@@ -51,8 +51,8 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         super().__init__(node, parameters)
         self._mechanism = Mechanism(self.scene)
         # Of the loop: a command computed from a state acts a period later.
-        self._lateness = compensated_loop_delay(self.scene)
-        self._analyser = Analyser(self._mechanism, self.point, self._lateness)
+        self._compensated_delay = compensated_loop_delay(self.scene)
+        self._analyser = Analyser(self._mechanism, self.point, self._compensated_delay)
         self._layout = StateLayout(self._mechanism)
         self._counter = ConstraintCounter(self.scene.perception)
         self._count: int | None = None
@@ -145,7 +145,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
     def _follow(self, grasp: Array) -> None:
         """Analyse the point where the mechanism says that it is from now on."""
         self._mechanism.set_operational_point(grasp_of(self._mechanism.scene, self.point, grasp))
-        self._analyser = Analyser(self._mechanism, self.point, self._lateness)
+        self._analyser = Analyser(self._mechanism, self.point, self._compensated_delay)
         self._model = OperationalModelWriter(self._analyser)
         self._grasp = grasp.tobytes()
         self._count = None

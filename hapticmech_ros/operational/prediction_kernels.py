@@ -17,7 +17,7 @@ from hapticmech_ros.mechanism.kernels.small_matrices import dot_with_row
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 
 # Off the closures by φ, at a relative singular value σ, free rates turn by φ/σ²: by no more than
-# this share of the length, or what is foreseen is not used.
+# this share of the length, or the prediction is not used.
 TRUSTED = 0.01
 
 
@@ -39,7 +39,7 @@ def _least(model: Model, data: Data) -> float:
 
 @inner
 def _trusted(model: Model, data: Data, before: Data, length: float) -> bool:
-    """Return whether closures at a foreseen configuration say what they said before."""
+    """Return whether closures at a predicted configuration are as well resolved as before."""
     if data.tail[1] != before.tail[1]:
         return False
     return bool(data.tail[0] <= TRUSTED * _least(model, data) ** 2 * length)

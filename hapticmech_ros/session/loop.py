@@ -83,8 +83,8 @@ class SessionLoop:
         self.scene = scene
         self.simulator = Simulator(scene)
         self.period = self.simulator.period
-        self._lateness = compensated_loop_delay(scene, command_delay)
-        self._analyser = Analyser(self.simulator.mechanism, point, self._lateness)
+        self._compensated_delay = compensated_loop_delay(scene, command_delay)
+        self._analyser = Analyser(self.simulator.mechanism, point, self._compensated_delay)
         self._control = ControlArchitecture(scene) if control is None else control
         self._device: SimulatedDevice = device_for(scene) if device is None else device
         self._simulated = isinstance(self._device, ImpedanceDevice) and self._device.plain
@@ -168,7 +168,7 @@ class SessionLoop:
             "rows": self._analyser.rows,
             "forth_state": nothing if channels is None else channels[0].state,
             "back_state": nothing if channels is None else channels[1].state,
-            "times": np.array((self.period, mechanism.length, self._lateness, *law)),
+            "times": np.array((self.period, mechanism.length, self._compensated_delay, *law)),
             "metric": analysis.constants,
             "observation": np.zeros(analysis.layout.size),
             "controller": side.account,

@@ -182,7 +182,7 @@ class Session(SessionLoop):
         point = grasped(self.simulator.scene, self._analyser.point.name, frame, origin)
         state = self.mechanism
         self.simulator.set_operational_point(point)
-        self._analyser = Analyser(self.simulator.mechanism, point.name, self._lateness)
+        self._analyser = Analyser(self.simulator.mechanism, point.name, self._compensated_delay)
         self._parts.metric[:] = self._analyser.constants
         self._side.held_elsewhere()
         self._carried = self._given[_WRENCHES][:6].copy()

@@ -9,7 +9,7 @@ from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.control.passivity import corrected
-from hapticmech_ros.control.prediction import InFlight, foreseen
+from hapticmech_ros.control.prediction import InFlight, predicted_twist
 from oracles.control import ReadableControl
 from oracles.local_model import local_model
 
@@ -53,7 +53,7 @@ def test_nothing_is_foreseen_of_a_mechanism_that_stands_still_under_a_push(held_
     in_flight = InFlight(1e-3, 1e-3 * push)
     free = -x @ push if held_by == "gravity" else np.zeros(6)
     contact = -push if held_by == "contact" else np.zeros(6)
-    still = foreseen(twist, x, free, contact, in_flight)
+    still = predicted_twist(twist, x, free, contact, in_flight)
     assert np.abs(still - twist).max() < 1e-15 * np.abs(x).max()
-    moving = foreseen(twist, x, np.zeros(6), np.zeros(6), in_flight)
+    moving = predicted_twist(twist, x, np.zeros(6), np.zeros(6), in_flight)
     assert moving == pytest.approx(twist + 1e-3 * x @ push, rel=1e-12)

@@ -101,7 +101,7 @@ def element_resistance(
     damped: float,
     force: Array,
 ) -> None:
-    """Fill ``force`` (nv,) with (stiff K + damped C) rates; see ``Elements.tangents``.
+    """Fill ``force`` (nv,) with (stiff K + damped C) rates, with K and C the elements' slopes.
 
     In time proportional to nv: no matrix is filled.
     """
