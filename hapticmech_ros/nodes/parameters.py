@@ -76,13 +76,15 @@ class NodeParameters(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     scene: str = text("five_bar", "shipped scene, or path of a YAML file")
-    operational_point: str = text("", "where the user holds; empty: the scene's first point")
+    operational_point: str = text(
+        "", "operational point held by the user; empty: the scene's first"
+    )
     control_rate: float = number(
         0.0, "samples per second; 0: the scene's own", "Hz", 0.0, 10000.0, "unconfigured"
     )
     network_delay: float = number(
         0.0,
-        "one way between device and controller, designed for; 0: the scene's connection.expected",
+        "one-way delay between device and controller; 0: the scene's connection.expected",
         "s",
         0.0,
         1.0,
@@ -95,8 +97,8 @@ class NodeParameters(BaseModel):
     thread_priority: int = count(
         0, "real-time priority (SCHED_FIFO), where the system grants it; 0: none", 0, 99, "never"
     )
-    view_rate: float = number(100.0, "rate of topics for people", "Hz", 1.0, 1000.0)
-    message_age_limit: float = number(0.25, "oldest stamp that is accepted", "s", 0.001, 3600.0)
+    view_rate: float = number(100.0, "rate of topics outside the control loop", "Hz", 1.0, 1000.0)
+    message_age_limit: float = number(0.25, "largest accepted age of a stamp", "s", 0.001, 3600.0)
     diagnostics_period: float = number(1.0, "time between diagnostics", "s", 0.01, 60.0)
 
 
@@ -107,39 +109,39 @@ class DeviceParameters(NodeParameters):
         0.012, "servo_cf older than this counts as lost: actuators at zero", "s", 0.001, 1.0
     )
     force_limit: float = number(
-        0.0, "largest force that leaves; 0: the scene's device.force_limit", "N", 0.0, 1000.0
+        0.0, "largest force on the hand; 0: the scene's device.force_limit", "N", 0.0, 1000.0
     )
     torque_limit: float = number(
-        0.0, "largest torque that leaves; 0: the scene's device.torque_limit", "N m", 0.0, 100.0
+        0.0, "largest torque on the hand; 0: the scene's device.torque_limit", "N m", 0.0, 100.0
     )
     force_slew: float = number(
-        0.0, "fastest change of the force; 0: the scene's device.safety", "N/s", 0.0, 1e6
+        0.0, "largest rate of the force; 0: the scene's device.safety", "N/s", 0.0, 1e6
     )
     torque_slew: float = number(
-        0.0, "fastest change of the torque; 0: the scene's device.safety", "N m/s", 0.0, 1e5
+        0.0, "largest rate of the torque; 0: the scene's device.safety", "N m/s", 0.0, 1e5
     )
     start_ramp: float = number(
         0.0,
-        "limits open over this when commands begin; 0: the scene's device.safety",
+        "ramp of the limits when commands begin; 0: the scene's device.safety",
         "s",
         0.0,
         10.0,
     )
     workspace_radius: float = number(
         0.0,
-        "nothing pushes outwards so far from the start; 0: the scene's device.safety",
+        "no outward force beyond this from the start; 0: the scene's device.safety",
         "m",
         0.0,
         100.0,
     )
     lock_safety: bool = flag(
-        False, "the parameters above, message_age_limit, scene and rate stay as they are", "never"
+        False, "the parameters above, message_age_limit, scene and rate cannot change", "never"
     )
     hand: Literal["scene", "commanded"] = text(
-        "scene", "scene: its hand holds the device; commanded: hand_cf alone moves it"
+        "scene", "scene: the scene's hand; commanded: only hand_cf moves the device"
     )
-    hand_timeout: float = number(0.2, "hand_cf stands this long; 0: for ever", "s", 0.0, 3600.0)
-    wait_for_start: bool = flag(False, "the hand takes hold only once device/start_hand is called")
+    hand_timeout: float = number(0.2, "hand_cf expires after this; 0: never", "s", 0.0, 3600.0)
+    wait_for_start: bool = flag(False, "the hand starts when device/start_hand is called")
 
 
 class MechanismParameters(NodeParameters):
@@ -149,15 +151,15 @@ class MechanismParameters(NodeParameters):
         0.05, "servo_cf older than this counts as lost and is ramped to zero", "s", 0.001, 1.0
     )
     external_timeout: float = number(
-        0.2, "external_cf stands this long; 0: for ever", "s", 0.0, 3600.0
+        0.2, "external_cf expires after this; 0: never", "s", 0.0, 3600.0
     )
     held_points: str = text(
-        "", "in lockstep, points that controllers hold, with commas; empty: operational_point"
+        "", "in lockstep, points with a controller, comma-separated; empty: operational_point"
     )
     grasp: str = text(
         "",
-        "puts operational_point elsewhere: link or point, then x y z (m), then roll pitch yaw "
-        "(rad), or less; empty: as in the scene",
+        "pose of operational_point: link or point, then optionally x y z (m) and roll pitch yaw "
+        "(rad); empty: as in the scene",
         "any",
     )
     require_external_wrench: bool = flag(
@@ -175,9 +177,7 @@ class ControllerParameters(NodeParameters):
     input_timeout: float = number(
         0.012, "an input older than this counts as lost: disengaged", "s", 0.001, 1.0
     )
-    soften: bool = flag(
-        True, "gains pass to softer ones while the loop is later than they bear", "any"
-    )
+    soften: bool = flag(True, "lower gains while the loop's delay exceeds what they allow", "any")
     constraint_stiffness: float = gain("k of the joint constraint", "N/m", 1000000.0)
     constraint_damping: float = gain("b of the joint constraint", "N s/m", 10000.0)
     constraint_feedforward: float = gain("beta of the joint constraint", "1", 1.0)
@@ -204,9 +204,9 @@ class ViewerParameters(NodeParameters):
     marker_rate: float = number(30.0, "rate of markers, frames and joint states", "Hz", 1.0, 200.0)
     force_scale: float = number(0.05, "length of an arrow per force", "m/N", 1e-4, 10.0)
     torque_scale: float = number(4.0, "radius of a ring per torque", "m/(N m)", 1e-3, 1000.0)
-    input_timeout: float = number(0.5, "what is older than this is not drawn", "s", 0.02, 60.0)
+    input_timeout: float = number(0.5, "inputs older than this are not drawn", "s", 0.02, 60.0)
     tf: bool = flag(True, "publish /tf and /tf_static, where tf2_msgs is installed")
-    frame_prefix: str = text("", "put before the name of every frame but world")
+    frame_prefix: str = text("", "prefix of all frames but world")
 
 
 def changes_of(model: type[NodeParameters], name: str) -> Changes:

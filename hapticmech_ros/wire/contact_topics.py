@@ -1,4 +1,4 @@
-"""Topics of what touches what, in scenes with contacts."""
+"""Topics of contacts, in scenes that have some."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ CONTACTS = Topic(
     "mechanism/contacts",
     ARRAY,
     MECHANISM,
-    "stamp, then eleven numbers for each point of contact: its pair, position, normal, depth and "
-    "force. Also `mechanism/contacts/<contact>/measured_cf`, a pair's own wrench: by shape b, on "
-    "shape a, at the origin of a's frame, axes of `world`",
+    "stamp, then for each point of contact its pair, position, normal, depth and force. Also "
+    "`mechanism/contacts/<contact>/measured_cf`, the wrench of one pair: by shape b, on shape a, "
+    "at the origin of a's frame, axes of `world`",
     (VIEWER,),
     rate="contact",
 )

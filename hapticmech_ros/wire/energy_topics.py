@@ -1,4 +1,4 @@
-"""Topics of what flows where, in J."""
+"""Topics of energies, J."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ DEVICE_ENERGY = Topic(
     "device/energy",
     ARRAY,
     DEVICE,
-    "stamp; J from the hand, taken by the actuators, and got by the mechanism as far as is known; "
-    "what may be given, and what passivity control has taken",
+    "stamp; energy from the hand, absorbed by the actuators, received by the mechanism as far as "
+    "known, available, and dissipated by passivity control, J",
 )
 CONTROLLER_ENERGY = Topic(
     "controller/energy",
     ARRAY,
     CONTROLLER,
-    "stamp; J given to the mechanism, held in springs, come by springs that changed, lost in "
-    "dampers",
+    "stamp; energy given to the mechanism, stored in springs, injected by changes of springs, and "
+    "dissipated in dampers, J",
 )
 ENERGY = Topic(
     "mechanism/energy",

@@ -28,7 +28,7 @@ def markdown() -> str:
     ]
     for topic in TOPICS:
         kind = topic.type.replace("/msg/", "/")
-        readers = ", ".join(topic.subscribers) or "people, bags"
+        readers = ", ".join(topic.subscribers) or "other nodes, bags"
         cells = (
             f"`{topic.name}`",
             kind,

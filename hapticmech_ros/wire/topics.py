@@ -22,8 +22,8 @@ DEVICE_STATE = Topic(
     "device/state",
     ARRAY,
     DEVICE,
-    "measured_cp, measured_cv and measured_cf of one sample in one message; a device without "
-    "it is rendered from those three",
+    "measured_cp, measured_cv and measured_cf of one sample in one message; of a device without "
+    "it the controller uses those three",
     (CONTROLLER,),
     rate="control",
 )
@@ -31,7 +31,7 @@ DEVICE_POSE = Topic(
     "device/measured_cp",
     POSE,
     DEVICE,
-    "pose of the point held, in `world`",
+    "pose of the point held, frame `world`",
     (CONTROLLER, VIEWER),
 )
 DEVICE_TWIST = Topic(
@@ -52,14 +52,14 @@ DEVICE_SETPOINT = Topic(
     "device/setpoint_cf",
     WRENCH,
     DEVICE,
-    "what the actuators apply: `servo_cf` within their limits, zero when it is lost; by the "
-    "device, on the hand, at the point held, axes of `world`",
+    "wrench that the actuators apply: `servo_cf` within their limits, zero when it is lost; by "
+    "the device, on the hand, at the point held, axes of `world`",
 )
 DEVICE_JOINTS = Topic(
     "device/measured_js",
     "sensor_msgs/msg/JointState",
     DEVICE,
-    "the device's six coordinates as joints: x, y, z and rotation vector from `world`",
+    "the device's six coordinates as joints: x, y, z and rotation vector relative to `world`",
 )
 DEVICE_COMMAND = Topic(
     "device/servo_cf",
@@ -74,9 +74,9 @@ DEVICE_GAIN = Topic(
     "device/local_feedback_gain",
     ARRAY,
     CONTROLLER,
-    "G, K and B, by which the device corrects `servo_cf` for what F_h, pose and twist have changed "
-    "since the sample that it answers, and E_m; stamps, J, and 6 x 6 each, axes of `world`; over a "
-    "declared network with every command",
+    "gains G, K and B of the device's local feedback, which corrects `servo_cf` for the changes of "
+    "F_h, pose and twist since the sample that it answers, and E_m; 6 x 6 each, axes of `world`; "
+    "over a declared network with every command",
     (DEVICE,),
 )
 HAND_WRENCH = Topic(
@@ -94,8 +94,8 @@ STATE = Topic(
     "mechanism/state",
     ARRAY,
     MECHANISM,
-    "all that the analyser needs in one message: stamp, closed loops, joint positions and "
-    "velocities, F_c at every operational point, and where that point is",
+    "input of the analyser in one message: stamp, closed loops, joint positions and velocities, "
+    "F_c and pose in its link of every operational point",
     (ANALYSER, VIEWER),
     rate="control",
 )
@@ -143,8 +143,8 @@ EXTERNAL_WRENCH = Topic(
     "mechanism/{point}/external_cf",
     WRENCH,
     "any",
-    "by anyone, on the mechanism, at the operational point. Also `external_cf/<who>`, and "
-    "`external_cf/persistent`, which stays until it is replaced; and the same for every link",
+    "external wrench on the mechanism, at the operational point. Also `external_cf/<who>`, and "
+    "`external_cf/persistent`, which stays until it is replaced; the same for every link",
     (MECHANISM,),
     rate="caller's",
     qos="command",
@@ -153,8 +153,8 @@ SET_OPERATIONAL_POINT = Topic(
     "mechanism/{point}/set_operational_point",
     POSE,
     "any",
-    "puts the operational point at a pose in the frame of a link, of an operational point, or of "
-    "`world` (then on the link that is held)",
+    "moves the operational point to a pose in the frame of a link, of an operational point, or of "
+    "`world` (then on its present link)",
     (MECHANISM,),
     rate="caller's",
     qos="command",
@@ -163,7 +163,7 @@ OPERATIONAL_POINT = Topic(
     "mechanism/{point}/operational_point",
     POSE,
     MECHANISM,
-    "where the operational point is: its pose in its link, which is the frame named",
+    "pose of the operational point in its link, which is the `frame_id`",
     rate="change",
     qos="latched",
 )
@@ -179,9 +179,9 @@ POINT_MODEL = Topic(
     "analysis/{point}/operational_model",
     ARRAY,
     ANALYSER,
-    "all that the controller needs in one message: stamp, count, s, Λ_h⁻¹ and a_0 as a late loop"
-    " needs them, P_c, Π, pose, twist and F_c of the operational point, axes of `world`, at that"
-    " point; and where it is",
+    "input of the controller in one message: stamp, count, s, X_τ and a_τ (Λ_h⁻¹ and a_0 with "
+    "delay compensation), P_c, Π, pose, twist and F_c of the operational point, axes of `world`, "
+    "at that point, and the point's pose in its link",
     (CONTROLLER,),
     rate="control",
 )
@@ -201,7 +201,7 @@ CONSTRAINT_WRENCHES = Topic(
     "analysis/{point}/constraint_wrenches",
     ARRAY,
     ANALYSER,
-    "6 x count: wrenches at the hand that the joints balance, a column each",
+    "6 x count: wrenches at the hand that the joints balance, one per column",
 )
 SPECTRUM = Topic(
     "analysis/{point}/spectrum",
@@ -241,7 +241,7 @@ DIAGNOSTICS = Topic(
     "periods, missed deadlines, message ages, latency percentiles, refused messages",
     rate="1 Hz",
 )
-# Service of the simulated device, std_srvs/srv/Trigger: a hand that waits takes hold.
+# Service of the simulated device, std_srvs/srv/Trigger: starts a hand with `wait_for_start`.
 START_HAND = "device/start_hand"
 # Service of a device, std_srvs/srv/SetBool: true puts the actuators at zero until false.
 EMERGENCY_STOP = "device/emergency_stop"

@@ -8,7 +8,7 @@ MARKERS = Topic(
     "view/markers",
     "visualization_msgs/msg/MarkerArray",
     VIEWER,
-    "the whole picture in `world`: mechanism, closures, device, forces, constraint directions; "
+    "markers in `world`: mechanism, closures, device, forces, constraint directions; "
     "colours in docs/visualization.md",
     rate="marker",
 )
@@ -39,28 +39,28 @@ SEEN_POINT_COMMAND = Topic(
     "view/{point}/servo_cf",
     WRENCH,
     VIEWER,
-    "`mechanism/{point}/servo_cf` again, stamped in the frame `<point>_world`, where RViz draws it",
+    "`mechanism/{point}/servo_cf` in the frame `<point>_world`, for RViz",
     rate="marker",
 )
 SEEN_POINT_FORCE = Topic(
     "view/{point}/measured_cf",
     WRENCH,
     VIEWER,
-    "`mechanism/{point}/measured_cf` again, stamped in the frame `<point>_world`",
+    "`mechanism/{point}/measured_cf` in the frame `<point>_world`, for RViz",
     rate="marker",
 )
 SEEN_DEVICE_COMMAND = Topic(
     "view/device/servo_cf",
     WRENCH,
     VIEWER,
-    "`device/servo_cf` again, stamped in the frame `device_world`",
+    "`device/servo_cf` in the frame `device_world`, for RViz",
     rate="marker",
 )
 SEEN_DEVICE_FORCE = Topic(
     "view/device/measured_cf",
     WRENCH,
     VIEWER,
-    "`device/measured_cf` again, stamped in the frame `device_world`",
+    "`device/measured_cf` in the frame `device_world`, for RViz",
     rate="marker",
 )
 
