@@ -194,7 +194,7 @@ def _plan(
 def start_process(
     command: Sequence[str], environment: Mapping[str, str], pipe_output: bool = False
 ) -> subprocess.Popen[str]:
-    """Start a process that ends with this one, whatever ends this one.
+    """Return a started process that ends with this one, whatever ends this one.
 
     It is found from this machine alone, unless the environment asks for more.
     """
@@ -211,7 +211,11 @@ def start_process(
 
 
 def check_running(name: str, process: subprocess.Popen[str]) -> None:
-    """Raise NodeDiedError if a process has ended."""
+    """Raise NodeDiedError if a process has ended.
+
+    Raises:
+        NodeDiedError: it has.
+    """
     if process.poll() is not None:
         raise NodeDiedError(ending(name, process))
 

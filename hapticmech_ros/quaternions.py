@@ -15,5 +15,8 @@ def quaternion_of(rotation: Array) -> Array:
 
     The bits of ``pin.Quaternion(rotation).coeffs()``, which never frees 80 bytes of each one made
     from a matrix (Pinocchio 4.1).
+
+    Args:
+        rotation: (3, 3).
     """
     return np.asarray(pin.SE3ToXYZQUAT(pin.SE3(rotation, _ORIGIN)))[3:]

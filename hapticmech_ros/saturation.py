@@ -8,7 +8,13 @@ from hapticmech_ros.arrays import Array
 
 
 def limited(wrench: Array, force_limit: float, torque_limit: float) -> Array:
-    """Return ``wrench`` with force and torque each shortened to its limit, directions kept."""
+    """Return ``wrench`` (6,) with force and torque each shortened to its limit, directions kept.
+
+    Args:
+        wrench: (6,) N and N m.
+        force_limit: N.
+        torque_limit: N m.
+    """
     force = float(np.sqrt(wrench[:3] @ wrench[:3]))
     torque = float(np.sqrt(wrench[3:] @ wrench[3:]))
     if force <= force_limit and torque <= torque_limit:

@@ -1,4 +1,4 @@
-"""Docstrings of public functions: shapes of arrays, and errors that are raised."""
+"""Docstrings of public functions: shapes of arrays, results, and errors that are raised."""
 
 from __future__ import annotations
 
@@ -15,12 +15,18 @@ ARRAY = re.compile(r"\bArray\b|\bndarray\b")
 SHAPE = re.compile(r"\([^()]*\)")
 
 
+def is_public(node: ast.FunctionDef) -> bool:
+    """Return whether others may call a function; parts of kernels are called by kernels alone."""
+    names = {ast.unparse(decorator) for decorator in node.decorator_list}
+    return not node.name.startswith("_") and not names & {"inner", "leaf"}
+
+
 def functions(body: list[ast.stmt], owner: str = "") -> Iterator[tuple[str, ast.FunctionDef]]:
     """Yield public functions and methods of public classes with their names."""
     for node in body:
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             yield from functions(node.body, f"{node.name}.")
-        elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+        elif isinstance(node, ast.FunctionDef) and is_public(node):
             yield f"{owner}{node.name}", node
 
 
@@ -42,7 +48,13 @@ def raised(node: ast.AST) -> Iterator[str]:
             continue
         if isinstance(child, ast.Raise) and isinstance(child.exc, ast.Call):
             yield ast.unparse(child.exc.func).rpartition(".")[2]
-        yield from raised(child)
+        caught = {
+            name.id
+            for handler in getattr(child, "handlers", ())
+            for name in ast.walk(handler.type or handler)
+            if isinstance(name, ast.Name)
+        }
+        yield from (name for name in raised(child) if name not in caught)
 
 
 def missing_errors(node: ast.FunctionDef) -> Iterator[str]:
@@ -52,6 +64,16 @@ def missing_errors(node: ast.FunctionDef) -> Iterator[str]:
         known = name in section if name[0].isupper() else bool(section)
         if not known and name != "AssertionError":
             yield f"{name}, in Raises:"
+
+
+def missing_result(node: ast.FunctionDef) -> Iterator[str]:
+    """Yield a fault where a docstring does not say what a function returns or yields."""
+    doc = (ast.get_docstring(node) or "").partition("Args:")
+    kinds = {ast.unparse(decorator).rpartition(".")[2] for decorator in node.decorator_list}
+    nothing = node.returns is None or ast.unparse(node.returns) == "None"
+    told = re.search(r"\b([Rr]eturn|[Yy]ield)", doc[0]) or re.search("Returns:|Yields:", doc[2])
+    if not (nothing or told or kinds & {"property", "cached_property", "override", "setter"}):
+        yield "what is returned"
 
 
 def faults(node: ast.FunctionDef) -> Iterator[str]:
@@ -78,6 +100,18 @@ def undocumented(text: str, check: Check = faults) -> list[str]:
 @pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: path.stem)
 def test_arrays_of_public_functions_have_shapes(path: Path) -> None:
     assert undocumented(path.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: path.stem)
+def test_results_of_public_functions_are_said(path: Path) -> None:
+    assert undocumented(path.read_text(encoding="utf-8"), missing_result) == []
+
+
+def test_a_result_that_is_not_said_is_found() -> None:
+    made = 'def f() -> int:\n    """{}."""\n'
+    assert undocumented(made.format("Count; return how many"), missing_result) == []
+    assert undocumented(made.format("Count"), missing_result) == ["1 f: what is returned"]
+    assert undocumented(made.format("Count").replace("int", "None"), missing_result) == []
 
 
 # What a command line program raises ends it with a message; its docstring is its help.

@@ -147,7 +147,7 @@ def compare(
     topics: Sequence[str] = (),
     align: Align = "stamp",
 ) -> BagComparison:
-    """Compare two bags message by message.
+    """Compare two bags message by message; return what differs.
 
     Messages are matched by the senders' stamps (``header.stamp``, or the ``stamp`` of this
     package's flat arrays); those of topics without stamps by their order.
@@ -156,9 +156,9 @@ def compare(
         expected: what was recorded.
         actual: what came out.
         topics: names; all if empty.
-        align: ``stamp`` asks for the same stamps; ``nearest`` takes the nearest, half a period
-            away at most; ``start`` does so too, counting from the earliest stamp of each bag: for
-            two runs of the same thing.
+        align: ``stamp`` asks for the same stamps; ``nearest`` takes the nearest, half a period away
+            at most; ``start`` does so too, counting from the earliest stamp of each bag: for two
+            runs of the same thing.
 
     Raises:
         BagError: no bag, damaged, a topic that is in neither, or one of different types.

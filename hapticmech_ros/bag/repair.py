@@ -85,7 +85,7 @@ class RepairReport:
 def repair(
     source: str | os.PathLike[str], path: str | os.PathLike[str] | None = None
 ) -> RepairReport:
-    """Write a new bag with everything that can be read of ``source``, which is not changed.
+    """Write a new bag with everything that can be read of ``source``; return a report.
 
     Files stay apart as they were; compressed ones are written uncompressed.
 

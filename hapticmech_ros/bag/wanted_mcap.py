@@ -50,7 +50,11 @@ class WantedMcap(McapReader):
         super().open()
 
     def read_index(self) -> None:
-        """Read topics and chunks from the file's end, once topics were found to be plain ones."""
+        """Read topics and chunks from the file's end, once topics were found to be plain ones.
+
+        Raises:
+            ReaderError: the index is damaged.
+        """
         bio = self.bio
         if bio is None:
             raise ReaderError(f"{self.path} is not open")
@@ -70,7 +74,11 @@ class WantedMcap(McapReader):
             raise ReaderError(f"its messages are of {found.start_time} to {found.end_time} ns")
 
     def meta_scan(self) -> None:
-        """Find topics, and count messages, by reading all."""
+        """Find topics, and count messages, by reading all.
+
+        Raises:
+            ReaderError: the file is damaged.
+        """
         scan = McapScan(Path(str(self.path)))
         counts: dict[int, int] = {}
         numbers: dict[str, int] = {}

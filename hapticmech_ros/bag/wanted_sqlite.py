@@ -84,7 +84,11 @@ class WantedSqlite(Sqlite3Reader):
         start: int | None = None,
         stop: int | None = None,
     ) -> Generator[tuple[Connection, int, bytes], None, None]:
-        """Yield connection, time (ns) and bytes of messages, in order of time."""
+        """Yield connection, time (ns) and bytes of messages, in order of time.
+
+        Raises:
+            ReaderError: the database is damaged.
+        """
         self._steps.renew()
         seen = 0
         for connection, *rest in super().messages(connections, start, stop):

@@ -26,10 +26,20 @@ def local_whole(size: int) -> Array:
 
 
 def shaped(numbers: Array, shape: tuple[int, ...]) -> Array:
-    """Return the first numbers of an array in C order as a view of another shape."""
+    """Return the first numbers of an array (n,) in C order as a view of another shape.
+
+    Args:
+        numbers: (n,) or more dimensions, contiguous.
+        shape: of the view; its size is n at most.
+    """
     return numbers.ravel()[: int(np.prod(shape))].reshape(shape)
 
 
 def put(target: Array, source: Array) -> None:
-    """Copy an array (n,) into another one of the same size."""
+    """Copy an array (n,) into another one of the same size.
+
+    Args:
+        target: (n,) to fill.
+        source: (n,).
+    """
     target[:] = source

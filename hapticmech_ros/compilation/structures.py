@@ -70,7 +70,7 @@ class Part:
 
 
 def structure(kind: Kind) -> Kind:
-    """Let kernels make a kind of :class:`Structure`, and ask it for sizes and parts."""
+    """Return a kind of :class:`Structure` that kernels can make and read."""
     if is_building():
         from hapticmech_ros.compilation.numba_types import teach_structure
 

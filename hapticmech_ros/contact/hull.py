@@ -38,6 +38,9 @@ def box(size: tuple[float, float, float]) -> Polytope:
 def hull(points: Array) -> Polytope:
     """Return the convex hull of points (n, 3), m.
 
+    Args:
+        points: (n, 3) m.
+
     Raises:
         QhullError: all of them are in one plane.
     """

@@ -142,7 +142,7 @@ def contacts_of(
     places: dict[str, tuple[int, Array]],
     settings: tuple[float, float, float],
 ) -> tuple[Array, Array]:
-    """Return the two arrays of a :class:`Contacts`, its data at zero.
+    """Return the two arrays of a :class:`Contacts`, (integers,) and (numbers,), its data at zero.
 
     Args:
         scene: whose contacts.
@@ -209,7 +209,13 @@ def contacts_of(
 
 
 def with_workspace(numbers: Array, values: Array, points: int) -> tuple[Array, Array]:
-    """Return the two arrays with a workspace for so many points."""
+    """Return the two arrays, (integers,) and (numbers,), with a workspace for so many points.
+
+    Args:
+        numbers: (integers,) of the contacts.
+        values: (numbers,) the others.
+        points: their number.
+    """
     contacts = Contacts(numbers, values)
     parts = {name: getattr(contacts, name) for name in PARTS}
     return _packed(parts | {"workspace": np.zeros(workspace_size(points, contacts.free.size))})

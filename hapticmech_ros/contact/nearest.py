@@ -41,7 +41,7 @@ class Nearest:
 
         Args:
             pose_a: (12,) axes and origin of a, in the world.
-            pose_b: of b.
+            pose_b: (12,) likewise, of shape b.
         """
         for place, pose in zip(self._places, (pose_a, pose_b), strict=True):
             place.setTransform(pose[:9].reshape(3, 3).T, pose[9:])

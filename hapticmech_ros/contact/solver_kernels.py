@@ -140,7 +140,7 @@ def solve_points(
         impulse: (3 points,) first guess, N s; replaced by the solution.
         velocity: (3 points,) relative velocities with these impulses, m/s; replaced likewise.
         tolerance: of the impulses' effect, m/s.
-        report: its SWEEPS and OFF are filled.
+        report: (6,) its SWEEPS and OFF are filled.
         slopes: (3 points, 3 points) to work in.
     """
     n, size = scales.shape[0], impulse.size

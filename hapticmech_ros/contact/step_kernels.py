@@ -238,15 +238,15 @@ def advance_period(
     """Do a period with contacts, or what is left of one.
 
     Args:
-        numbers: constants of the mechanism, whole ones.
-        values: the others; see ``model.pack``.
-        start: packed terms at the start: to read where they are known, else to fill.
-        end: packed terms, to fill at the end.
-        scratch: packed terms of stages.
-        work: see ``step_kernels.Work``; ``q0`` and ``v0`` are the start, ``state`` the end, account
-            0, 1 and 5 add up.
-        contact_numbers: of the contacts, whole ones.
-        contact_values: the others; see ``layout.Contacts``.
+        numbers: (integers,) constants of the mechanism, whole ones.
+        values: (numbers,) the others; see ``model.pack``.
+        start: (size,) packed terms at the start: to read where they are known, else to fill.
+        end: (size,) packed terms, to fill at the end.
+        scratch: (size,) packed terms of stages.
+        work: (work,) see ``step_kernels.Work``; ``q0`` and ``v0`` are the start, ``state`` the end,
+            account 0, 1 and 5 add up.
+        contact_numbers: (integers,) of the contacts, whole ones.
+        contact_values: (numbers,) the others; see ``layout.Contacts``.
         plan: (5,) number of substeps, number of stages, 1 where terms at the start are known, what
             it begins with (``WHOLE``, ``EACH``, ``SEARCHED``), and how many rows of ``external``
             behind those of the contacts are wrenches from outside.

@@ -79,7 +79,7 @@ class ContactStepper:
     def advance(
         self, start: Start, external: ExternalWrenches, touching: Touching | None
     ) -> Touched:
-        """Advance by one period with pushes held.
+        """Return the outcome of a period with external wrenches held.
 
         Args:
             start: where.

@@ -200,8 +200,8 @@ def touching_points(numbers: Array, values: Array) -> int:
     ``poses``, ``margins`` and, of pairs that have to be searched for, ``found`` are given.
 
     Args:
-        numbers: of the contacts, whole ones.
-        values: the others; see ``layout.Contacts``.
+        numbers: (integers,) of the contacts, whole ones.
+        values: (numbers,) the others; see ``layout.Contacts``.
     """
     contacts = Contacts(numbers, values)
     margins, pairs, points, count = contacts.margins, contacts.pairs, contacts.points, 0

@@ -298,7 +298,13 @@ def queue_wrench(account: Array, queue: Array, told: Array, acting: Array) -> No
 
 @kernel("void(float64[::1], float64[::1], float64)")
 def move_point_on(account: Array, operational_model: Array, elapsed: float) -> None:
-    """Account for the mechanism's motion until an operational model (139,), ``elapsed`` s on."""
+    """Account for the mechanism's motion until an operational model (139,), ``elapsed`` s on.
+
+    Args:
+        account: (account,) of the controller, changed; see ``loop_layout``.
+        operational_model: (139,) the operational point now.
+        elapsed: s since the last one.
+    """
     account_for_motion(account, operational_model[TWIST : TWIST + 6], elapsed)
 
 
@@ -321,7 +327,7 @@ def answer_sample(
     """Answer a sample of the device, and account for it.
 
     Args:
-        account: the controller's.
+        account: (account,) of the controller, changed; see ``loop_layout``.
         settings: (58,) of the controllers, see :mod:`~hapticmech_ros.control.kernels`.
         faded: (6,) what is carried on from another grasp, as far as it has not faded.
         queue: (delay, 6) what the mechanism was told and does not act yet.
@@ -329,9 +335,9 @@ def answer_sample(
         operational_model: (139,) operational model.
         time: s.
         ahead: s, from the time of ``operational_model`` to that of ``device``.
-        locality: (3,) 1 where the device closes the force channel, and the joint constraint; and
-            1 if the answer is to say how it depends on the device.
-        answer: to fill.
+        locality: (3,) 1 where the device closes the force channel, and the joint constraint; and 1
+            if the answer is to say how it depends on the device.
+        answer: (answer,) to fill; see ``loop_layout``.
     """
     account_for_hand(account, device)
     give_answer(
@@ -353,7 +359,17 @@ def account_for_answer(
     locality: Array,
     answer: Array,
 ) -> None:
-    """Account for an answer to a sample that was computed elsewhere; as :func:`answer_sample`."""
+    """Account for an answer to a sample that was computed elsewhere; as :func:`answer_sample`.
+
+    Args:
+        account: (account,) of the controller, changed; see ``loop_layout``.
+        settings: (58,) of the controllers.
+        device: (19,) sample of the device.
+        operational_model: (139,) operational model.
+        time: s.
+        locality: (3,) what the device closes; see :func:`answer_sample`.
+        answer: (answer,) filled; see ``loop_layout``.
+    """
     account_for_hand(account, device)
     conclude(account, settings, device, operational_model, time, locality, answer)
 
@@ -362,12 +378,27 @@ def account_for_answer(
 def predict_model(
     account: Array, queue: Array, operational_model: Array, predicted: Array
 ) -> float:
-    """Fill the operational model once the queue has acted; see :func:`predict`."""
+    """Fill the operational model once the queue has acted; return how long that takes, s.
+
+    Args:
+        account: (account,) of the controller; see ``loop_layout``.
+        queue: (d, 6) commands to the mechanism that do not act yet, N and N m.
+        operational_model: (139,) operational model.
+        predicted: (139,) to fill.
+    """
     return predict(account, queue, operational_model, predicted)
 
 
 @kernel("void(float64[::1], float64[:,::1], float64[::1], float64[:,::1])")
 def command_mechanism(account: Array, queue: Array, answer: Array, wrenches: Array) -> None:
-    """Fill what the mechanism is told, and what acts on it from now on: rows of (2, 6)."""
+    """Fill what the mechanism is told, and what acts on it from now on: rows of (2, 6).
+
+    Args:
+        account: (account,) of the controller, changed; see ``loop_layout``.
+        queue: (d, 6) commands to the mechanism that do not act yet, N and N m.
+        answer: (answer,) the last one; see ``loop_layout``.
+        wrenches: (2, 6) to fill: what is sent, and what acts from now on, N and N m, world axes at
+            the operational point.
+    """
     passive_wrench(account, answer, wrenches[0])
     queue_wrench(account, queue, wrenches[0], wrenches[1])

@@ -20,7 +20,7 @@ from hapticmech_ros.control.measurements import (
     OperationalModel,
     PointMeasurement,
 )
-from hapticmech_ros.control.prediction import InFlight, predicted_twist, point_ahead
+from hapticmech_ros.control.prediction import InFlight, point_ahead, predicted_twist
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.quaternions import quaternion_of
@@ -174,7 +174,7 @@ class ControlArchitecture:
         ahead: float,
         carried: Array | None = None,
     ) -> Clutch:
-        """Start rendering: engage the clutch at the present poses.
+        """Return the clutch, engaged at the present poses.
 
         Two that move apart so fast that the dampers would give a twentieth of the device's force or
         torque are clutched like a grasp that changes, with nothing carried on: else what is felt is
@@ -290,7 +290,13 @@ class ControlArchitecture:
         return out
 
     def joined(self, time: float, clutch: Clutch, wrench: Array) -> Array:
-        """Return the device's wrench (6,) with what it still carries on from another grasp."""
+        """Return the device's wrench (6,) with what it still carries on from another grasp.
+
+        Args:
+            time: s.
+            clutch: that connects the two poses.
+            wrench: (6,) of the controllers, N and N m, world axes.
+        """
         faded = clutch.faded(time, self.ramp_of(clutch))
         return wrench if faded is None else limited(wrench + faded, *self.limits)
 

@@ -70,6 +70,11 @@ class Channel:
     def put(self, time_ns: int, message: Array, tag: int = 0) -> None:
         """Send a message (n,) at a time (ns), and a whole number with it.
 
+        Args:
+            time_ns: when it is sent, ns.
+            message: (n,).
+            tag: a whole number sent with it.
+
         Raises:
             InvalidInputError: messages are sent more often than once in a period.
         """

@@ -108,10 +108,10 @@ def send_message(
     tag: int,
     message: Array,
 ) -> bool:
-    """Send a message; see :func:`send`.
+    """Send a message; return whether there was space for it. See :func:`send`.
 
     Args:
-        state: whole numbers of a channel.
+        state: (numbers,) of the channel, whole ones, changed.
         rows: (slots + 1, n) its messages.
         delay: d, s.
         jitter: j, share of the delay.
@@ -125,5 +125,11 @@ def send_message(
 
 @kernel("boolean(int64[::1], float64[:,::1], int64)")
 def receive_message(state: Array, rows: Array, time_ns: int) -> bool:
-    """Put the newest message that has arrived into the last row; see :func:`receive`."""
+    """Put the newest message that has arrived into the last row; return whether one has.
+
+    Args:
+        state: (numbers,) of the channel, whole ones, changed.
+        rows: (messages + 1, n) messages on the way, and the last one that arrived.
+        time_ns: present time, ns.
+    """
     return receive(state, rows, time_ns)

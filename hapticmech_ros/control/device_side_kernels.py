@@ -215,7 +215,13 @@ def correct(command: Array, model: Array, answered: Array, now: Array, found: Ar
 
 @kernel("void(float64[::1], float64[::1], float64[::1])")
 def record_sample(account: Array, sample: Array, applied: Array) -> None:
-    """Account for the period until a sample (19,), over which actuators held ``applied`` (6,)."""
+    """Account for the period until a sample (19,), over which actuators held ``applied`` (6,).
+
+    Args:
+        account: (account,) of the device, changed; see ``loop_layout``.
+        sample: (19,) of the device.
+        applied: (6,) by the actuators since the last sample, N and N m, world axes.
+    """
     account_for_actuators(account, sample, applied)
 
 
@@ -235,8 +241,8 @@ def allow_command(
     """Account for the last period, and change a command into what leaves in the next one.
 
     Args:
-        account: the device's.
-        safety: its envelope, a :data:`~hapticmech_ros.device.safety_layout.SAFETY`.
+        account: (account,) of the device, changed; see ``loop_layout``.
+        safety: (numbers,) the envelope, changed; see ``safety_layout``.
         command: (6,) on the hand, by the device; changed.
         sample: (19,) of the device now.
         applied: (6,) by the actuators, held until now.
@@ -250,7 +256,11 @@ def allow_command(
 
 @kernel("float64(float64[::1])")
 def available_energy(account: Array) -> float:
-    """Return what the actuators may give now, J."""
+    """Return what the actuators may give now, J.
+
+    Args:
+        account: (account,) of the device; see ``loop_layout``.
+    """
     return energy_available(account)
 
 
@@ -259,7 +269,7 @@ def enforce_passivity(account: Array, command: Array, sample: Array, added: Arra
     """Change a command where it would give more than there is.
 
     Args:
-        account: the device's.
+        account: (account,) of the device, changed; see ``loop_layout``.
         command: (6,) on the hand, by the device, for the next period; changed.
         sample: (19,) of the device now.
         added: (6,) by the device's driver, for its weight and friction: what it gives stays in the

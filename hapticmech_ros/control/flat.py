@@ -50,24 +50,40 @@ def flat_operational_model(model: OperationalModel, point: PointMeasurement) -> 
 
 
 def device_of(device: Array) -> DeviceMeasurement:
-    """Return the measurement that numbers (19,) stand for, of any length of quaternion but 0."""
+    """Return the measurement that numbers (19,) stand for, of any length of quaternion but 0.
+
+    Args:
+        device: (19,) pose, twist and F_h; m, m/s, rad/s, N and N m, world axes.
+    """
     return DeviceMeasurement(place_of(device[_PLACE]), device[_TWIST], device[_FORCE])
 
 
 def model_of(operational_model: Array) -> OperationalModel:
-    """Return the analysis in numbers (139,)."""
+    """Return the analysis in numbers (139,).
+
+    Args:
+        operational_model: (139,) see ``layout.OPERATIONAL_MODEL``.
+    """
     matrices = operational_model[_MATRICES].reshape(3, 6, 6)
     return OperationalModel(matrices[0], matrices[1], matrices[2], operational_model[_FREE])
 
 
 def point_of(operational_model: Array) -> PointMeasurement:
-    """Return the operational point's measurement in numbers (139,)."""
+    """Return the operational point's measurement in numbers (139,).
+
+    Args:
+        operational_model: (139,) see ``layout.OPERATIONAL_MODEL``.
+    """
     place = place_of(operational_model[_POINT_PLACE])
     return PointMeasurement(place, operational_model[_POINT_TWIST], operational_model[_CONTACT])
 
 
 def place_of(numbers: Array) -> pin.SE3:
-    """Return the pose of a position, m, and a quaternion of any length but 0, (7,) in all."""
+    """Return the pose of a position, m, and a quaternion of any length but 0, (7,) in all.
+
+    Args:
+        numbers: (7,) position, m, and quaternion x, y, z, w.
+    """
     quaternion = numbers[3:]
     length = float(np.sqrt(quaternion @ quaternion))
     return pin.SE3(pin.Quaternion(quaternion / length).matrix(), numbers[:3])

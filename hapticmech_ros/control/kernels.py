@@ -122,7 +122,7 @@ def control_wrenches(
         operational_model: (139,) the analysis and the operational point's measurement.
         time: s.
         ahead: s, for which the point's pose is carried on.
-        out: to fill.
+        out: (6, 6) to fill, N and N m, world axes.
 
     Returns:
         Whether the measurements have these sizes; nothing is computed otherwise.

@@ -129,7 +129,11 @@ class PassivityController:
         return int(self.account[_STARTS["changed"]])
 
     def hand(self, sample: Array) -> float:
-        """Return E_h at a sample (19,), J, without what friction took."""
+        """Return E_h at a sample (19,), J, without what friction took.
+
+        Args:
+            sample: (19,) of the device.
+        """
         twist = sample[_TWIST]
         return self.actuators + 0.5 * float(twist @ (self.account[:6] * twist))
 

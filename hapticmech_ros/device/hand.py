@@ -23,7 +23,7 @@ HandLaw = Callable[[float, pin.SE3, Array, pin.SE3], Array]
 
 
 def hand_numbers(hand: Hand | None, schedule: GraspSchedule) -> Array:
-    """Return a hand as :mod:`~hapticmech_ros.device.hand_kernels` reads it.
+    """Return a hand as (numbers,) for :mod:`~hapticmech_ros.device.hand_kernels`.
 
     Args:
         hand: of the scene; None for one without a law among them.

@@ -103,6 +103,9 @@ class ImpedanceDevice:
         """Return what a force sensor, if any, reads of others' ``push`` (6,) besides the hand's.
 
         An estimate has it in it already, later.
+
+        Args:
+            push: (6,) by others on the device, N and N m, world axes at the point held.
         """
         return push if self._senses else NO_WRENCH
 
@@ -114,7 +117,7 @@ class ImpedanceDevice:
         ticks: int,
         push: Array = NO_WRENCH,
     ) -> DeviceState:
-        """Advance one period.
+        """Return the state one period later.
 
         Args:
             state: where to start.

@@ -257,7 +257,7 @@ def advance(data: Array, state: Array, command: Array, obeys: bool, ticks: int, 
     """Fill ``out`` with the state one period after ``state``.
 
     Args:
-        data: the device, and what acts on it.
+        data: (numbers,) the device; see ``device_layout``.
         state: (83,) where to start.
         command: (6,) to the actuators, N and N m, world axes.
         obeys: whether it is obeyed; else the actuators are off, and compensation with them.
@@ -274,6 +274,14 @@ def begin(data: Array, state: Array, command: Array, obeys: bool, ticks: int, ou
 
     Before each of the substeps that follow, and before :func:`finish`, the hand's wrench is to be
     put into ``out``: zero unless it holds.
+
+    Args:
+        data: (numbers,) the device; see ``device_layout``.
+        state: (83,) at the period's start.
+        command: (6,) N and N m, world axes.
+        obeys: whether there is a command.
+        ticks: number of the period.
+        out: (83,) to fill.
     """
     _command(data, state, command, obeys)
     _begin(data, state, ticks, out)
@@ -284,13 +292,28 @@ def advance_substep(data: Array, ticks: int, index: int, out: Array, before: Arr
     """Move ``out`` on by substep ``index``; return whether the hand held.
 
     ``before`` (6,) is filled with the twist at its start.
+
+    Args:
+        data: (numbers,) the device; see ``device_layout``.
+        ticks: number of the period.
+        index: of the substep.
+        out: (83,) state, changed.
+        before: (6,) to fill with the twist at the substep's start, m/s and rad/s.
     """
     return _advance_substep(data, ticks, index, out, before, local(WORK_SIZE))
 
 
 @kernel("void(float64[::1], float64[::1], boolean, float64[::1], float64[::1])")
 def finish(data: Array, state: Array, held: bool, before: Array, out: Array) -> None:
-    """End a period that began at ``state``: fill what is measured; see :func:`advance_substep`."""
+    """End a period that began at ``state``: fill what is measured; see :func:`advance_substep`.
+
+    Args:
+        data: (numbers,) the device; see ``device_layout``.
+        state: (83,) at the period's start.
+        held: whether the hand held in the last substep.
+        before: (6,) twist at the start of the last substep, m/s and rad/s.
+        out: (83,) state, completed.
+    """
     _finish(data, state, held, before, out, local(WORK_SIZE))
 
 
@@ -299,7 +322,7 @@ def stand(data: Array, holds: bool, out: Array) -> None:
     """Fill a device that stands still.
 
     Args:
-        data: the device.
+        data: (numbers,) the device; see ``device_layout``.
         holds: whether the hand can take hold now.
         out: (83,) zero but for where it is, its home and its anchor.
     """
@@ -314,5 +337,11 @@ def stand(data: Array, holds: bool, out: Array) -> None:
 
 @kernel("void(float64[::1], float64[::1], float64[::1])")
 def compensation(data: Array, twist: Array, added: Array) -> None:
-    """Fill what the driver adds (6,) to a command, at a measured twist (6,)."""
+    """Fill what the driver adds (6,) to a command, at a measured twist (6,).
+
+    Args:
+        data: (numbers,) the device; see ``device_layout``.
+        twist: (6,) measured, m/s and rad/s, world axes.
+        added: (6,) to fill, N and N m, world axes.
+    """
     compensate(data, twist, added)

@@ -55,5 +55,9 @@ class SimulatedDevice(Protocol):
         ...
 
     def sensed(self, push: Array) -> Array:
-        """Return what a force sensor, if any, reads of others' ``push`` (6,) besides the hand's."""
+        """Return what a force sensor, if any, reads of others' ``push`` (6,) besides the hand's.
+
+        Args:
+            push: (6,) by others on the device, N and N m, world axes at the point held.
+        """
         ...

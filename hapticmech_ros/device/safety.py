@@ -89,7 +89,11 @@ class SafetyEnvelope:
         self.numbers[_LIMITS] = astuple(limits)
 
     def place(self, centre: Array) -> None:
-        """Put the workspace's centre (3,), m."""
+        """Put the workspace's centre (3,), m.
+
+        Args:
+            centre: (3,) m.
+        """
         self.numbers[_CENTRE] = centre
 
     def stop(self) -> None:
@@ -101,7 +105,7 @@ class SafetyEnvelope:
         """Return what leaves (6,) for a command (6,), N and N m, world axes.
 
         Args:
-            command: on the hand, by the device, at the point held.
+            command: (6,) N and N m, world axes.
             position: (3,) of that point, m.
         """
         found = np.array(command, dtype=float)

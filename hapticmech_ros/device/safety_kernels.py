@@ -127,7 +127,7 @@ def apply_envelope(safety: Array, command: Array, position: Array) -> None:
     """Change a command into what leaves.
 
     Args:
-        safety: a :data:`~hapticmech_ros.device.safety_layout.SAFETY`.
+        safety: (numbers,) the envelope, changed; see ``safety_layout``.
         command: (6,) on the hand, by the device, at the point held, N and N m, world axes; changed.
         position: (3,) of that point, m.
     """

@@ -16,6 +16,9 @@ def balanced(inertia: np.ndarray) -> tuple[np.ndarray, bool]:
     No body has a principal moment above the sum of the other two; files have. The smaller two are
     raised by half of what is missing each. Moments clearly below zero are left for the scene's
     rules to refuse.
+
+    Args:
+        inertia: (3, 3) about the centre of mass, kg m².
     """
     moments, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
     largest = moments[2]

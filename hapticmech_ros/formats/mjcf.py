@@ -51,7 +51,7 @@ Part = tuple[Node, pin.SE3, str]
 
 
 def read_mjcf(source: Source) -> Model:
-    """Read an MJCF file.
+    """Return the model in an MJCF file.
 
     Joints have the file's coordinates, ``ref`` included: a scene starts where the file draws it.
 

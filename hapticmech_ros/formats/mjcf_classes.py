@@ -67,7 +67,11 @@ class Context:
             self._collect(inner, called)
 
     def known(self, node: Node, called: str) -> str:
-        """Return the name of a class, if there is one."""
+        """Return the name of a class, if there is one.
+
+        Raises:
+            SceneError: an unknown class.
+        """
         if called not in self.classes:
             rule = f"no such class of defaults: must be one of {sorted(self.classes)}"
             raise self.source.error(node, called, rule)
@@ -84,7 +88,11 @@ class Context:
         return node.attributes.get(key, default).strip()
 
     def flag(self, node: Node, key: str, default: str = "false") -> bool:
-        """Return an attribute that is true or false."""
+        """Return an attribute that is true or false.
+
+        Raises:
+            SceneError: neither true nor false.
+        """
         found = self.word(node, key, default)
         if found not in ("true", "false"):
             raise self.source.error(node, found, f"{key} must be true or false")
@@ -106,7 +114,11 @@ class Context:
         return pin.SE3(self.rotation(node), position)
 
     def rotation(self, node: Node) -> np.ndarray:
-        """Return an element's rotation; the identity if it says none."""
+        """Return an element's rotation (3, 3); the identity if it says none.
+
+        Raises:
+            SceneError: a rotation that is given in two ways.
+        """
         given = [key for key in TURNS if key in node.attributes]
         if len(given) > 1:
             raise self.source.error(node, given, "one way of giving a rotation is enough")
@@ -129,7 +141,7 @@ class Context:
         return np.column_stack((x_axis, y_axis, np.cross(x_axis, y_axis)))
 
     def quaternion(self, node: Node, key: str) -> np.ndarray:
-        """Return the rotation that a quaternion in an attribute is."""
+        """Return the rotation (3, 3) that a quaternion in an attribute is."""
         w, x, y, z = self.source.values(node, key, (1.0, 0.0, 0.0, 0.0))
         self._unit_of(node, key, np.array((w, x, y, z)))
         turn = pin.Quaternion(w, x, y, z)

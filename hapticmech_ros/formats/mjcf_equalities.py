@@ -34,7 +34,11 @@ class Equalities:
     couplings: list[Coupling] = field(default_factory=list)
 
     def read(self) -> None:
-        """Read them all."""
+        """Read them all.
+
+        Raises:
+            SceneError: an equality that cannot be a closure.
+        """
         general = settings(self.context.source.root, "equality").children
         for count, node in enumerate(general):
             full = self._full(node)

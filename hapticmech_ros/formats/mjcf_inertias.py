@@ -112,7 +112,11 @@ def _of_geom(context: Context, node: Node) -> pin.Inertia | None:
 
 
 def shape_of(context: Context, node: Node) -> tuple[tuple[float, ...], pin.SE3]:
-    """Return the sizes of a geom or site that count, and where it is."""
+    """Return the sizes of a geom or site that count, and where it is.
+
+    Raises:
+        SceneError: a ``fromto`` without a length.
+    """
     count = SIZES.get(context.word(node, "type", "sphere"), 0)
     sizes = context.padded(node, "size", (0.0, 0.0, 0.0))
     place = context.place(node)

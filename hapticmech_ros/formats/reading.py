@@ -37,7 +37,7 @@ NO_HAND: Document = {"kind": "constant_wrench"}
 
 
 def read_model(path: Path, free_base: bool = False) -> Imported:
-    """Read a URDF, MJCF or SDF file.
+    """Return the model in a URDF, MJCF or SDF file.
 
     Args:
         path: of the file; what it is, its outermost element says.

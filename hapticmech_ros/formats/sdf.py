@@ -44,7 +44,7 @@ LINK_KNOWN = {"pose", "inertial", "collision"}
 
 
 def read_sdf(source: Source) -> Model:
-    """Read an SDF file with one model, alone or in a world.
+    """Return the one model in an SDF file, alone or in a world.
 
     Raises:
         SceneError: it breaks a rule; names line, element, value and rule.

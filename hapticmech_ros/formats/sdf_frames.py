@@ -37,7 +37,11 @@ class Frames:
     frames: dict[str, Node] = field(default_factory=dict)
 
     def place(self, node: Node, scope: Scope) -> None:
-        """Note where a link, joint, frame or model is said to be: in what other, and how."""
+        """Note where a link, joint, frame or model is said to be: in what other, and how.
+
+        Raises:
+            SceneError: a name that is there twice.
+        """
         name = self.source.text(node, "name")
         if name in self.placed or name in (WORLD, HERE):
             raise self.source.error(node, name, "names of links, joints, frames must be unique")
@@ -55,7 +59,11 @@ class Frames:
             named[name] = node
 
     def written(self, node: Node) -> tuple[str, pin.SE3]:
-        """Return what an element's pose is relative to, empty if it does not say, and the pose."""
+        """Return what an element's pose is relative to, empty if it does not say, and the pose.
+
+        Raises:
+            SceneError: a frame or a format of rotations that is not supported.
+        """
         written = node.first("pose")
         if written is None:
             return "", pin.SE3.Identity()
@@ -73,7 +81,11 @@ class Frames:
         return written.attributes.get("relative_to", ""), pose
 
     def end_name(self, joint: Node, end: str) -> str:
-        """Return the name in an element of a joint, such as its parent's."""
+        """Return the name in an element of a joint, such as its parent's.
+
+        Raises:
+            SceneError: the element is missing.
+        """
         found = joint.first(end)
         name = found.text.strip() if found is not None else ""
         if not name:
@@ -86,6 +98,9 @@ class Frames:
         Args:
             name: of it.
             node: element that names it, for errors.
+
+        Raises:
+            SceneError: an unknown frame, or frames in a circle.
         """
         chain: dict[str, None] = {}  # in order
         name = first = self._known(name)

@@ -33,8 +33,8 @@ def gearbox(
         joint: the gearbox.
         ends: reference body, parent and child.
         hinges: the model's other joints.
-        axes: of the gearbox by element, unit vectors in the world.
-        axis_of: returns a hinge's.
+        axes: name -> (3,) axis.
+        axis_of: returns the axis (3,) of a hinge.
     """
     name, (reference, parent, child) = source.text(joint, "name"), ends
     hinges = list(hinges)
@@ -73,7 +73,11 @@ def _sign(
 
 
 def mimic(source: Source, joint: Node, axis: Node) -> Coupling | None:
-    """Return what an axis mimics; None if it is none, or another joint's second axis."""
+    """Return what an axis mimics; None if it is none, or another joint's second axis.
+
+    Raises:
+        SceneError: a mimic without a multiplier.
+    """
     written = axis.first("mimic")
     if written is None or written.attributes.get("axis", "axis") != "axis":
         return None

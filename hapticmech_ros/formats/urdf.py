@@ -44,7 +44,7 @@ ANY = math.inf
 
 
 def read_urdf(source: Source) -> Model:
-    """Read a URDF file.
+    """Return the model in a URDF file.
 
     Raises:
         SceneError: it breaks a rule; names line, element, value and rule.

@@ -92,7 +92,11 @@ class Source:
         return SceneError(str(file), [SceneProblem(where, value, rule)])
 
     def text(self, node: Node, attribute: str, default: str | None = None) -> str:
-        """Return an attribute; required where there is no default."""
+        """Return an attribute; required where there is no default.
+
+        Raises:
+            SceneError: a required attribute is missing.
+        """
         found = node.attributes.get(attribute, default)
         if found is None or (default is None and not found.strip()):
             raise self.error(node, found, f"needs {attribute}=...")
@@ -106,7 +110,11 @@ class Source:
         what: str = "value",
         largest: float = LARGEST,
     ) -> tuple[float, ...]:
-        """Return so many finite numbers that are written one after the other."""
+        """Return so many finite numbers that are written one after the other.
+
+        Raises:
+            SceneError: not so many numbers, or not finite.
+        """
         parts = written.split(maxsplit=count)
         try:
             if "_" in written:

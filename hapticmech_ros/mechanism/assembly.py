@@ -30,6 +30,15 @@ def consistent_initial_state(mechanism: Mechanism) -> tuple[Array, Array]:
 def assemble(mechanism: Mechanism, q: Array, v: Array, active: Active) -> tuple[Array, Array]:
     """Close the active loops from (q, v): Gauss-Newton in the mass metric with short steps.
 
+    Args:
+        mechanism: whose closures.
+        q: (nq,) to begin with.
+        v: (nv,) rates there.
+        active: per closure, whether it is closed.
+
+    Returns:
+        q (nq,) and v (nv,) with the loops closed.
+
     Raises:
         ClosureError: no closed position was reached, or one with axes more than 90° apart.
     """

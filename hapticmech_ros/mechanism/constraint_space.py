@@ -142,30 +142,50 @@ class ConstraintSpace:
         return self.closing.rank
 
     def to_mass_metric(self, force: Array) -> Array:
-        """Return L⁻¹ force, for a joint force (nv,) or the columns of (nv, k)."""
+        """Return L⁻¹ force, for a joint force (nv,) or the columns of (nv, k).
+
+        Args:
+            force: (nv,) or (nv, k) joint forces, N m or N.
+        """
         if force.ndim == 1:
             return np.asarray(dtrsv(self.factor, force, lower=1))
         return solve_lower(self.factor, force)
 
     def from_mass_metric(self, rate: Array) -> Array:
-        """Return L⁻ᵀ rate for (nv,): joint rates from coordinates of the mass metric."""
+        """Return L⁻ᵀ rate for (nv,): joint rates from coordinates of the mass metric.
+
+        Args:
+            rate: (nv,) in the mass metric.
+        """
         return np.asarray(dtrsv(self.factor, rate, lower=1, trans=1))
 
     def size(self, change: Array) -> float:
-        """Return |Lᵀ change| for (nv,): the length of a change in the mass metric."""
+        """Return |Lᵀ change| for (nv,): the length of a change in the mass metric.
+
+        Args:
+            change: (nv,) rad or m.
+        """
         lifted = np.array(change, dtype=float)
         closing = self.closing
         lift_rates(*closing.active_set.constants, closing.packed, lifted)
         return float(np.sqrt(lifted @ lifted))
 
     def without_closure_part(self, columns: Array) -> Array:
-        """Return (1 - U Uᵀ) columns: what the closures leave free."""
+        """Return (1 - U Uᵀ) columns: what the closures leave free.
+
+        Args:
+            columns: (nv,) or (nv, k) in the mass metric.
+        """
         if self.rank == 0:
             return columns
         return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
     def correction(self, rows: Array) -> Array:
-        """Return D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ rows: of all changes with W change = rows the smallest."""
+        """Return D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ rows: of all changes with W change = rows the smallest.
+
+        Args:
+            rows: (m,) of φ, rad or m.
+        """
         closing = self.closing
         change = np.empty(closing.active_set.model.nv)
         rows = np.ascontiguousarray(rows, dtype=float)
@@ -173,7 +193,11 @@ class ConstraintSpace:
         return change
 
     def closed_rates(self, rates: Array) -> Array:
-        """Return the rates nearest to ``rates`` in the mass metric that keep the loops closed."""
+        """Return the rates (nv,) nearest to ``rates`` in the mass metric that keep loops closed.
+
+        Args:
+            rates: (nv,) rad/s or m/s.
+        """
         kept = np.array(rates, dtype=float)
         keep_closed(*self.closing.active_set.constants, self.closing.packed, kept)
         return kept
@@ -181,6 +205,11 @@ class ConstraintSpace:
 
 def factored(tree: TreeModel, active_set: ActiveSet, q: Array) -> Closing:
     """Return the terms of closures at q (nq,); dense where a sparse factorisation cannot decide.
+
+    Args:
+        tree: the mechanism's.
+        active_set: the closures.
+        q: (nq,) configuration.
 
     Raises:
         SingularInertiaError: D is not positive definite at q.
@@ -203,8 +232,12 @@ def failure(code: int, tree: TreeModel) -> HapticMechError:
 
 
 def solve_lower(factor: Array, columns: Array) -> Array:
-    """Return factor⁻¹ columns for a lower triangular factor and a matrix of columns.
+    """Return factor⁻¹ columns, (n, k), for a lower triangular factor.
 
     BLAS's trsm rather than LAPACK's trtrs: the latter starts threads for the smallest matrices.
+
+    Args:
+        factor: (n, n).
+        columns: (n, k).
     """
     return np.asarray(dtrsm(1.0, factor, columns, lower=1))

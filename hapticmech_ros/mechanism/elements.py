@@ -98,7 +98,12 @@ class Elements:
         self.effort.flags.writeable = False
 
     def energy(self, data: pin.Data, q: Array) -> float:
-        """Return the elastic energy, J; ``data`` has frames' placements at q."""
+        """Return the elastic energy, J; ``data`` has frames' placements at q.
+
+        Args:
+            data: with frames' placements at q.
+            q: (nq,) configuration.
+        """
         energy = sum(element.energy(float(q[element.position])) for element in self.joints)
         return float(energy + sum(spring.energy(data) for spring in self.springs))
 

@@ -97,6 +97,11 @@ def flat_grasps(scene: Scene) -> Array:
 def grasp_of(scene: Scene, name: str, numbers: Array) -> OperationalPoint:
     """Return the point that numbers (7,) put elsewhere; see :func:`flat_grasp`.
 
+    Args:
+        scene: whose.
+        name: of the point.
+        numbers: (7,) see :func:`flat_grasp`.
+
     Raises:
         InvalidInputError: no such link; and as :func:`grasped`.
     """

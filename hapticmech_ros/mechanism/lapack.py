@@ -11,17 +11,17 @@ from typing import Any
 
 
 def dtrsm(*arguments: Any, **options: Any) -> Any:
-    """Solve a triangular system for a matrix; see ``scipy.linalg.blas.dtrsm``."""
+    """Return the solution of a triangular system for a matrix; see ``scipy.linalg.blas.dtrsm``."""
     return _blas().dtrsm(*arguments, **options)
 
 
 def dtrsv(*arguments: Any, **options: Any) -> Any:
-    """Solve a triangular system for a vector; see ``scipy.linalg.blas.dtrsv``."""
+    """Return the solution of a triangular system for a vector; see ``scipy.linalg.blas.dtrsv``."""
     return _blas().dtrsv(*arguments, **options)
 
 
 def dpotrf(*arguments: Any, **options: Any) -> Any:
-    """Factor a positive definite matrix; see ``scipy.linalg.lapack.dpotrf``."""
+    """Return the factor of a positive definite matrix; see ``scipy.linalg.lapack.dpotrf``."""
     return _lapack().dpotrf(*arguments, **options)
 
 

@@ -81,7 +81,7 @@ class Mechanism(MultibodyModel):
     def evaluate(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
     ) -> Evaluation:
-        """Evaluate every term of Eq. 1 at (q, v) with the given closures active.
+        """Return every term of Eq. 1 at (q, v) with the given closures active.
 
         Args:
             q: (nq,) configuration.
@@ -120,13 +120,23 @@ class Mechanism(MultibodyModel):
     def closing_terms(self, q: Array, active: Active) -> Closing:
         """Return φ, W and the factorisation at q: what projections need.
 
+        Args:
+            q: (nq,) configuration.
+            active: per closure, whether it is closed.
+
         Raises:
             SingularInertiaError: D is not positive definite at q.
         """
         return factored(self.tree, self.active_set(active), q)
 
     def distance_of(self, index: int, q: Array, v: Array) -> tuple[float, float]:
-        """Return |φ| of closure ``index``, active or not, and the rate at which it grows."""
+        """Return |φ| of closure ``index``, active or not, and the rate at which it grows.
+
+        Args:
+            index: of the closure.
+            q: (nq,) configuration.
+            v: (nv,) rates.
+        """
         closing = factored(self.tree, self._single[index], q)
         residual = closing.residual
         distance = float(np.sqrt(residual @ residual))

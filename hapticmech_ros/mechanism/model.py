@@ -72,7 +72,7 @@ class TreeModel:
 
 
 def build_tree(scene: Scene) -> TreeModel:
-    """Build the Pinocchio model of ``scene`` without its closures."""
+    """Return the Pinocchio model of ``scene`` without its closures."""
     model = pin.Model()
     model.name = scene.name
     model.gravity.linear = np.array(scene.gravity)
@@ -155,7 +155,7 @@ def authored_state(scene: Scene, tree: TreeModel) -> tuple[Array, Array]:
 
 
 def authored_position(scene: Scene, joint: Joint) -> Array | None:
-    """Return the joint's part of q as the scene has it, its unit part exact; None if left out."""
+    """Return the joint's part (k,) of q as in the scene, its unit part exact; None if left out."""
     if joint.name not in scene.initial_state.q:
         return None
     position = np.atleast_1d(np.array(scene.initial_state.q[joint.name], dtype=float))

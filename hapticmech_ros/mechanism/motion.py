@@ -174,5 +174,10 @@ def check_external(external: ExternalWrenches, points: int, nv: int) -> None:
 
 
 def not_finite(what: str, values: Array) -> InvalidInputError:
-    """Return the error of ``mechanism <what>`` that is NaN or infinite."""
+    """Return the error of ``mechanism <what>`` that is NaN or infinite.
+
+    Args:
+        what: its name.
+        values: (n,).
+    """
     return InvalidInputError(f"mechanism {what}", values.tolist(), "must stay finite")

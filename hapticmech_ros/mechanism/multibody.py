@@ -76,7 +76,12 @@ class MultibodyModel:
         frame.parentJoint, frame.placement = self.tree.place(point.link, point.origin)
 
     def on_wrong_branch(self, index: int, q: Array) -> bool:
-        """Return whether closure ``index`` has axes more than 90° apart at q."""
+        """Return whether closure ``index`` has axes more than 90° apart at q.
+
+        Args:
+            index: of the closure.
+            q: (nq,) configuration.
+        """
         loop = self.closures[index]
         if not loop.has_axes:
             return False
@@ -96,6 +101,10 @@ class MultibodyModel:
     def link_jacobian(self, q: Array, link: str) -> Array:
         """Return (6, nv) Jacobian of a link's frame at q: world axes, at the frame's origin.
 
+        Args:
+            q: (nq,) configuration.
+            link: its name.
+
         Raises:
             InvalidInputError: no such link.
         """
@@ -108,6 +117,10 @@ class MultibodyModel:
 
     def frame_pose(self, q: Array, frame: str) -> pin.SE3:
         """Return the pose in ``world`` of a link, a point, or ``<point>_world`` (world's axes).
+
+        Args:
+            q: (nq,) configuration.
+            frame: its name.
 
         Raises:
             InvalidInputError: no such frame.
@@ -129,24 +142,47 @@ class MultibodyModel:
         return [c.name for c, on in zip(self.closures, active, strict=True) if on]
 
     def integrate(self, q: Array, change: Array) -> Array:
-        """Return q ⊕ change on the configuration manifold."""
+        """Return q ⊕ change, (nq,), on the configuration manifold.
+
+        Args:
+            q: (nq,) configuration.
+            change: (nv,) rad or m.
+        """
         return np.asarray(pin.integrate(self.model, q, change))
 
     def coordinates(self, q: Array) -> Array:
-        """Return (nv,) positions of all degrees of freedom as seen from the neutral ones."""
+        """Return (nv,) positions of all degrees of freedom as seen from the neutral ones.
+
+        Args:
+            q: (nq,) configuration.
+        """
         # Where q and v are as long as each other the neutral ones are zero.
         return q if self.nq == self.nv else self.difference(self._neutral, q)
 
     def configuration(self, coordinates: Array) -> Array:
-        """Return q (nq,) of such positions."""
+        """Return q (nq,) of such positions.
+
+        Args:
+            coordinates: (nv,) rad or m.
+        """
         return coordinates if self.nq == self.nv else self.integrate(self._neutral, coordinates)
 
     def difference(self, start: Array, end: Array) -> Array:
-        """Return the change (nv,) that leads from one configuration (nq,) to another."""
+        """Return the change (nv,) that leads from one configuration (nq,) to another.
+
+        Args:
+            start: (nq,).
+            end: (nq,).
+        """
         return np.asarray(pin.difference(self.model, start, end))
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
-        """Return kinetic and potential energy, J; the latter with that of springs and stops."""
+        """Return kinetic and potential energy, J; the latter with that of springs and stops.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) rates.
+        """
         kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
         potential = float(pin.computePotentialEnergy(self.model, self.data, q))
         if self.elements.springs:
@@ -174,6 +210,10 @@ class MultibodyModel:
 
     def check_state(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return copies of (q, v) after checking sizes and finiteness.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) rates.
 
         Raises:
             InvalidInputError: wrong size, NaN or infinity.

@@ -108,6 +108,12 @@ def refuse_jump(mechanism: Mechanism, stepped: float, corrected: float, active: 
 def refuse_flipped(mechanism: Mechanism, q: Array, worst: float, active: Active) -> None:
     """Check that axes still point the same way at q; ``worst`` is |φ| there.
 
+    Args:
+        mechanism: whose closures.
+        q: (nq,) configuration.
+        worst: |φ| there, rad or m.
+        active: per closure, whether it is closed.
+
     Raises:
         ClosureError: those of a revolute or weld closure are more than 90° apart, where φ = 0 has
             another root.

@@ -126,6 +126,13 @@ def put_on_branch(
 
     Next to where branches cross it is on them to rounding, and the closures' rows there say less of
     the branch's direction than what led it.
+
+    Args:
+        mechanism: whose closures.
+        q: (nq,) configuration.
+        v: (nv,) rates.
+        active: per closure, whether it is closed.
+        branch: along which it was led.
     """
     closing = mechanism.closing_terms(q, active)
     if closing.least < NEAR and closing.error <= PROJECTION_TOLERANCE * mechanism.length:

@@ -117,7 +117,7 @@ class Stepper:
         self.heeded = UNCHECKED if pulled else EVERYTHING
 
     def advance(self, start: Start, external: ExternalWrenches) -> Stepped:
-        """Advance by one period with pushes held; see ``Simulator.step``."""
+        """Return the state after a period with wrenches held; see ``Simulator.step``."""
         return self.run(start, external, 1, _NO_SAMPLES, 0)
 
     def run(
@@ -175,7 +175,7 @@ class Stepper:
         return self.careful_substep(start, external)
 
     def careful_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
-        """Do a step; with care where branches of the motion cross, or nearly do.
+        """Return the state after a step; with care where branches of the motion cross, or nearly.
 
         There closures gain rank in a step, or keep a σ that says little of the direction.
         """
@@ -293,7 +293,7 @@ class Stepper:
         external: ExternalWrenches,
         heeded: int = EVERYTHING,
     ) -> Array | None:
-        """Put where steps start, and what pushes, into the work; return known terms, if any.
+        """Put start and external wrenches into the work; return known terms (size,), if any.
 
         Args:
             start: where.
@@ -319,7 +319,7 @@ class Stepper:
             code: that it returned; a positive one that is no failure of ``settle`` ended it early.
             active_set: the closures.
             active: which they are.
-            end: packed terms that it filled, at the end or where it failed.
+            end: (size,) packed terms at the end.
 
         Raises:
             HapticMechError: a step failed.
@@ -381,7 +381,13 @@ def _known(start: Start, active_set: ActiveSet) -> Array | None:
 
 
 def first_terms(known: Array | None, active_set: ActiveSet, steps: int) -> Array:
-    """Return the packed terms that a kernel begins so many steps with: known, or to be filled."""
+    """Return the packed terms (size,) that a kernel begins with: known, or to be filled.
+
+    Args:
+        known: (size,) or None.
+        active_set: the closures.
+        steps: that the kernel does.
+    """
     if known is None:
         return np.empty(active_set.size)
     # Others may hold what is known, and many steps use both arrays.

@@ -120,12 +120,12 @@ class Actor(Generic[P]):
     def output(
         self, topic: Topic, message_type: Any, qos: QoSProfile | None = None, point: str = ""
     ) -> Outlet:
-        """Create what a topic of the table is published through."""
+        """Return what a topic of the table is published through."""
         name = topic.of(point or self.point)
         return self.output_named(name, message_type, qos or self.output_qos)
 
     def output_named(self, name: str, message_type: Any, qos: QoSProfile) -> Outlet:
-        """Create what a topic of any name is published through."""
+        """Return what a topic of any name is published through."""
         publisher = self.node.keep(self.node.create_publisher(message_type, name, qos))
         stays = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
         return self.node.exchange.outlet(publisher, publisher.topic_name, stays)
@@ -145,6 +145,9 @@ class Actor(Generic[P]):
         """Subscribe; what ``accept(message, now_ns)`` refuses with InvalidInputError is counted.
 
         ``sources`` is told before whom each message comes from.
+
+        Returns:
+            The subscription.
         """
 
         def read(message: bytes, now_ns: int) -> None:
@@ -170,6 +173,13 @@ class Actor(Generic[P]):
 
         Messages are expected to have ``fields``; those that have not are handed on as well.
         ``sources`` is told before whom each message comes from.
+
+        Args:
+            name: of the topic.
+            qos: of the subscription.
+            accept: called with data (n,) and the time of arrival, ns.
+            fields: of the message.
+            sources: tells publishers apart.
         """
         decode = FlatArray(fields).decode
 
@@ -191,6 +201,13 @@ class Actor(Generic[P]):
         ``accept(wrench, stamp_ns, now_ns)`` gets those that keep the rules. As CRTK has it, a
         command's header may be left empty: it then stands for now, and for ``world``. ``sources``
         is told before whom each message comes from.
+
+        Args:
+            name: of the topic.
+            qos: of the subscription.
+            accept: called with a wrench (6,), its stamp and the time of arrival, ns.
+            unstamped_is_now: whether a zero stamp stands for the time of arrival.
+            sources: tells publishers apart.
         """
 
         def read(message: bytes, now_ns: int) -> None:

@@ -70,7 +70,13 @@ class ControllerOutputs:
         self._publish_gain.publish(self._gain.encode(pack_gain(told)))
 
     def device(self, wrenches: Array, stamp_ns: int, energies: LedgerEntry) -> None:
-        """Publish row 0 of an answer (6, 6); at view rate also its parts, rows 2 to 4."""
+        """Publish row 0 of an answer (6, 6); at view rate also its parts, rows 2 to 4.
+
+        Args:
+            wrenches: (6, 6) N and N m, world axes; rows as in :class:`ControlOutput`.
+            stamp_ns: of the sample that is answered.
+            energies: of the controllers.
+        """
         self._publish_device.publish(encode_wrench(wrenches[0], stamp_ns, self._actor.wrenches))
         if self.answers % self._actor.view_every == 0:
             for publisher, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
@@ -81,7 +87,12 @@ class ControllerOutputs:
         self.answers += 1
 
     def mechanism(self, wrench: Array, stamp_ns: int) -> None:
-        """Publish what the mechanism is told."""
+        """Publish what the mechanism is told.
+
+        Args:
+            wrench: (6,) N and N m, world axes at the operational point.
+            stamp_ns: of the sample that is answered.
+        """
         self._publish_point.publish(encode_wrench(wrench, stamp_ns, self._actor.wrenches))
 
     def zero(self, device_ns: int, mechanism_ns: int) -> None:

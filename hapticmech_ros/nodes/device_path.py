@@ -116,7 +116,12 @@ class DevicePath(InOrder):
         )
 
     def put(self, sample: Array, stamp_ns: int) -> None:
-        """Keep a sample (19,) until the analysis comes."""
+        """Keep a sample (19,) until the analysis comes.
+
+        Args:
+            sample: (19,) of the device.
+            stamp_ns: its stamp, ns.
+        """
         self._sample = sample, stamp_ns
 
     def take(self) -> tuple[Array, int] | None:

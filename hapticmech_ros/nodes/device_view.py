@@ -53,7 +53,13 @@ class DeviceView:
         self._publish_pose = actor.output(DEVICE_POSE, PoseStamped)
 
     def publish_energy(self, account: PassivityController, sample: Array, time_ns: int) -> None:
-        """Publish a device's energies at a sample (19,), at a time (ns)."""
+        """Publish a device's energies at a sample (19,), at a time (ns).
+
+        Args:
+            account: of passivity.
+            sample: (19,) of the device.
+            time_ns: ns.
+        """
         energy = DeviceEnergy(
             time_ns,
             account.hand(sample),
@@ -65,7 +71,13 @@ class DeviceView:
         self._publish_energy.publish(self._energy.encode(pack_device_energy(energy)))
 
     def publish(self, state: DeviceState, hand_wrench: Array, time_ns: int) -> None:
-        """Publish a state with the wrench (6,) of all that push, at a time (ns)."""
+        """Publish a state with the wrench (6,) of all that push, at a time (ns).
+
+        Args:
+            state: of the device.
+            hand_wrench: (6,) F_h, N and N m, world axes at the point held.
+            time_ns: ns.
+        """
         pose, twist, applied = state.measured_pose, state.measured_twist, state.applied
         write_wrench(self._force, hand_wrench, time_ns)
         write_twist(self._twist, twist, time_ns)

@@ -102,7 +102,12 @@ class ExternalWrenches:
             source.wrench.clear()
 
     def at(self, now_ns: int, rotation_of: Callable[[str], Array]) -> dict[str, Array]:
-        """Return the sum of wrenches (6,) on each body that is pushed, axes of ``world``."""
+        """Return the sum of wrenches (6,) on each body that is pushed, axes of ``world``.
+
+        Args:
+            now_ns: present time, ns.
+            rotation_of: returns a frame's rotation (3, 3) in the world.
+        """
         total: dict[str, Array] = {}
         for source in self.sources.values():
             if not source.wrench.stands(now_ns):

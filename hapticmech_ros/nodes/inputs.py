@@ -105,7 +105,12 @@ class ExpiringWrench:
     _latest: Standing[Array] = field(default_factory=Standing)
 
     def put(self, wrench: Array, now_ns: int) -> None:
-        """Take a new command (6,)."""
+        """Take a new command (6,).
+
+        Args:
+            wrench: (6,) N and N m.
+            now_ns: present time, ns.
+        """
         self._latest.put(wrench, now_ns)
 
     def clear(self) -> None:

@@ -60,7 +60,12 @@ class LocalLoop:
         self._samples: OrderedDict[int, Array] = OrderedDict()
 
     def measured(self, sample: Array, stamp_ns: int) -> None:
-        """Remember a sample (19,)."""
+        """Remember a sample (19,).
+
+        Args:
+            sample: (19,) of the device.
+            stamp_ns: its stamp, ns.
+        """
         self._samples[stamp_ns // _MICROSECOND] = sample.copy()
         if len(self._samples) > REMEMBERED:
             self._samples.popitem(last=False)
@@ -79,6 +84,11 @@ class LocalLoop:
 
     def take(self, values: Array, now_ns: int, lockstep: bool) -> None:
         """Take a ``local_feedback_gain`` message's data.
+
+        Args:
+            values: (113,) the data.
+            now_ns: present time, ns.
+            lockstep: whether the graph runs in lockstep.
 
         Raises:
             InvalidInputError: as :func:`~hapticmech_ros.wire.gain_wire.unpack_gain`.
@@ -119,6 +129,11 @@ class LocalLoop:
         """Return a command (6,) corrected by the gain that stands, if its sample is remembered.
 
         What answers no sample, as a controller's last zero does, is obeyed as it is.
+
+        Args:
+            command: (6,) N and N m, world axes at the point held.
+            answered_ns: stamp of the sample that it answers.
+            now_ns: present time, ns.
         """
         if not self.remembers(answered_ns):
             return command
@@ -134,7 +149,12 @@ class LocalLoop:
         return self._corrected(command, gain, answered_ns)
 
     def correct_in_lockstep(self, command: Array, stamp_ns: int) -> Array:
-        """Return a command (6,) corrected by the gain that goes with it."""
+        """Return a command (6,) corrected by the gain that goes with it.
+
+        Args:
+            command: (6,) N and N m, world axes at the point held.
+            stamp_ns: of the sample that it answers.
+        """
         gain = self.gains.take(stamp_ns)
         self._told, self._before = gain.to_mechanism, 0.0
         return self._corrected(command, gain, gain.answered_ns)

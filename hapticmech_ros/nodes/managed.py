@@ -138,7 +138,7 @@ class ManagedNode(LifecycleNode):
         self._destroy(entity)
 
     def hand_over(self, topic: str, listener: Listener) -> Callable[[bytes], bool]:
-        """Give a listener a topic's messages within the process until cleanup."""
+        """Return the listener of a topic's messages within the process, known until cleanup."""
         self._listeners.append((topic, listener))
         return self.exchange.listen(topic, listener)
 
@@ -168,7 +168,14 @@ class ManagedNode(LifecycleNode):
         return f"{self.get_name()}: {sentence}; {shown}"
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Build the actor from scene and parameters."""
+        """Build the actor from scene and parameters.
+
+        Returns:
+            Whether it succeeded.
+
+        Raises:
+            ParameterError: the parameters break a rule.
+        """
         del state
         self.failure = None
         self._look_for_clock()
@@ -184,7 +191,11 @@ class ManagedNode(LifecycleNode):
         return SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to act, by the machine's clock or by /clock."""
+        """Begin to act, by the machine's clock or by /clock.
+
+        Returns:
+            Whether it succeeded.
+        """
         actor = self.actor
         if actor is None:
             return FAILURE
@@ -217,18 +228,30 @@ class ManagedNode(LifecycleNode):
         self._activate(self.actor)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop acting; devices are left without force."""
+        """Stop acting; devices are left without force.
+
+        Returns:
+            Whether it succeeded.
+        """
         self._stop()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Drop the actor and all its topics."""
+        """Drop the actor and all its topics.
+
+        Returns:
+            Whether it succeeded.
+        """
         del state
         self._release()
         return SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End, from any state."""
+        """End, from any state.
+
+        Returns:
+            Whether it succeeded.
+        """
         del state
         self._stop()
         self._release()

@@ -144,13 +144,25 @@ def check_frame(header: Header, frame: str = WORLD) -> None:
 
 
 def write_wrench(message: WrenchStamped, wrench: Array, time_ns: int) -> None:
-    """Fill a stamped wrench, axes of ``world``."""
+    """Fill a stamped wrench, axes of ``world``.
+
+    Args:
+        message: to fill.
+        wrench: (6,) N and N m.
+        time_ns: its stamp, ns.
+    """
     _write_header(message.header, time_ns)
     _write_six(message.wrench.force, message.wrench.torque, wrench)
 
 
 def write_twist(message: TwistStamped, twist: Array, time_ns: int) -> None:
-    """Fill a stamped twist, axes of ``world``."""
+    """Fill a stamped twist, axes of ``world``.
+
+    Args:
+        message: to fill.
+        twist: (6,) m/s and rad/s.
+        time_ns: its stamp, ns.
+    """
     _write_header(message.header, time_ns)
     _write_six(message.twist.linear, message.twist.angular, twist)
 
@@ -175,7 +187,12 @@ def matrix_message(row_label: str, column_label: str, rows: int, columns: int) -
 
 
 def write_array(message: Float64MultiArray, values: Array) -> None:
-    """Fill the data of a multi-array message."""
+    """Fill the data of a multi-array message.
+
+    Args:
+        message: to fill.
+        values: (n,) or (n, m).
+    """
     message.data = array.array("d", np.ascontiguousarray(values, dtype=float).tobytes())
 
 

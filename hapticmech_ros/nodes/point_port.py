@@ -91,7 +91,14 @@ class PointPort:
     def publish(
         self, point: PointKinematics, force: Array, joints: JointState, time_ns: int
     ) -> None:
-        """Publish what people and CRTK clients read."""
+        """Publish what people and CRTK clients read.
+
+        Args:
+            point: its kinematics.
+            force: (6,) F_c, N and N m, world axes.
+            joints: joint states.
+            time_ns: their stamp, ns.
+        """
         write_wrench(self._wrench, force, time_ns)
         write_twist(self._twist, point.twist, time_ns)
         write_pose(self._pose, point.pose, time_ns)

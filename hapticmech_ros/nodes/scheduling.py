@@ -59,7 +59,7 @@ class QuickStart:
 
 
 def ask_for_real_time(priority: int) -> str:
-    """Ask for real-time scheduling of all threads of this process; say why not, if it is refused.
+    """Request real-time scheduling of all threads; return why it was refused, or nothing.
 
     ``SCHED_FIFO``: a thread that has something to do runs before every ordinary one of the machine.
     Processes started from here, and threads begun later, are ordinary ones.

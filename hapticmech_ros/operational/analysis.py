@@ -59,7 +59,7 @@ class Analyser:
     def observe(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
     ) -> Observation:
-        """Evaluate Eq. 1 at a state and analyse the point there.
+        """Return Eq. 1's terms at the point at a state, and the analysis there.
 
         Args:
             q: (nq,) configuration.
@@ -78,7 +78,7 @@ class Analyser:
         return self._observe(q, v, active_set, active_set.scratch, 0, self.compensated_delay)
 
     def analyse(self, terms: Evaluation) -> OperationalAnalysis:
-        """Analyse the point from the terms of Eq. 1 at a state.
+        """Return the analysis of the point from the terms of Eq. 1 at a state.
 
         Raises:
             HapticMechError: as :meth:`observe`.

@@ -34,10 +34,10 @@ def consistent_wrench(
     """Fill F_c = Σ (1 - w_i) n_i (n_iᵀ a_c) / μ_i, as X n_i = μ_i I_ℓ⁻¹ n_i; T18 of derivations.md.
 
     Args:
-        numbers: constants of the mechanism, whole ones.
-        values: the others; see ``model.pack``.
-        packed: terms at the configuration.
-        observation: of the point there; see ``observation_layout``.
+        numbers: (integers,) constants of the mechanism, whole ones.
+        values: (numbers,) the others; see ``model.pack``.
+        packed: (size,) packed terms at the configuration.
+        observation: (numbers,) of the point there; see ``observation_layout``.
         rows: (t,) rows of a six-vector that the task space has.
         joint_force: (nv,) Σ J_cᵀ λ, N m or N.
         wrench: (6,) F_c to fill, N and N m, world axes at the point.

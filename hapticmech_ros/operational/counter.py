@@ -33,10 +33,20 @@ class ConstraintCounter:
         self.numbers[BEGUN] = 0.0
 
     def update(self, s: Array, time: float) -> int:
-        """Return the count after s (t,), descending, was seen at ``time`` (s)."""
+        """Return the count after s (t,), descending, was seen at ``time`` (s).
+
+        Args:
+            s: (t,) singular values, descending.
+            time: s.
+        """
         return count_constraints(self.numbers, np.ascontiguousarray(s, dtype=float), time)
 
 
 def rigid_count(s: Array, perception: Perception) -> int:
-    """Return the count of a configuration by itself: directions with s (t,) at most s_on."""
+    """Return the count of a configuration by itself: directions with s (t,) at most s_on.
+
+    Args:
+        s: (t,) singular values, descending.
+        perception: its thresholds.
+    """
     return int(np.count_nonzero(s <= perception.s_on))

@@ -47,7 +47,7 @@ def count_constraints(counter: Array, s: Array, time: float) -> int:
     """Return how many directions are reported as rigid, once s was seen at ``time``.
 
     Args:
-        counter: a :data:`COUNTER`, changed.
+        counter: (numbers,) a :data:`COUNTER`, changed.
         s: (t,) singular values, descending.
         time: s.
     """

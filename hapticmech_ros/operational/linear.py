@@ -43,14 +43,22 @@ class LinearSystem:
     twist: Array
 
     def admittance(self, frequencies: Array) -> Array:
-        """Return C (z - A)⁻¹ B at z = exp(i ω T), (k, 6, 6) complex, at frequencies (k,) in Hz."""
+        """Return C (z - A)⁻¹ B at z = exp(i ω T), (k, 6, 6) complex, at frequencies (k,) in Hz.
+
+        Args:
+            frequencies: (k,) Hz.
+        """
         turns = np.exp(2j * np.pi * self.period * np.asarray(frequencies, dtype=float))
         one = np.eye(len(self.step))
         answers = [np.linalg.solve(z * one - self.step, self.push) for z in turns]
         return np.array([self.twist @ answer for answer in answers])
 
     def run(self, external: Array) -> Array:
-        """Return twists (k, 6) from rest under wrenches (k, 6), one a period."""
+        """Return twists (k, 6) from rest under wrenches (k, 6), one a period.
+
+        Args:
+            external: (k, 6) N and N m, world axes at the point.
+        """
         driven = np.asarray(external, dtype=float) @ self.push.T
         states = np.zeros((len(driven), len(self.step)))
         for index in range(len(driven) - 1):

@@ -51,19 +51,19 @@ def observe_point(
     """Evaluate Eq. 1 at a state and analyse an operational point there.
 
     Args:
-        numbers: constants of the mechanism, whole ones.
-        values: the others; see ``operational_model.pack``.
-        packed: terms at the configuration; filled first, unless they are known.
+        numbers: (integers,) constants of the mechanism, whole ones.
+        values: (numbers,) the others; see ``model.pack``.
+        packed: (size,) packed terms at the configuration; filled first, unless they are known.
         known: whether they are.
         q: (nq,) configuration.
         v: (nv,) rates.
         index: number of the operational point.
-        constants: of the analysis; see ``metric_of``.
+        constants: (numbers,) of the analysis; see ``metric_of``.
         rows: (t,) rows of a six-vector that the task space has.
         length: of the mechanism, m.
         delay: τ of the loop, s; 0 for none.
-        ahead: as long as ``packed``, to work in.
-        observation: to fill; see ``observation_layout``. F_c is zero.
+        ahead: (size,) as long as ``packed``, to work in.
+        observation: (numbers,) to fill; see ``observation_layout``. F_c is zero.
 
     Returns:
         0; NO_SPECTRUM where the SVD of S does not converge; or a negative code.

@@ -56,5 +56,9 @@ class Spectrum:
 
 
 def rank_of(s: Array) -> int:
-    """Return the numerical rank of X, given s (t,)."""
+    """Return the numerical rank of X, given s (t,).
+
+    Args:
+        s: (t,) singular values, descending.
+    """
     return int(np.count_nonzero(s > RANK_TOLERANCE))

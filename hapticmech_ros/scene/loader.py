@@ -28,7 +28,7 @@ FILE_SIZE_LIMIT = 4_000_000
 def load_scene(
     scene: str | os.PathLike[str], control_rate: float = 0.0, network_delay: float = 0.0
 ) -> Scene:
-    """Load a scene from a file, or a shipped scene by its bare name (``five_bar``).
+    """Return a scene from a file, or a shipped scene by its bare name (``five_bar``).
 
     A file is YAML, with its links or with ``model``, the file that they come from; or that file
     itself, URDF, MJCF or SDF (see ``formats``).
@@ -89,7 +89,7 @@ def _over_network(document: object, network_delay: float) -> object:
 
 
 def scene_from_document(document: object, source: str = "<document>") -> Scene:
-    """Validate a scene given as plain dictionaries, lists and numbers.
+    """Return the scene that plain dictionaries, lists and numbers describe, validated.
 
     Raises:
         SceneError: lists every broken rule with its key path and value.

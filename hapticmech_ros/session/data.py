@@ -91,7 +91,7 @@ def session_data(sizes: Mapping[str, int], parts: Mapping[str, Array]) -> Sessio
 
     Args:
         sizes: by name; all of them.
-        parts: arrays of one or two dimensions, by name; all of them. They are copied.
+        parts: name -> (n,) or (n, m) array; all of them. They are copied.
     """
     kinds = vars(SessionData)
     numbers = np.zeros(SIZES, dtype=np.int64)

@@ -85,7 +85,7 @@ class Session(SessionLoop):
     def tick(
         self, external_wrench: Array | None = None, hand_wrench: Array | None = None
     ) -> Sample:
-        """Measure, analyse, control, and advance mechanism and device by one period.
+        """Advance mechanism and device by one period; return what was measured and commanded.
 
         Args:
             external_wrench: (6,) wrench on the mechanism at the operational point, world axes, held
@@ -122,7 +122,7 @@ class Session(SessionLoop):
         Args:
             ticks: how many.
             external_wrench: as of :meth:`tick`: (6,) for all of them, or (ticks, 6).
-            hand_wrench: likewise.
+            hand_wrench: (6,) or (ticks, 6), likewise.
             every: ticks from one row to the next; rows are of ticks whose number since the
                 session's start is a multiple of it.
             into: (rows or more, width) float64 in C order to fill, such as a ``numpy.memmap``, with

@@ -292,20 +292,20 @@ def run_ticks(
     """Do ticks, or parts of one.
 
     Args:
-        numbers: constants of the mechanism, whole ones.
-        values: the others; see ``operational_model.pack``.
-        packed: (4, ...) terms at a tick's start and at its end, which change places; those that
-            the delay compensation works in, and those of a step's stages.
-        work: of the step; see ``step_kernels.Work``.
-        springs: of implicit rules; see ``implicit_kernels.Springs``.
-        whole: numbers of the session's data.
-        real: the data; see :class:`~hapticmech_ros.session.data.SessionData`.
+        numbers: (integers,) constants of the mechanism, whole ones.
+        values: (numbers,) the others; see ``model.pack``.
+        packed: (4, ...) terms at a tick's start and at its end, which change places; those that the
+            delay compensation works in, and those of a step's stages.
+        work: (work,) of the step; see ``step_kernels.Work``.
+        springs: (numbers,) of implicit rules; see ``implicit_kernels.Springs``.
+        whole: (integers,) numbers of the session's data.
+        real: (numbers,) the data; see :class:`~hapticmech_ros.session.data.SessionData`.
         inputs: (ticks or 1, 12) wrenches by others on the mechanism at the operational point, and
             on the device.
         records: (records, ...) to fill; see ``run_layout``.
         nobody: (0, 10).
         contact_numbers: of the contacts, whole ones; (0,) in a scene without.
-        contact_values: the others; see ``layout.Contacts``.
+        contact_values: (numbers,) the others; see ``layout.Contacts``.
         clock: (9,) what to do, and what was done.
 
     Returns:

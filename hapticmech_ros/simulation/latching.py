@@ -36,7 +36,14 @@ class Latches:
     def after(
         self, q: Array, v: Array, active: Active, released: Iterable[int]
     ) -> tuple[Active, frozenset[int]]:
-        """Return which closures are closed at (q, v), and which of the others are released."""
+        """Return which closures are closed at (q, v), and which of the others are released.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) rates.
+            active: per closure, whether it is closed.
+            released: indices of those that were opened, and have not left their reach since.
+        """
         closed, still = list(active), set(released)
         for index, limit in self._limits.items():
             if not closed[index]:

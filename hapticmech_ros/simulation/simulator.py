@@ -98,7 +98,7 @@ class Simulator:
         on_links: Mapping[str, Array] = NOTHING,
         joint_forces: Array | None = None,
     ) -> MechanismState:
-        """Advance by one period with wrenches held.
+        """Return the state one period later, with wrenches held.
 
         Args:
             state: where to start.
@@ -121,14 +121,14 @@ class Simulator:
     def run(
         self, state: MechanismState, steps: int, wrenches: Array | None = None, every: int = 1
     ) -> Trajectory:
-        """Advance by many periods with wrenches held, and keep what it went through.
+        """Return the trajectory of many periods with wrenches held.
 
         The same states as from :meth:`step`, to rounding, without a call of Python for each.
 
         Args:
             state: where to start.
             steps: how many periods.
-            wrenches: as in :meth:`step`; none if None.
+            wrenches: (points, 6) as in :meth:`step`; none if None.
             every: steps from one sample to the next.
 
         Raises:
@@ -177,7 +177,7 @@ class Simulator:
         )
 
     def switch(self, state: MechanismState, closures: Mapping[str, bool]) -> MechanismState:
-        """Open or close loops by name at once; closing takes an impulse in the mass metric.
+        """Return the state with loops opened or closed by name, at once; closing takes an impulse.
 
         Raises:
             InvalidInputError: unknown closure, or one whose frames are too far apart to close.

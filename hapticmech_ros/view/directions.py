@@ -56,6 +56,9 @@ def gathered(columns: Array) -> Array:
     """Return ``columns`` (6, k) turned among themselves, those of the largest force first.
 
     The forces of the result are perpendicular to each other, and the span is the same.
+
+    Args:
+        columns: (6, k) wrenches.
     """
     if columns.shape[1] < 2:
         return columns

@@ -26,7 +26,11 @@ LETTERS_PT = 11.0
 
 
 def view_from(towards: Array) -> Array:
-    """Return (3, 3) rows right, up and towards the viewer, who is in that direction (3,)."""
+    """Return (3, 3) rows right, up and towards the viewer, who is in that direction (3,).
+
+    Args:
+        towards: (3,) direction, world axes.
+    """
     near = towards / np.linalg.norm(towards)
     up = ABOVE if abs(near[2]) < 0.99 else np.array((0.0, 1.0, 0.0))
     right = np.cross(up, near)

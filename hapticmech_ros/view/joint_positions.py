@@ -39,7 +39,11 @@ class JointPositions:
         self.names = tuple(names)
 
     def at(self, q: Array) -> Array:
-        """Return the positions, rad or m, at q (nq,); passive joints included."""
+        """Return the positions, rad or m, at q (nq,); passive joints included.
+
+        Args:
+            q: (nq,) configuration.
+        """
         found: list[float] = []
         for kind, part in self._parts:
             if kind == "spherical":
@@ -55,7 +59,11 @@ def hinge_name(joint: str, axis: str) -> str:
 
 
 def hinge_angles(rotation: Array) -> tuple[float, float, float]:
-    """Return a, b, c (rad) with ``rotation`` (3, 3) = R_x(a) R_y(b) R_z(c), -π/2 <= b <= π/2."""
+    """Return a, b, c (rad) with ``rotation`` (3, 3) = R_x(a) R_y(b) R_z(c), -π/2 <= b <= π/2.
+
+    Args:
+        rotation: (3, 3).
+    """
     level = float(np.hypot(rotation[0, 0], rotation[0, 1]))
     b = float(np.arctan2(rotation[0, 2], level))
     if level < _ALIGNED:

@@ -80,7 +80,11 @@ class Placer:
         self.limbs = _limbs(mechanism)
 
     def at(self, q: Array) -> Placement:
-        """Return where everything is at q (nq,)."""
+        """Return where everything is at q (nq,).
+
+        Args:
+            q: (nq,) configuration.
+        """
         data = self._data
         pin.forwardKinematics(self._model, data, q)
         pin.updateFramePlacements(self._model, data)

@@ -70,20 +70,40 @@ def vanished(before: Iterable[Key], now: Iterable[Shape]) -> list[Key]:
 
 
 def cylinder(centre: Array, along: Array, diameter: float, colour: Colour) -> Shape:
-    """Return a cylinder about ``centre``; ``along`` (3,) is its axis times its length, m."""
+    """Return a cylinder about ``centre``; ``along`` (3,) is its axis times its length, m.
+
+    Args:
+        centre: (3,) m.
+        along: (3,) its axis times its length, m.
+        diameter: m.
+        colour: of the palette.
+    """
     length = float(np.linalg.norm(along))
     pose = pin.SE3(rotation_to(along), np.asarray(centre))
     return Shape("", 0, "cylinder", pose, (diameter, diameter, length), colour)
 
 
 def capsule(start: Array, end: Array, diameter: float, colour: Colour) -> list[Shape]:
-    """Return a cylinder from ``start`` to ``end`` with round ends."""
+    """Return a cylinder from ``start`` to ``end`` with round ends.
+
+    Args:
+        start: (3,) m.
+        end: (3,) m.
+        diameter: m.
+        colour: of the palette.
+    """
     ends = [sphere(point, diameter, colour) for point in (start, end)]
     return [cylinder(0.5 * (start + end), end - start, diameter, colour), *ends]
 
 
 def sphere(centre: Array, diameter: float, colour: Colour) -> Shape:
-    """Return a sphere."""
+    """Return a sphere.
+
+    Args:
+        centre: (3,) m.
+        diameter: m.
+        colour: of the palette.
+    """
     pose = pin.SE3(np.eye(3), np.asarray(centre))
     return Shape("", 0, "sphere", pose, (diameter,) * 3, colour)
 
@@ -94,7 +114,14 @@ def box(pose: pin.SE3, size: tuple[float, float, float], colour: Colour) -> Shap
 
 
 def arrow(tail: Array, tip: Array, shaft: float, colour: Colour) -> list[Shape]:
-    """Return an arrow with a shaft of diameter ``shaft``, m; none where it has no length."""
+    """Return an arrow with a shaft of diameter ``shaft``, m; none where it has no length.
+
+    Args:
+        tail: (3,) m.
+        tip: (3,) m.
+        shaft: its diameter, m.
+        colour: of the palette.
+    """
     length = float(np.linalg.norm(tip - tail))
     if length < _NOTHING:
         return []
@@ -105,7 +132,14 @@ def arrow(tail: Array, tip: Array, shaft: float, colour: Colour) -> list[Shape]:
 
 
 def double_arrow(centre: Array, half: Array, shaft: float, colour: Colour) -> list[Shape]:
-    """Return two arrows from ``centre``, along ``half`` (3,), m, and against it."""
+    """Return two arrows from ``centre``, along ``half`` (3,), m, and against it.
+
+    Args:
+        centre: (3,) m.
+        half: (3,) from the centre to a tip, m.
+        shaft: its diameter, m.
+        colour: of the palette.
+    """
     return [
         *arrow(centre, centre + half, shaft, colour),
         *arrow(centre, centre - half, shaft, colour),
@@ -113,7 +147,13 @@ def double_arrow(centre: Array, half: Array, shaft: float, colour: Colour) -> li
 
 
 def strip(points: Array, width: float, colour: Colour) -> Shape:
-    """Return a line through ``points`` (n, 3)."""
+    """Return a line through ``points`` (n, 3).
+
+    Args:
+        points: (n, 3) m.
+        width: m.
+        colour: of the palette.
+    """
     return Shape("", 0, "strip", pin.SE3.Identity(), (width, 0.0, 0.0), colour, points)
 
 
@@ -124,7 +164,7 @@ def ring(
 
     Args:
         centre: (3,) m.
-        axis: normal of its plane; its length does not matter, none where it has none.
+        axis: (3,) direction.
         radius: m.
         width: of the line, m.
         colour: of line and arrowhead.
@@ -159,13 +199,24 @@ def axes(
 
 
 def text(place: Array, words: str, height: float, colour: Colour) -> Shape:
-    """Return words that face the viewer, ``height`` m high."""
+    """Return words that face the viewer, ``height`` m high.
+
+    Args:
+        place: (3,) m.
+        words: the text.
+        height: m.
+        colour: of the palette.
+    """
     pose = pin.SE3(np.eye(3), np.asarray(place))
     return Shape("", 0, "text", pose, (0.0, 0.0, height), colour, text=words)
 
 
 def rotation_to(direction: Array) -> Array:
-    """Return a rotation (3, 3) whose z is along ``direction`` (3,); identity where it has none."""
+    """Return a rotation (3, 3) whose z is along ``direction`` (3,); identity where it has none.
+
+    Args:
+        direction: (3,).
+    """
     length = float(np.linalg.norm(direction))
     if length < _NOTHING:
         return np.eye(3)

@@ -35,6 +35,10 @@ def skeleton(scene: Scene, q: Array) -> Skeleton:
     """Return the lines of ``scene`` at configuration q (nq,).
 
     A link is drawn from its own joint to every frame that something else is attached to.
+
+    Args:
+        scene: whose.
+        q: (nq,) configuration.
     """
     tree = build_tree(scene)
     data = tree.pinocchio.createData()

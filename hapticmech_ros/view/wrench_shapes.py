@@ -44,6 +44,13 @@ def wrench_shapes(
     """Return an arrow and a ring for a wrench (6,) at ``place`` (3,), tail and centre there.
 
     The namespace's colour is taken; of several wrenches in a namespace each has its number.
+
+    Args:
+        namespace: of the markers.
+        number: of the first one.
+        place: (3,) m.
+        wrench: (6,) N and N m, world axes.
+        scales: m/N, and m/(N m).
     """
     colour, width = palette.MEANING[namespace], FORCE_SHAFT * scales.unit
     force, radius = scales.force * wrench[:3], scales.torque * float(np.linalg.norm(wrench[3:]))
@@ -64,6 +71,12 @@ def direction_shapes(
 
     A direction has no sense, so a ring has no head. The longest arrow has ``DIRECTION_LENGTH`` to
     either side, the largest ring ``RING_RADIUS``, as shares of ``unit`` (m).
+
+    Args:
+        namespace: of the markers.
+        found: the directions.
+        place: (3,) m.
+        unit: length of a direction, m.
     """
     colour = palette.MEANING[namespace]
     shaft = (RIGID_SHAFT if namespace == "rigid_directions" else FREE_SHAFT) * unit

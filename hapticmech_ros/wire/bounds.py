@@ -55,7 +55,7 @@ class Bounds:
         """Return the stamp (ns) of a message's data that keeps every rule.
 
         Args:
-            values: the data, float64, an array of its own in C order.
+            values: (n,) the data.
 
         Raises:
             InvalidInputError: wrong length, a number beyond its bound or not finite, a quaternion
@@ -70,6 +70,9 @@ class Bounds:
     def check_output(self, values: Array) -> None:
         """Hold what is to be sent to the same rules.
 
+        Args:
+            values: (n,) the data.
+
         Raises:
             OutputError: as :meth:`stamp`.
         """
@@ -79,7 +82,11 @@ class Bounds:
             raise OutputError(error.what, error.value, error.rule) from None
 
     def keeps(self, rows: Array) -> npt.NDArray[np.bool_]:
-        """Return which of n messages' data (n, size) are certain to keep every rule (n,)."""
+        """Return which of n messages' data (n, size) are certain to keep every rule (n,).
+
+        Args:
+            rows: (n, size) data of messages.
+        """
         with np.errstate(invalid="ignore"):
             within = (np.abs(rows) <= self.most).all(axis=1)
             stamps = rows[:, :2]
@@ -195,6 +202,9 @@ def bounds_of(what: str, layout: Layout, limits: Limits | None = None) -> Bounds
 
 def check_unit(quaternion: Array) -> None:
     """Refuse a quaternion that is no rotation.
+
+    Args:
+        quaternion: (4,) x, y, z, w.
 
     Raises:
         InvalidInputError: off unit length by more than 1e-3.

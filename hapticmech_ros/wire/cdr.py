@@ -44,6 +44,9 @@ class FlatArray:
     def encode(self, values: Array) -> bytes:
         """Return the serialized message.
 
+        Args:
+            values: (n,) the data.
+
         Raises:
             InvalidInputError: not ``size`` numbers.
             OutputError: numbers that are not finite, or beyond their bounds.
@@ -59,7 +62,7 @@ class FlatArray:
         return self._prefix + values.tobytes()
 
     def decode(self, message: bytes) -> Array:
-        """Return the data of a serialized message, of this layout or of any other, read-only.
+        """Return the data (n,) of a serialized message, of this layout or of any other, read-only.
 
         Raises:
             InvalidInputError: as :func:`decode`.
@@ -88,7 +91,7 @@ class FlatArray:
 
 
 def decode(message: bytes) -> Array:
-    """Return the data of a serialized Float64MultiArray, read-only.
+    """Return the data (n,) of a serialized Float64MultiArray, read-only.
 
     Raises:
         InvalidInputError: cut short, or not such a message.

@@ -80,6 +80,9 @@ class ContactLayout:
     def unpack(self, data: Array) -> ContactPoints:
         """Return the decoded message.
 
+        Args:
+            data: (n,) of a message.
+
         Raises:
             InvalidInputError: wrong length, not finite, or a pair that the scene has not.
         """

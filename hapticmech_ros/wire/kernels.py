@@ -22,8 +22,8 @@ def stamp_if_sound(values: Array, most: Array, quaternion: int, tolerance: float
     not finite; of unit length within half the tolerance the quaternion; a stamp of whole numbers.
 
     Args:
-        values: the message's data, which begins with seconds and nanoseconds.
-        most: as many numbers, the largest sizes that are allowed.
+        values: (n,) the data.
+        most: (n,) largest magnitude of each.
         quaternion: index of the first of its four numbers; below 0 for none.
         tolerance: of the quaternion's length.
     """

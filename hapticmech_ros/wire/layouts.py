@@ -164,7 +164,11 @@ def unpack_device(data: object) -> DeviceSample:
 
 
 def whole_device(values: Array) -> Array:
-    """Return a ``device/state`` message's data; of an older version, with what it did not tell."""
+    """Return a ``device/state`` message's data (n,); an older version's, completed.
+
+    Args:
+        values: (n,) the data.
+    """
     return np.append(values, _NOT_TOLD) if values.shape == (_OLD_DEVICE_SIZE,) else values
 
 
@@ -222,6 +226,10 @@ def unpack_energy(data: object) -> Energy:
 
 def pose_of(position: Array, quaternion: Array) -> pin.SE3:
     """Return the pose of a position (3,), m, and a quaternion (4,), x, y, z, w.
+
+    Args:
+        position: (3,) m.
+        quaternion: (4,) x, y, z, w.
 
     Raises:
         InvalidInputError: a quaternion off unit length by more than 1e-3.

@@ -76,6 +76,10 @@ def reading_bounds(limits: Limits) -> ReadingBounds:
 def read_device(values: Array, bounds: Bounds = _DEVICE) -> DeviceReading:
     """Return what the control needs of a message's data.
 
+    Args:
+        values: (n,) the data.
+        bounds: of the message.
+
     Raises:
         InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
@@ -90,6 +94,10 @@ def read_operational_model(
     values: Array, bounds: Bounds = _OPERATIONAL_MODEL
 ) -> OperationalModelReading:
     """Return what the control needs of a message's data.
+
+    Args:
+        values: (n,) the data.
+        bounds: of the message.
 
     Raises:
         InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.

@@ -99,7 +99,7 @@ class StateLayout:
         self.bounds = bounds_of("state", self.fields, mechanism.scene.limits)
 
     def pack(self, state: WireState) -> Array:
-        """Return the message's data."""
+        """Return the message's data (n,)."""
         # One array of numbers, rather than one of arrays: there are few of them.
         return np.array(
             (
@@ -141,6 +141,9 @@ class StateLayout:
     def unpack_all(self, data: Array) -> StateColumns:
         """Return what matters of n decoded messages, whose data (n, size) is given.
 
+        Args:
+            data: (n, size) of messages.
+
         Raises:
             InvalidInputError: as :meth:`unpack`, for the first message that it refuses.
         """
@@ -168,5 +171,9 @@ class StateLayout:
         )
 
     def coordinates(self, q: Array) -> Array:
-        """Return (nv,) positions of all degrees of freedom as seen from the neutral ones."""
+        """Return (nv,) positions of all degrees of freedom as seen from the neutral ones.
+
+        Args:
+            q: (nq,) configuration.
+        """
         return self._mechanism.coordinates(q)

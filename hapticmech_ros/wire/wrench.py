@@ -40,6 +40,11 @@ class WireWrench(NamedTuple):
 def encode_wrench(values: Array, stamp_ns: int, bounds: SixBounds = ANY_WRENCH) -> bytes:
     """Return the serialized message of a wrench (6,) in ``world``.
 
+    Args:
+        values: (6,) N and N m.
+        stamp_ns: its stamp, ns.
+        bounds: of the message.
+
     Raises:
         OutputError: beyond its bounds, not finite, or a time that no stamp can hold.
     """

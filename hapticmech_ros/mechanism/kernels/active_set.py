@@ -42,5 +42,5 @@ class ActiveSet:
 
     @cached_property
     def scratch(self) -> Array:
-        """A packed array for terms that nobody keeps."""
+        """A packed array (size,) for terms that are not kept."""
         return np.empty(self.size)

@@ -68,7 +68,12 @@ def data_size(model: Model) -> int:
 
 
 def views_of(packed: Array, model: Model) -> Data:
-    """Return the parts of a packed array, as views."""
+    """Return the parts of a packed array, as views.
+
+    Args:
+        packed: (size,) packed terms.
+        model: the mechanism's.
+    """
     return Data(model.numbers, packed)
 
 

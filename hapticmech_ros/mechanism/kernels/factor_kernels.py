@@ -78,13 +78,13 @@ def factor_closures(numbers: Array, values: Array, q: Array, packed: Array) -> i
     """Fill ``packed`` at a configuration.
 
     Args:
-        numbers: constants of the mechanism, whole ones.
-        values: the others; see ``model.pack``.
+        numbers: (integers,) constants of the mechanism, whole ones.
+        values: (numbers,) the others; see ``model.pack``.
         q: (nq,) configuration.
-        packed: to fill.
+        packed: (size,) to fill.
 
     Returns:
-        The rank r; or NO_SVD, SINGULAR and below, or UNDECIDED of a sparse factorisation.
+        The rank r; or NO_SVD, SINGULAR and below, or NOT_DECIDED of a sparse factorisation.
     """
     model = Model(numbers, values)
     return factor(model, q, unpack(packed, model))
@@ -103,27 +103,59 @@ def solve_motion(
     bias: Array,
     result: Array,
 ) -> None:
-    """Solve Eq. 1: see :func:`accelerate`."""
+    """Solve Eq. 1: see :func:`accelerate`.
+
+    Args:
+        numbers: (integers,) constants of the mechanism, whole ones.
+        values: (numbers,) the others; see ``model.pack``.
+        packed: (size,) packed terms at the configuration.
+        bias_force: (nv,) h, N m or N.
+        passive: (nv,) forces of elements, N m or N.
+        bias: (m,) Ẇv.
+        result: (nv + m,) joint forces, replaced by v̇ and λ.
+    """
     model = Model(numbers, values)
     accelerate(model, unpack(packed, model), bias_force, passive, bias, result)
 
 
 @kernel("void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1])")
 def correct(numbers: Array, values: Array, packed: Array, residual: Array, change: Array) -> None:
-    """Fill ``change``: see :func:`correction_of`."""
+    """Fill ``change``: see :func:`correction_of`.
+
+    Args:
+        numbers: (integers,) constants of the mechanism, whole ones.
+        values: (numbers,) the others; see ``model.pack``.
+        packed: (size,) packed terms at the configuration.
+        residual: (m,) φ, rad or m.
+        change: (nv,) to fill.
+    """
     model = Model(numbers, values)
     correction_of(model, unpack(packed, model), residual, change)
 
 
 @kernel("void(int64[::1], float64[::1], float64[::1], float64[::1])")
 def keep_closed(numbers: Array, values: Array, packed: Array, rates: Array) -> None:
-    """Replace rates: see :func:`close_rates`."""
+    """Replace rates: see :func:`close_rates`.
+
+    Args:
+        numbers: (integers,) constants of the mechanism, whole ones.
+        values: (numbers,) the others; see ``model.pack``.
+        packed: (size,) packed terms at the configuration.
+        rates: (nv,) replaced.
+    """
     model = Model(numbers, values)
     close_rates(model, unpack(packed, model), rates)
 
 
 @kernel("void(int64[::1], float64[::1], float64[::1], float64[::1])")
 def lift_rates(numbers: Array, values: Array, packed: Array, rates: Array) -> None:
-    """Replace rates: see ``metric_kernels.lift``."""
+    """Replace rates: see ``metric_kernels.lift``.
+
+    Args:
+        numbers: (integers,) constants of the mechanism, whole ones.
+        values: (numbers,) the others; see ``model.pack``.
+        packed: (size,) packed terms at the configuration.
+        rates: (nv,) replaced.
+    """
     model = Model(numbers, values)
     lift(model, unpack(packed, model), rates)

@@ -51,6 +51,10 @@ def sparse(dense: ActiveSet, position: Array) -> ActiveSet | None:
     """Return closures with a sparse factorisation; None where it cannot be done at a position.
 
     Arguments are those of :func:`sparse_or_dense`.
+
+    Args:
+        dense: the closures with a dense factorisation.
+        position: (nq,) configuration.
     """
     model = dense.known
     reaches = _reaches(model)

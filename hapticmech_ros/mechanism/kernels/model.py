@@ -114,7 +114,7 @@ _SMALL = 4
 
 
 def pack(constants: Constants) -> tuple[Array, Array]:
-    """Return constants as an array of integers and an array of floats; see :class:`Model`."""
+    """Return constants as (integers,) and (numbers,); see :class:`Model`."""
     whole = [np.asarray(getattr(constants, name), dtype=np.int64) for name in _WHOLE]
     real = [np.asarray(getattr(constants, name), dtype=float) for name in _REAL]
     places = _places(_WHOLE, whole, SIZES + 3 * _PARTS)

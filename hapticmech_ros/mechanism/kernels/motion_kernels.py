@@ -172,9 +172,9 @@ def move_frames(
     """Fill the terms of Eq. 1 that depend on rates, and what operational points need.
 
     Args:
-        numbers: constants of the mechanism, whole ones.
-        values: the others; see ``model.pack``.
-        packed: the configuration's terms.
+        numbers: (integers,) constants of the mechanism, whole ones.
+        values: (numbers,) the others; see ``model.pack``.
+        packed: (size,) the configuration's terms.
         q: (nq,) configuration.
         v: (nv,) rates.
         terms: (3 nv + m + points (6 nv + 12),) to fill with h, forces of elements, their

@@ -185,18 +185,18 @@ def advance(
     """Do one step or many, with pushes held.
 
     Args:
-        numbers: constants of the mechanism, whole ones.
-        values: the others; see ``model.pack``.
-        start: packed terms at the start: to read where they are known, else to fill.
-        end: packed terms, to fill at the end.
-        scratch: packed terms of stages.
-        work: see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, account 0, 1
-            and 5 add up.
-        spring_work: of implicit rules; see ``implicit_kernels.Springs``.
+        numbers: (integers,) constants of the mechanism, whole ones.
+        values: (numbers,) the others; see ``model.pack``.
+        start: (size,) packed terms at the start: to read where they are known, else to fill.
+        end: (size,) packed terms, to fill at the end.
+        scratch: (size,) packed terms of stages.
+        work: (work,) see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, account
+            0, 1 and 5 add up.
+        spring_work: (numbers,) of implicit rules; see ``implicit_kernels.Springs``.
         external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
         samples: (samples, nq + nv) to fill.
-        plan: (5,) number of steps, steps from one sample to the next (0: none), number of stages,
-            1 for an implicit rule, 1 where terms at the start are known.
+        plan: (5,) number of steps, steps from one sample to the next (0: none), number of stages, 1
+            for an implicit rule, 1 where terms at the start are known.
 
     Returns:
         0; NEEDS_CARE before a step that starts at, or would leave, a singular position, or has a

@@ -32,11 +32,16 @@ _ORIGIN, _AXIS, _MASS, _LEVER, _INERTIA, _TURNS = 9, 12, 15, 16, 19, 25
 
 
 def joint_row(placement: pin.SE3, axis: Array, inertia: pin.Inertia) -> Array:
-    """Return a joint's row of ``Model.joint_values``.
+    """Return a joint's row (52,) of ``Model.joint_values``.
 
     Its placement in its parent, axes first, then its axis, its link's mass, centre of mass and
     rotational inertia about it (xx, xy, xz, yy, yz, zz), and three matrices column by column: a
     revolute joint's axes in its parent's are A + cos θ B + sin θ C.
+
+    Args:
+        placement: in its parent.
+        axis: (3,) in the joint's frame.
+        inertia: of its link.
     """
     row = np.zeros(JOINT_COLUMNS)
     rotation = placement.rotation

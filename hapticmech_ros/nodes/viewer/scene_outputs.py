@@ -142,7 +142,12 @@ class SceneOutputs:
             self._publish_tf.publish(tf_message(self._tf_type, transforms))
 
     def show_joints(self, q: Array, time_ns: int) -> None:
-        """Publish the positions of the joints of the URDF text."""
+        """Publish the positions of the joints of the URDF text.
+
+        Args:
+            q: (nq,) configuration.
+            time_ns: its stamp, ns.
+        """
         if self._publish_joints.wanted:
             message = JointState(name=list(self._joints.names))
             message.position = self._joints.at(q).tolist()

@@ -93,7 +93,13 @@ def tf_message(message_type: Any, transforms: Iterable[TransformStamped]) -> Any
 
 
 def wrench_in(frame: str, wrench: Array, time_ns: int) -> WrenchStamped:
-    """Return a wrench (6,), axes of ``world``, stamped in a frame that has those axes."""
+    """Return a wrench (6,), axes of ``world``, stamped in a frame that has those axes.
+
+    Args:
+        frame: its name.
+        wrench: (6,) N and N m.
+        time_ns: its stamp, ns.
+    """
     message = WrenchStamped()
     write_wrench(message, wrench, time_ns)
     message.header.frame_id = frame
