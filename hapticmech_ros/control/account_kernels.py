@@ -111,13 +111,13 @@ def account_for_springs(
     """Account for the springs and dampers of an answer, ``duration`` (s) after the last one.
 
     Args:
-        account: the controller's.
-        error: (6,) e of the answer.
-        projector: (36,) P_c.
+        account: (account,) of the controller, changed; see ``loop_layout``.
+        error: (6,) e of the answer, m and rad, world axes.
+        projector: (36,) P_c, row by row.
         spring: k of the joint constraint, N/m.
         damper: b of the joint constraint, N s/m.
-        stiffness: (6,) diagonal of C's stiffness.
-        damping: (6,) diagonal of C's damping.
+        stiffness: (6,) diagonal of C's stiffness, N/m and N m/rad.
+        damping: (6,) diagonal of C's damping, N s/m and N m s/rad.
         duration: s.
     """
     stored = spring_energy(error, spring, projector, stiffness)
@@ -139,14 +139,13 @@ def account_for_springs(
 def predict(account: Array, queue: Array, operational_model: Array, predicted: Array) -> float:
     """Fill an operational model once what is in the queue has acted; return how long it takes, s.
 
-    Its pose is not carried on yet. F_c stays meanwhile; nothing is predicted of a mechanism that
-    stands still under it, held by contacts, springs or gravity.
+    The pose is not extrapolated; F_c is taken as constant, so that equilibrium is kept.
 
     Args:
-        account: the controller's.
-        queue: (delay, 6) what the mechanism was told and does not act yet.
-        operational_model: (139,) operational model.
-        predicted: (139,) to fill.
+        account: (account,) of the controller; see ``loop_layout``.
+        queue: (delay, 6) commands to the mechanism that have not acted yet, N and N m.
+        operational_model: (139,) now, in SI units; see ``layout.OPERATIONAL_MODEL``.
+        predicted: (139,) to fill, likewise.
     """
     put(predicted, operational_model)
     duration, impulse = queue.shape[0] * account[PERIOD], local(6)
@@ -207,10 +206,7 @@ def conclude(
     locality: Array,
     answer: Array,
 ) -> None:
-    """Account for an answer whose wrenches are there, and say what it answers.
-
-    ``locality`` as in :func:`answer_sample`.
-    """
+    """Complete an answer that has its wrenches; ``locality`` as in :func:`answer_sample`."""
     joint = settings[JOINT:CHANNELS]
     account_for_springs(
         account,
@@ -302,7 +298,7 @@ def move_point_on(account: Array, operational_model: Array, elapsed: float) -> N
 
     Args:
         account: (account,) of the controller, changed; see ``loop_layout``.
-        operational_model: (139,) the operational point now.
+        operational_model: (139,) now, in SI units; see ``layout.OPERATIONAL_MODEL``.
         elapsed: s since the last one.
     """
     account_for_motion(account, operational_model[TWIST : TWIST + 6], elapsed)
@@ -329,10 +325,10 @@ def answer_sample(
     Args:
         account: (account,) of the controller, changed; see ``loop_layout``.
         settings: (58,) of the controllers, see :mod:`~hapticmech_ros.control.kernels`.
-        faded: (6,) what is carried on from another grasp, as far as it has not faded.
-        queue: (delay, 6) what the mechanism was told and does not act yet.
-        device: (19,) the sample.
-        operational_model: (139,) operational model.
+        faded: (6,) rest of the wrench carried on from another grasp, N and N m, world axes.
+        queue: (delay, 6) commands to the mechanism that have not acted yet, N and N m.
+        device: (19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``.
+        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         time: s.
         ahead: s, from the time of ``operational_model`` to that of ``device``.
         locality: (3,) 1 where the device closes the force channel, and the joint constraint; and 1
@@ -363,9 +359,9 @@ def account_for_answer(
 
     Args:
         account: (account,) of the controller, changed; see ``loop_layout``.
-        settings: (58,) of the controllers.
-        device: (19,) sample of the device.
-        operational_model: (139,) operational model.
+        settings: (58,) of the controllers; see ``loop_layout``.
+        device: (19,) sample of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
+        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         time: s.
         locality: (3,) what the device closes; see :func:`answer_sample`.
         answer: (answer,) filled; see ``loop_layout``.
@@ -383,8 +379,8 @@ def predict_model(
     Args:
         account: (account,) of the controller; see ``loop_layout``.
         queue: (d, 6) commands to the mechanism that do not act yet, N and N m.
-        operational_model: (139,) operational model.
-        predicted: (139,) to fill.
+        operational_model: (139,) now, in SI units; see ``layout.OPERATIONAL_MODEL``.
+        predicted: (139,) to fill, likewise.
     """
     return predict(account, queue, operational_model, predicted)
 

@@ -184,7 +184,7 @@ class ControlArchitecture:
         Args:
             time: s.
             device: (19,) the device's measurement.
-            operational_model: (139,) analysis and measurement of the operational point.
+            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
             ahead: as in :meth:`answer`.
             carried: (6,) the device's wrench until now, if it held the mechanism elsewhere.
         """
@@ -212,7 +212,7 @@ class ControlArchitecture:
             time: s.
             clutch: the one until now.
             device: (19,) the device's measurement.
-            operational_model: (139,) analysis and measurement of the operational point.
+            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         """
         if clutch.carried is None:
             return clutch
@@ -255,13 +255,13 @@ class ControlArchitecture:
         ahead: float,
         in_flight: InFlight | None = None,
     ) -> Array:
-        """Return the wrenches for measurements, (6, 6): rows as in :class:`ControlOutput`.
+        """Return the wrenches for measurements, (6, 6): rows and units of :class:`ControlOutput`.
 
         Args:
             time: s.
             clutch: that connects the two poses.
             device: (19,) the device's measurement.
-            operational_model: (139,) analysis and measurement of the operational point.
+            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
             ahead: s, from the time of ``operational_model`` to that of ``device``; the point's pose
                 is extrapolated by its twist for as long.
             in_flight: what of earlier commands to the mechanism has not acted yet, for a device

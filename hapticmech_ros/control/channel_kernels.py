@@ -42,7 +42,7 @@ def mixed(number: int | np.uint64) -> np.uint64:
 
 @inner
 def drawn(stream: int, index: int) -> float:
-    """Return the random number of an index, in [0, 1)."""
+    """Return the random number of an index, in [0, 1]."""
     return float(np.float64(mixed(np.uint64(stream) + np.uint64(index))) / WORDS)
 
 
@@ -111,8 +111,8 @@ def send_message(
     """Send a message; return whether there was space for it. See :func:`send`.
 
     Args:
-        state: (numbers,) of the channel, whole ones, changed.
-        rows: (slots + 1, n) its messages.
+        state: (5 + 3 slots,) whole numbers of the channel, changed.
+        rows: (slots + 1, n) messages on the way, and the last one that arrived.
         delay: d, s.
         jitter: j, share of the delay.
         loss: share of messages that do not arrive.
@@ -128,8 +128,8 @@ def receive_message(state: Array, rows: Array, time_ns: int) -> bool:
     """Put the newest message that has arrived into the last row; return whether one has.
 
     Args:
-        state: (numbers,) of the channel, whole ones, changed.
-        rows: (messages + 1, n) messages on the way, and the last one that arrived.
+        state: (5 + 3 slots,) whole numbers of the channel, changed.
+        rows: (slots + 1, n) messages on the way, and the last one that arrived.
         time_ns: present time, ns.
     """
     return receive(state, rows, time_ns)

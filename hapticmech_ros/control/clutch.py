@@ -52,7 +52,7 @@ class Clutch:
         return float(np.clip((time - self.time) / duration, 0.0, 1.0))
 
     def faded(self, time: float, duration: float) -> Array | None:
-        """Return what is left of ``carried`` (6,) at ``time``; None for nothing."""
+        """Return what is left of ``carried`` (6,), N and N m, at ``time``; None for nothing."""
         return None if self.carried is None else (1.0 - self.ramp(time, duration)) * self.carried
 
     def with_slip(
@@ -64,8 +64,8 @@ class Clutch:
             time: s.
             duration: of the ramp, s.
             device: pose of the device.
-            device_twist: (6,) of the device, world axes.
-            twist: (6,) of the operational point, world axes.
+            device_twist: (6,) of the device, m/s and rad/s, world axes.
+            twist: (6,) of the operational point, m/s and rad/s, world axes.
         """
         if self.carried is None:
             return self

@@ -48,10 +48,10 @@ class DeviceSide:
 
         Args:
             command: (6,) on the hand, by the device, at the point held, N and N m, world axes.
-            sample: (19,) of the device now.
-            applied: (6,) by the actuators, held until now.
+            sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
+            applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
             to_mechanism: E_m, J, as it is told; None while nobody tells it.
-            added: (6,) by the device's driver, for its weight and friction.
+            added: (6,) by the device's driver, for weight and friction, N and N m, world axes.
         """
         found = np.array(command, dtype=float)
         given = math.nan if to_mechanism is None else to_mechanism

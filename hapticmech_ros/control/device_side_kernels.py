@@ -219,8 +219,8 @@ def record_sample(account: Array, sample: Array, applied: Array) -> None:
 
     Args:
         account: (account,) of the device, changed; see ``loop_layout``.
-        sample: (19,) of the device.
-        applied: (6,) by the actuators since the last sample, N and N m, world axes.
+        sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
+        applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
     """
     account_for_actuators(account, sample, applied)
 
@@ -243,10 +243,10 @@ def allow_command(
     Args:
         account: (account,) of the device, changed; see ``loop_layout``.
         safety: (numbers,) the envelope, changed; see ``safety_layout``.
-        command: (6,) on the hand, by the device; changed.
-        sample: (19,) of the device now.
-        applied: (6,) by the actuators, held until now.
-        added: (6,) by the device's driver.
+        command: (6,) on the hand, by the device, N and N m, world axes; changed.
+        sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
+        applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
+        added: (6,) by the device's driver, N and N m, world axes.
         given: E_m, J, as it is told; NaN while nobody tells it.
     """
     account_for_actuators(account, sample, applied)
@@ -270,8 +270,8 @@ def enforce_passivity(account: Array, command: Array, sample: Array, added: Arra
 
     Args:
         account: (account,) of the device, changed; see ``loop_layout``.
-        command: (6,) on the hand, by the device, for the next period; changed.
-        sample: (19,) of the device now.
+        command: (6,) on the hand, by the device, N and N m, world axes; changed.
+        sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
         added: (6,) by the device's driver, for its weight and friction: what it gives stays in the
             device, and does not count.
     """
@@ -285,10 +285,10 @@ def correct_command(
     """Fill a command for the device as it is now.
 
     Args:
-        command: (6,) of the controller.
-        model: (108,) G, K and B row by row: how it depends on the device.
-        answered: (19,) the device's sample that the command answers.
-        now: (19,) its newest sample.
-        found: (6,) to fill.
+        command: (6,) of the controller, N and N m, world axes.
+        model: (108,) G, K and B row by row, SI units: wrench per F_h, ξ and v.
+        answered: (19,) the device's sample that the command answers, in SI units.
+        now: (19,) its newest sample, likewise.
+        found: (6,) to fill, N and N m, world axes.
     """
     correct(command, model, answered, now, found)

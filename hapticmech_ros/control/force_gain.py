@@ -25,8 +25,8 @@ def force_gain(
 
     Args:
         device_inertia: (6, 6) Λ_d, kg and kg m².
-        inverse_inertia: (6, 6) X.
-        wrench_projector: (6, 6) Π.
+        inverse_inertia: (6, 6) X, 1/kg, 1/(kg m) and 1/(kg m²), world axes at the point.
+        wrench_projector: (6, 6) Π; 1, m and 1/m, world axes at the point.
         feedforward: β in [0, 1].
         feedback: C6, local force feedback of the device.
     """

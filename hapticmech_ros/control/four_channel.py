@@ -63,9 +63,9 @@ def bandwidth_factor(stiffness: Array, damping: Array, inertia: Array, lag: floa
     ω and damping are multiplied by it, stiffness by its square.
 
     Args:
-        stiffness: (6,) of C.
-        damping: (6,) of C.
-        inertia: (6,) diagonal of Λ_d.
+        stiffness: (6,) of C, N/m and N m/rad.
+        damping: (6,) of C, N s/m and N m s/rad.
+        inertia: (6,) diagonal of Λ_d, kg and kg m².
         lag: τ, s.
     """
     pace = np.maximum(np.sqrt(stiffness / inertia), damping / inertia)

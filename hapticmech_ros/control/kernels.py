@@ -117,7 +117,7 @@ def control_wrenches(
     """Fill ``out`` (6, 6) with a control period's wrenches: rows as in :class:`ControlOutput`.
 
     Args:
-        settings: (58,) what the scene and the clutch fix.
+        settings: (58,) what the scene and the clutch fix; see ``loop_layout``.
         device: (19,) the device's measurement.
         operational_model: (139,) the analysis and the operational point's measurement.
         time: s.

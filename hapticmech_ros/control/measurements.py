@@ -60,7 +60,7 @@ class ControlOutput:
     error: Array
 
     def rows(self) -> Array:
-        """Return all of it (6, 6), one row each, in this order."""
+        """Return all of it (6, 6), one row each, in this order; N and N m, then m and rad."""
         return np.array(
             (
                 self.device,

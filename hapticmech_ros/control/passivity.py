@@ -132,7 +132,7 @@ class PassivityController:
         """Return E_h at a sample (19,), J, without what friction took.
 
         Args:
-            sample: (19,) of the device.
+            sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
         """
         twist = sample[_TWIST]
         return self.actuators + 0.5 * float(twist @ (self.account[:6] * twist))
@@ -154,8 +154,8 @@ class PassivityController:
         """Account for the last period.
 
         Args:
-            sample: (19,) of the device now.
-            applied: (6,) by the actuators on the device, held until now.
+            sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
+            applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
         """
         record_sample(self.account, sample, applied)
 
@@ -163,8 +163,8 @@ class PassivityController:
         """Return the command (6,), changed where it would give more than there is.
 
         Args:
-            command: (6,) on the hand, by the device, for the next period.
-            sample: (19,) of the device now.
+            command: (6,) on the hand, by the device, N and N m, world axes.
+            sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
             added: (6,) by the device's driver, for its weight and friction: what it gives stays in
                 the device, and does not count.
         """
@@ -178,9 +178,9 @@ def corrected(command: Array, model: Array, answered: Array, now: Array) -> Arra
 
     Args:
         command: (6,) of the controller, N and N m, world axes.
-        model: (108,) G, K and B row by row: how it depends on the device.
-        answered: (19,) the device's sample that the command answers.
-        now: (19,) its newest sample.
+        model: (108,) G, K and B row by row, SI units: wrench per F_h, ξ and v.
+        answered: (19,) the device's sample that the command answers, in SI units.
+        now: (19,) its newest sample, likewise.
     """
     found = np.empty(6)
     correct_command(command, model, answered, now, found)

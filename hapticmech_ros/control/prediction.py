@@ -53,10 +53,10 @@ def predicted_twist(
     gravity.
 
     Args:
-        twist: (6,) now, world axes.
-        inverse_inertia: (6, 6) X.
-        free_acceleration: (6,) a_0.
-        contact_wrench: (6,) F_c, which stays meanwhile.
+        twist: (6,) now, m/s and rad/s, world axes.
+        inverse_inertia: (6, 6) X, 1/kg, 1/(kg m) and 1/(kg m²), world axes at the point.
+        free_acceleration: (6,) a_0, m/s² and rad/s², world axes at the point.
+        contact_wrench: (6,) F_c, N and N m, taken as constant.
         in_flight: what has not acted yet.
     """
     impulse = in_flight.impulse + in_flight.duration * contact_wrench
@@ -71,7 +71,7 @@ def point_ahead(
     Its pose is carried on by its twist; once what is in flight has acted, if anything is.
 
     Args:
-        operational_model: (139,) analysis and measurement of the point.
+        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         ahead: s, from its time to that of the device's measurement.
         in_flight: commands that have not acted yet.
     """

@@ -220,7 +220,7 @@ class RenderingController:
         return None if arrived is None else ControllerCommand(arrived.copy(), back.tag)
 
     def command_mechanism(self) -> tuple[Array, Array]:
-        """Return what the mechanism is told, and what acts on it from now on, (6,) each."""
+        """Return what is sent to the mechanism, and what acts on it now, (6,) each, N and N m."""
         last = self._nothing if self.last is None else self.last.numbers
         told = np.empty((2, 6))
         command_mechanism(self.account, self.queue, last, told)

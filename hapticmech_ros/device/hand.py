@@ -1,7 +1,7 @@
 """The scene's hand as numbers that kernels read, and the law of a hand of one's own.
 
 What the laws compute is in :mod:`~hapticmech_ros.device.hand_kernels`; when a hand holds, and its
-own mass, in :mod:`~hapticmech_ros.device.schedule`.
+own mass, in :mod:`~hapticmech_ros.device.grasp_schedule`.
 """
 
 from __future__ import annotations

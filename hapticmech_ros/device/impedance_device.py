@@ -94,7 +94,7 @@ class ImpedanceDevice:
         return state
 
     def compensation(self, state: DeviceState) -> Array:
-        """Return what the driver adds to a command over the next period (6,)."""
+        """Return what the driver adds to a command over the next period (6,), N and N m."""
         added = np.empty(6)
         kernels.compensation(self.data, state.measured_twist, added)
         return added
@@ -121,11 +121,11 @@ class ImpedanceDevice:
 
         Args:
             state: where to start.
-            command: (6,) servo_cf, on the hand by the device, held over the period; None for
-                actuators off, compensation included.
+            command: (6,) servo_cf, N and N m, on the hand by the device, world axes, held over the
+                period; None for actuators off, compensation included.
             held: state in which the hand could take hold; None if nobody is there.
             ticks: whole periods since then, until ``state``.
-            push: (6,) by others than the hand, on the device, world axes.
+            push: (6,) by others than the hand, on the device, N and N m, world axes.
 
         Raises:
             InvalidInputError: a hand of one's own gave no wrench (6,).

@@ -279,8 +279,8 @@ def begin(data: Array, state: Array, command: Array, obeys: bool, ticks: int, ou
         data: (numbers,) the device; see ``device_layout``.
         state: (83,) at the period's start.
         command: (6,) N and N m, world axes.
-        obeys: whether there is a command.
-        ticks: number of the period.
+        obeys: whether it is obeyed; else the actuators are off, and compensation with them.
+        ticks: whole periods since the hand could take hold; -1 if nobody holds.
         out: (83,) to fill.
     """
     _command(data, state, command, obeys)
@@ -295,7 +295,7 @@ def advance_substep(data: Array, ticks: int, index: int, out: Array, before: Arr
 
     Args:
         data: (numbers,) the device; see ``device_layout``.
-        ticks: number of the period.
+        ticks: whole periods since the hand could take hold; -1 if nobody holds.
         index: of the substep.
         out: (83,) state, changed.
         before: (6,) to fill with the twist at the substep's start, m/s and rad/s.

@@ -92,7 +92,7 @@ class SafetyEnvelope:
         """Put the workspace's centre (3,), m.
 
         Args:
-            centre: (3,) m.
+            centre: (3,) m, world axes.
         """
         self.numbers[_CENTRE] = centre
 
@@ -106,7 +106,7 @@ class SafetyEnvelope:
 
         Args:
             command: (6,) N and N m, world axes.
-            position: (3,) of that point, m.
+            position: (3,) of the point held, m, world axes.
         """
         found = np.array(command, dtype=float)
         apply_envelope(self.numbers, found, position)

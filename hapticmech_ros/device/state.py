@@ -94,7 +94,7 @@ class DeviceState:
 
     @property
     def twist(self) -> Array:
-        """(6,) twist of the point held, world axes."""
+        """(6,) twist of the point held, m/s and rad/s, world axes."""
         return self.flat[_TWIST]
 
     @property
@@ -104,25 +104,25 @@ class DeviceState:
 
     @property
     def measured_twist(self) -> Array:
-        """(6,) twist as estimated from the encoders; the true one if they are ideal."""
+        """(6,) m/s and rad/s, estimated from the encoders; the true twist if they are ideal."""
         return self.flat[_MEASURED_TWIST]
 
     @property
     def hand_wrench(self) -> Array:
         """(6,) F_h by the hand, as a sensor between it and the device would read it.
 
-        Zero if nobody holds.
+        N and N m, world axes at the point held; zero if nobody holds.
         """
         return self.flat[_OWN]
 
     @property
     def applied(self) -> Array:
-        """(6,) by the actuators until now."""
+        """(6,) by the actuators at this time, N and N m, world axes at the point held."""
         return self.flat[_APPLIED]
 
     @property
     def reported(self) -> Array:
-        """(6,) what the device says of F_h: measured, estimated or zero."""
+        """(6,) F_h as reported: measured, estimated or zero; N and N m, world axes."""
         return self.flat[_REPORTED]
 
     @property
@@ -137,7 +137,7 @@ class DeviceState:
 
     @property
     def window(self) -> int:
-        """In which the hand holds; see :class:`~hapticmech_ros.device.schedule.GraspSchedule`."""
+        """In which the hand holds; see :mod:`~hapticmech_ros.device.grasp_schedule`."""
         return int(self.flat[_WINDOW][0])
 
     @property

@@ -39,12 +39,7 @@ from hapticmech_ros.mechanism.motion import (
     check_external,
     not_finite,
 )
-from hapticmech_ros.mechanism.projection import (
-    came_apart,
-    flipped,
-    jumped,
-    refuse_flipped,
-)
+from hapticmech_ros.mechanism.projection import came_apart, flipped, jumped, refuse_flipped
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.singular import (
     care_limit,
@@ -384,13 +379,12 @@ def first_terms(known: Array | None, active_set: ActiveSet, steps: int) -> Array
     """Return the packed terms (size,) that a kernel begins with: known, or to be filled.
 
     Args:
-        known: (size,) or None.
+        known: (size,) or None; it is copied for many steps, which change it.
         active_set: the closures.
         steps: that the kernel does.
     """
     if known is None:
         return np.empty(active_set.size)
-    # Others may hold what is known, and many steps use both arrays.
     return known if steps == 1 else known.copy()
 
 

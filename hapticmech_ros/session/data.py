@@ -45,7 +45,7 @@ class SessionData(Structure):
             mechanism is told.
         external: (6,) on the mechanism at the operational point, by others.
         push: (6,) on the device, by others than the hand.
-        contact: (6,) F_c.
+        contact: (6,) part of F_c by virtual objects, N and N m, world axes.
         locality: (3,) see ``answer_sample``.
         added: (6,) by the device's driver.
         given: the last answer that was given, over a connection.

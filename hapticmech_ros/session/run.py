@@ -15,7 +15,7 @@ def run_layout(nq: int, nv: int) -> Layout:
 
     Time, s; q and v of the mechanism; the device's sample, the wrench applied until then, and what
     its driver adds to the next one; where the simulated device really is, rotation row by row, and
-    how it moves (zero for a device of one's own); the operational model; wrenches of the
+    how it moves, as its state says; the operational model; wrenches of the
     controllers, rows as in :class:`~hapticmech_ros.control.measurements.ControlOutput`; what acts
     from then on, on the hand by the device and on the mechanism by the hand; what others do to the
     mechanism at the operational point; energies of the controllers and of the device, J, see

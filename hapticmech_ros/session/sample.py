@@ -107,17 +107,17 @@ class Sample:
 
     @property
     def hand_wrench(self) -> Array:
-        """(6,) F_h on the device, by the hand and by others, as the device reports it."""
+        """(6,) F_h on the device, by the hand and by others, as reported; N and N m."""
         return self._data.sample[_FORCE]
 
     @property
     def external_wrench(self) -> Array:
-        """(6,) on the mechanism at the operational point, by others."""
+        """(6,) on the mechanism at the operational point, by others; N and N m, world axes."""
         return self._data.external
 
     @property
     def contact_wrench(self) -> Array:
-        """(6,) F_c of virtual objects there, of the step that led here; zero without."""
+        """(6,) part of F_c by virtual objects, in the last step, N and N m; zero without."""
         return self._data.contact
 
     @property
@@ -127,7 +127,7 @@ class Sample:
 
     @property
     def wrenches(self) -> Array:
-        """(6, 6) of the controllers, from these measurements; rows as in ``output``."""
+        """(6, 6) of the controllers in the last answer that arrived; rows as in ``output``."""
         data = self._data
         given = data.given if data.connected else data.answers[-1]
         return given[_WRENCHES].reshape(6, 6)

@@ -88,10 +88,10 @@ class Session(SessionLoop):
         """Advance mechanism and device by one period; return what was measured and commanded.
 
         Args:
-            external_wrench: (6,) wrench on the mechanism at the operational point, world axes, held
-                over the period; none if left out.
-            hand_wrench: (6,) on the device at the point held, world axes, beside the hand's own and
+            external_wrench: (6,) on the mechanism at the operational point, N and N m, world axes,
                 held over the period; none if left out.
+            hand_wrench: (6,) on the device at the point held, N and N m, world axes, beside the
+                hand's own and held over the period; none if left out.
 
         Raises:
             ClosureError: a closed loop came apart.
