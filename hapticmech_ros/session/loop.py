@@ -249,19 +249,23 @@ class SessionLoop:
         while done < ticks:
             given = inputs[done:] if len(inputs) > 1 else inputs
             clutch = self._clutch
-            waits = self._carried is not None or not plain or may_latch(self._known)
+            waits = self._carried is not None or not plain
             if clutch is None or clutch.carried is not None or waits:
                 self._tick_in_parts(given[:1], rows)
                 done += 1
                 continue
             self._set(self.time, clutch)
             first = int(clock[TICK])
-            code = self._call(ALL, given, rows, 1 if control.is_ramping else ticks - done)
+            latching = may_latch(self._known)
+            alone = control.is_ramping or latching
+            code = self._call(ALL, given, rows, 1 if alone else ticks - done)
             if code == OBSERVATION_FAILED:
                 self._observe_otherwise()
                 code = self._call(ALL & ~(SENSE | OBSERVE), given, rows)
             if code:
                 self._step_otherwise()
+            elif latching:
+                self._latch()
             done += int(clock[TICK]) - first
 
     def _call(self, phases: int, inputs: Array, rows: Array, ticks: int = 1) -> int:
@@ -295,22 +299,22 @@ class SessionLoop:
         time, control, simulated = self.time, self._control, self._simulated
         if not simulated:
             self._sense_otherwise(inputs[0])
-        state = self.mechanism
         if self._call((SENSE if simulated else 0) | OBSERVE, inputs, rows):
             self._observe_otherwise()
         self._call(HEAR, inputs, rows)
         clutch = self._engaged_clutch(time)
         self._set(time, clutch)
-        answers = control.answers_in_python and bool(self._data.heard)
-        if answers:
+        if control.answers_in_python and self._data.heard:
             self._answer_otherwise(time, clutch)
         self._clock[ANSWERED] = control.answers_in_python
         self._call(RENDER | (DEVICE if simulated else 0), inputs, rows)
         self._clock[ANSWERED] = 0
         if not simulated:
             self._move_otherwise()
-        if self.simulator.may_latch(state) or self._call(MECHANISM, inputs, rows):
+        if self._call(MECHANISM, inputs, rows):
             self._step_otherwise()
+        elif self.simulator.may_latch(self._known):
+            self._latch()
 
     def _set(self, time: float, clutch: Clutch) -> None:
         """Give the kernel what fixes the controllers at a time (s)."""
@@ -365,11 +369,17 @@ class SessionLoop:
         tick = int(self._clock[TICK])
         self._device_state = self._device.step(self.device, command, self._held, tick, push)
 
+    def _latch(self) -> None:
+        """Close the closures that latch at the state to which a step has led."""
+        state = self.mechanism
+        latched = self.simulator.latch(state)
+        if latched is not state:
+            self._begin(latched)
+
     def _step_otherwise(self) -> None:
         """Move the mechanism on where the kernel cannot.
 
-        That is where a closure may latch, at singular positions, and where two bounded shapes are
-        near each other, whose nearest points are searched for.
+        That is at singular positions, and where nearest points of shapes are searched for.
         """
         data, state = self._parts, self.mechanism
         if self._contacts is not None and self._clock[WHY] == MORE_WORKSPACE:

@@ -114,9 +114,9 @@ class Simulator:
         external = ExternalWrenches(wrenches, on_links, joint_forces)
         if self._contacts is None:
             stepped = self.stepper.advance(self._start(state), external)
-            return self._latch(self._ended(state, stepped, 1))
+            return self.latch(self._ended(state, stepped, 1))
         touched = self._contacts.advance(self._start(state), external, state.touching)
-        return self._latch(self._ended(state, touched.stepped, 1, touched))
+        return self.latch(self._ended(state, touched.stepped, 1, touched))
 
     def run(
         self, state: MechanismState, steps: int, wrenches: Array | None = None, every: int = 1
@@ -240,8 +240,8 @@ class Simulator:
         known = self._projected
         return known[1] if known is not None and known[0] is state else None
 
-    def _latch(self, state: MechanismState) -> MechanismState:
-        """Close open loops that are within reach, where their frames come nearest to each other."""
+    def latch(self, state: MechanismState) -> MechanismState:
+        """Return a state with the open loops closed that latch there: frames in reach and nearest."""
         if not self._latches.waiting(state.active):
             return state
         q, v = state.q, state.v
