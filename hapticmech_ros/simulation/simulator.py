@@ -241,7 +241,7 @@ class Simulator:
         return known[1] if known is not None and known[0] is state else None
 
     def latch(self, state: MechanismState) -> MechanismState:
-        """Return a state with the open loops closed that latch there: frames in reach and nearest."""
+        """Return a state with those open loops closed that latch: frames in reach and nearest."""
         if not self._latches.waiting(state.active):
             return state
         q, v = state.q, state.v
