@@ -28,7 +28,7 @@ RECORDED_TRIP = "device's deadline → servo_cf"
 ANSWERED = {
     "device/state → servo_cf": (DEVICE_STATE, DEVICE_COMMAND),
     "device/state → mechanism's servo_cf": (DEVICE_STATE, POINT_COMMAND),
-    "mechanism/state → rendering": (STATE, POINT_MODEL),
+    "mechanism/state → operational_model": (STATE, POINT_MODEL),
 }
 
 
@@ -100,8 +100,8 @@ def _hops(
         "device/state → servo_cf": hop(device, command, window),
         RECORDED_TRIP: delay(command, window),
         "mechanism's deadline → mechanism/state": delay(state, window),
-        "mechanism/state → rendering": hop(state, rendering, window),
-        "mechanism's deadline → rendering": delay(rendering, window),
+        "mechanism/state → operational_model": hop(state, rendering, window),
+        "mechanism's deadline → operational_model": delay(rendering, window),
     }
     return {name: latency for name, latency in found.items() if latency is not None}
 

@@ -64,7 +64,7 @@ def test_latencies_are_those_put_in(bag: Path) -> None:
     hops = recorded(bag, "handle", WINDOW).hops
     assert hops[RECORDED_TRIP].p50_us == DELAYS_US[DEVICE_COMMAND]
     assert hops["device/state → servo_cf"].p99_us == 350 - 100
-    assert hops["mechanism/state → rendering"].max_us == 500 - 120
+    assert hops["mechanism/state → operational_model"].max_us == 500 - 120
     for latency in hops.values():
         assert latency.p50_us == latency.max_us
 
