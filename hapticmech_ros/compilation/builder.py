@@ -30,7 +30,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from pathlib import Path
 from typing import Any
 
-from hapticmech_ros.compilation import decorators
+from hapticmech_ros.compilation import decorators, structures
 from hapticmech_ros.compilation.decorators import Kernel
 from hapticmech_ros.errors import HapticMechError
 
@@ -63,6 +63,10 @@ def import_all() -> dict[str, Kernel]:
     found = decorators.collect()
     for name in _HOMES + _MORE_HOMES:
         importlib.import_module(f"hapticmech_ros.{name}")
+    from hapticmech_ros.compilation.numba_types import teach_structure
+
+    for kind in structures.kinds:
+        teach_structure(kind)
     return {one.name: one for one in found}
 
 

@@ -22,6 +22,10 @@ Array = np.ndarray
 SIZES = 7
 
 
+# What kernels use, in a process that builds the library; see ``numba_types.teach_structure``.
+kinds: list[type] = []
+
+
 class Structure:
     """Two arrays: whole numbers that say where what is, and what is there."""
 
@@ -72,7 +76,5 @@ class Part:
 def structure(kind: Kind) -> Kind:
     """Return a kind of :class:`Structure` that kernels can make and read."""
     if is_building():
-        from hapticmech_ros.compilation.numba_types import teach_structure
-
-        teach_structure(kind)
+        kinds.append(kind)
     return kind

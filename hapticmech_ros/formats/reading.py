@@ -25,8 +25,8 @@ from hapticmech_ros.formats.urdf import read_urdf
 from hapticmech_ros.formats.xml_nodes import Source
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.loader import rule_of, scene_from_document, written_document
 from hapticmech_ros.scene.mechanism import Origin
+from hapticmech_ros.scene.validation import rule_of, scene_from_document, written_document
 
 # What reads a file, by its outermost element.
 READERS = {"robot": read_urdf, "mujoco": read_mjcf, "sdf": read_sdf}

@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import DeviceMeasurement
 from hapticmech_ros.control.flat import flat_device
+from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import Latest
 from hapticmech_ros.nodes.messages import checked_stamp, read_pose, read_twist, read_wrench
+from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
+from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.topics import DEVICE_FORCE, DEVICE_POSE, DEVICE_TWIST
-
-if TYPE_CHECKING:
-    from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
 
 
 class CrtkDevice:
     """Hears measured_cv and measured_cf, and makes a sample with each measured_cp.
 
     Args:
-        actor: that listens; its ``timeout_ns`` says how long twist and wrench stand.
+        actor: that listens.
+        bounds: of a twist.
+        timeout_ns: returns how long twist and wrench stand, ns.
+        watch: returns what tells the publishers of a topic apart.
         wanted: whether samples are wanted at a time, ns.
         answer: gets each sample (19,), its stamp and the time, ns.
         lost: gets the topics that are not fresh, instead.
@@ -32,12 +36,15 @@ class CrtkDevice:
 
     def __init__(
         self,
-        actor: TeleoperationController,
+        actor: Actor[ControllerParameters],
+        bounds: SixBounds,
+        timeout_ns: Callable[[], int],
+        watch: Callable[[str], Sources],
         wanted: Callable[[int], bool],
         answer: Callable[[Array, int, int], None],
         lost: Callable[[Sequence[str]], None],
     ) -> None:
-        self._actor = actor
+        self._actor, self._bounds, self._timeout_ns, self._watch = actor, bounds, timeout_ns, watch
         self._wanted, self._answer, self._lost = wanted, answer, lost
         self.forget()
         self._listen(DEVICE_FORCE.name, WrenchStamped, self._on_force)
@@ -48,7 +55,7 @@ class CrtkDevice:
         self._listen(DEVICE_POSE.name, PoseStamped, self._on_pose)
 
     def _listen(self, name: str, kind: Any, accept: Callable[[Any, int], None]) -> None:
-        self._actor.input(name, kind, CONTROL_SUBSCRIBER, accept, self._actor.watch(name))
+        self._actor.input(name, kind, CONTROL_SUBSCRIBER, accept, self._watch(name))
 
     def forget(self) -> None:
         """Wait for both anew."""
@@ -68,7 +75,7 @@ class CrtkDevice:
         lost = [
             topic.name
             for topic, held in ((DEVICE_TWIST, self._twist), (DEVICE_FORCE, self._hand))
-            if not held.fresh(now_ns, self._actor.timeout_ns)
+            if not held.fresh(now_ns, self._timeout_ns())
         ]
         if lost or twist is None or hand is None:
             self._lost(lost)
@@ -81,4 +88,4 @@ class CrtkDevice:
 
     def _on_twist(self, message: TwistStamped, now_ns: int) -> None:
         self._stamp(message, now_ns)
-        self._twist.put(read_twist(message, self._actor.bounds.twist), now_ns)
+        self._twist.put(read_twist(message, self._bounds), now_ns)

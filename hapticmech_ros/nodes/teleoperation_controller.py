@@ -77,7 +77,15 @@ class TeleoperationController(Actor[ControllerParameters]):
         if self.loop_warning:
             node.get_logger().warning(self.loop_warning)
         self._single: list[Sources] = []
-        self._crtk = CrtkDevice(self, self._wants_crtk, self._on_crtk, self._disengage_for)
+        self._crtk = CrtkDevice(
+            self,
+            self.bounds.twist,
+            lambda: self.timeout_ns,
+            self.watch,
+            self._wants_crtk,
+            self._on_crtk,
+            self._disengage_for,
+        )
         self.input_array(
             DEVICE_STATE.name,
             self.control_input,

@@ -8,8 +8,8 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.formats.model_part import ModelPart
 from hapticmech_ros.scene import Scene, shipped_scenes
-from hapticmech_ros.scene.loader import written_document
 from hapticmech_ros.scene.schema import scene_schema
+from hapticmech_ros.scene.validation import written_document
 
 
 def refs(value):

@@ -8,7 +8,7 @@ import pytest
 
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene import load_scene
-from hapticmech_ros.scene.loader import scene_from_document
+from hapticmech_ros.scene.validation import scene_from_document
 from hapticmech_ros.view import Placer, fixed_frames, moving_frames
 from hapticmech_ros.view.frames import frame_names
 from oracles.generator import random_mechanism

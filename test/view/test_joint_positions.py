@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.scene.loader import scene_from_document
+from hapticmech_ros.scene.validation import scene_from_document
 from hapticmech_ros.view import JointPositions
 from hapticmech_ros.view.joint_positions import hinge_angles
 from oracles.generator import blank, random_inertial, random_mechanism

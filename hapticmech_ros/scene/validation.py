@@ -1,0 +1,95 @@
+"""Documents of scenes: read from files, and validated as a frozen :class:`Scene`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from hapticmech_ros.errors import FileError, SceneError, SceneProblem
+from hapticmech_ros.files import read_text
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.part import LARGEST
+from hapticmech_ros.scene.rules import broken_rules
+from hapticmech_ros.yaml_text import read_yaml
+
+MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf")
+FILE_SIZE_LIMIT = 4_000_000
+
+
+def written_document(path: Path) -> object:
+    """Return what a scene's file says; of a model, that it is the scene's.
+
+    Raises:
+        SceneError: too large, not readable, or not YAML within the limits of ``yaml_text``.
+    """
+    if path.suffix.lower() in MODEL_SUFFIXES:
+        return {"format": "hapticmech-scene/1", "model": path.name}
+    try:
+        return read_yaml(read_text(path, FILE_SIZE_LIMIT), str(path))
+    except FileError as error:
+        problem = SceneProblem(error.where, error.value, error.rule)
+        raise SceneError(str(path), [problem]) from None
+
+
+def scene_from_document(document: object, source: str = "<document>") -> Scene:
+    """Return the scene that plain dictionaries, lists and numbers describe, validated.
+
+    Raises:
+        SceneError: lists every broken rule with its key path and value.
+    """
+    if not isinstance(document, Mapping):
+        raise SceneError(source, [SceneProblem("<root>", document, "a scene is a mapping of keys")])
+    try:
+        scene = Scene.model_validate(document)
+    except ValidationError as error:
+        problems = [
+            SceneProblem(_key_path(item["loc"]), _value(item), rule_of(item))
+            for item in error.errors()
+        ]
+        raise SceneError(source, problems) from None
+    problems = broken_rules(scene)
+    if problems:
+        raise SceneError(source, problems)
+    return scene
+
+
+def _key_path(location: tuple[int | str, ...]) -> str:
+    """Return the path as a scene's author would write it, without pydantic's names of variants."""
+    parts = list(location)
+    if parts[:1] == ["hand"]:
+        del parts[1:2]
+    elif parts[:1] == ["initial_state"] or parts[2:3] == ["geometry"]:
+        del parts[3:4]
+    path = ""
+    for part in parts:
+        if isinstance(part, int):
+            path += f"[{part}]"
+        else:
+            path += f".{part}" if path else part
+    return path or "<root>"
+
+
+def _value(item: ErrorDetails) -> object:
+    """Return what was read; for a missing key pydantic gives the whole mapping around it."""
+    if item["type"] == "missing" and isinstance(item["input"], Mapping):
+        return None
+    return item["input"]
+
+
+def rule_of(item: ErrorDetails) -> str:
+    """Return the rule that a value breaks, in our words where pydantic's are not a user's."""
+    kind, message = item["type"], item["msg"]
+    bounds = item.get("ctx", {})
+    if bounds.get("le") == LARGEST or bounds.get("ge") == -LARGEST:
+        return f"must not be above {LARGEST:g} in size"
+    if kind == "extra_forbidden":
+        return "unknown key"
+    if kind == "missing":
+        return "required key is missing"
+    if kind == "finite_number":
+        return "must be a finite number"
+    message = message.removeprefix("Value error, ")
+    return message[0].lower() + message[1:]
