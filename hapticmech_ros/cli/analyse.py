@@ -63,7 +63,7 @@ def analyse(
 def sweep(
     scene: SceneArgument,
     joint: Annotated[
-        list[str], typer.Option(help="NAME=FROM:TO:NUMBER, rad or m; once for each joint led")
+        list[str], typer.Option(help="NAME=FROM:TO:NUMBER, rad or m; once per prescribed joint")
     ],
     point: Annotated[
         str, typer.Option(help="operational point", show_default="the scene's first")

@@ -44,7 +44,7 @@ def run(
     ] = 0.0,
     network_delay: Annotated[
         str,
-        typer.Option(help="one way to the device, such as 50ms: all is set for it"),
+        typer.Option(help="one-way delay to the device, such as 50ms"),
     ] = "",
     only: Annotated[
         list[str] | None,
@@ -55,9 +55,9 @@ def run(
     view: Annotated[bool, typer.Option(help="also publish markers, frames, URDF")] = False,
     params_file: ParametersOption = None,
     settings: SettingOption = None,
-    use_sim_time: Annotated[bool, typer.Option(help="follow somebody else's /clock")] = False,
+    use_sim_time: Annotated[bool, typer.Option(help="follow an external /clock")] = False,
     lockstep: Annotated[
-        bool, typer.Option(help="advance by messages, as fast as can be, repeatable to the bit")
+        bool, typer.Option(help="advance by messages, as fast as possible, with repeatable bits")
     ] = False,
     duration: Annotated[
         float, typer.Option(min=0.0, help="s until the end; 0: until Ctrl-C")
@@ -66,7 +66,7 @@ def run(
         float, typer.Option(min=0.0, help="lockstep: times real time at most; 0: no limit")
     ] = 0.0,
     discovery: Annotated[
-        Discovery | None, typer.Option(help="who finds the graph; else as ROS is set up")
+        Discovery | None, typer.Option(help="discovery range; default: as the environment sets it")
     ] = None,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""

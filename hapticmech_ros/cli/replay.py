@@ -33,7 +33,7 @@ def replay(
     control_rate: Annotated[
         float, typer.Option(min=0.0, max=10000.0, help="Hz; 0: the scene's own")
     ] = 0.0,
-    duration: Annotated[float, typer.Option(min=0.0, help="s; 0: all that was recorded")] = 0.0,
+    duration: Annotated[float, typer.Option(min=0.0, help="s; 0: the whole recording")] = 0.0,
     composed: ComposedOption = False,
     params_file: ParametersOption = None,
     settings: SettingOption = None,

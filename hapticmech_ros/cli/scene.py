@@ -9,12 +9,12 @@ import typer
 
 from hapticmech_ros.cli.console import SceneArgument
 
-app = typer.Typer(help="Scenes: what they are, and what they make run.", no_args_is_help=True)
+app = typer.Typer(help="Scenes: check, list, show, plan and schema.", no_args_is_help=True)
 
 
 @app.callback()
 def _options() -> None:
-    """Scenes: what they are, and what they make run."""
+    """Scenes: check, list, show, plan and schema."""
 
 
 @app.command()
