@@ -33,8 +33,8 @@ def gearbox(
         joint: the gearbox.
         ends: reference body, parent and child.
         hinges: the model's other joints.
-        axes: name -> (3,) axis.
-        axis_of: returns the axis (3,) of a hinge.
+        axes: ``axis`` and ``axis2`` of the gearbox -> (3,) unit vector, world axes.
+        axis_of: returns a hinge's axis (3,), likewise.
     """
     name, (reference, parent, child) = source.text(joint, "name"), ends
     hinges = list(hinges)

@@ -73,7 +73,7 @@ class ControllerOutputs:
         """Publish row 0 of an answer (6, 6); at view rate also its parts, rows 2 to 4.
 
         Args:
-            wrenches: (6, 6) N and N m, world axes; rows as in :class:`ControlOutput`.
+            wrenches: (6, 6) world axes, rows as in :class:`ControlOutput`; N, N m; the last m, rad.
             stamp_ns: of the sample that is answered.
             energies: of the controllers.
         """
@@ -91,7 +91,7 @@ class ControllerOutputs:
 
         Args:
             wrench: (6,) N and N m, world axes at the operational point.
-            stamp_ns: of the sample that is answered.
+            stamp_ns: of the device's sample; over a network, of the operational model.
         """
         self._publish_point.publish(encode_wrench(wrench, stamp_ns, self._actor.wrenches))
 

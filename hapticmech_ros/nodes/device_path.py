@@ -27,7 +27,7 @@ class DevicePath(InOrder):
 
     Args:
         scene: whose connection and device.
-        say: told when gains pass to what another way bears.
+        say: called when gains change to those for another delay.
 
     Attributes:
         round_trip: s, from the device's samples to their answers, as it says; 0: not known.
@@ -70,7 +70,7 @@ class DevicePath(InOrder):
     def tune(
         self, control: ControlArchitecture, gains: Controller, soften: bool, time: float | None
     ) -> None:
-        """Let gains pass to what the way as it is bears.
+        """Change gains to those for the present delay.
 
         Args:
             control: whose gains.

@@ -77,7 +77,7 @@ class LocalLoop:
     def can_correct(self, answered_ns: int, now_ns: int) -> bool:
         """Return whether a command may be obeyed: over a network none that lacks its correction.
 
-        Walls are as stiff as the device's own loop bears; over the network they would diverge.
+        Walls are as stiff as the device's local loop allows; over the network they would diverge.
         """
         needs = self._paired and self.remembers(answered_ns)
         return not needs or self._gain.fresh(now_ns, FRESH_NS)

@@ -138,7 +138,11 @@ class ManagedNode(LifecycleNode):
         self._destroy(entity)
 
     def hand_over(self, topic: str, listener: Listener) -> Callable[[bytes], bool]:
-        """Return the listener of a topic's messages within the process, known until cleanup."""
+        """Give a listener a topic's messages within the process until cleanup.
+
+        Returns:
+            Whether a message is of this process, and was handed over already; for subscriptions.
+        """
         self._listeners.append((topic, listener))
         return self.exchange.listen(topic, listener)
 
@@ -172,9 +176,6 @@ class ManagedNode(LifecycleNode):
 
         Returns:
             Whether it succeeded.
-
-        Raises:
-            ParameterError: the parameters break a rule.
         """
         del state
         self.failure = None

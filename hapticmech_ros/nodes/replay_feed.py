@@ -63,7 +63,7 @@ class Track:
     message_type: Any
 
     def at(self, time_ns: int) -> Array:
-        """Return the last value (n,) no later than a time; the first one before all of them."""
+        """Return the last value (size,) no later than a time; the first one before all of them."""
         index = max(bisect.bisect_right(self.stamps, time_ns) - 1, 0)
         return np.asarray(self.values[index])
 

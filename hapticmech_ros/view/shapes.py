@@ -164,7 +164,7 @@ def ring(
 
     Args:
         centre: (3,) m.
-        axis: (3,) direction.
+        axis: (3,) normal of its plane, of any length; of length zero: nothing is drawn.
         radius: m.
         width: of the line, m.
         colour: of line and arrowhead.

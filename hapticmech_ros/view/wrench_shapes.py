@@ -47,10 +47,10 @@ def wrench_shapes(
 
     Args:
         namespace: of the markers.
-        number: of the first one.
+        number: of this wrench in the namespace.
         place: (3,) m.
         wrench: (6,) N and N m, world axes.
-        scales: m/N, and m/(N m).
+        scales: characteristic length (m), m/N and m/(N m).
     """
     colour, width = palette.MEANING[namespace], FORCE_SHAFT * scales.unit
     force, radius = scales.force * wrench[:3], scales.torque * float(np.linalg.norm(wrench[3:]))
@@ -76,7 +76,7 @@ def direction_shapes(
         namespace: of the markers.
         found: the directions.
         place: (3,) m.
-        unit: length of a direction, m.
+        unit: the mechanism's characteristic length, m.
     """
     colour = palette.MEANING[namespace]
     shaft = (RIGID_SHAFT if namespace == "rigid_directions" else FREE_SHAFT) * unit

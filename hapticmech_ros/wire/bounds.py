@@ -55,7 +55,7 @@ class Bounds:
         """Return the stamp (ns) of a message's data that keeps every rule.
 
         Args:
-            values: (n,) the data.
+            values: (n,) the data, float64 in C order: the kernel does not check that.
 
         Raises:
             InvalidInputError: wrong length, a number beyond its bound or not finite, a quaternion
@@ -82,7 +82,9 @@ class Bounds:
             raise OutputError(error.what, error.value, error.rule) from None
 
     def keeps(self, rows: Array) -> npt.NDArray[np.bool_]:
-        """Return which of n messages' data (n, size) are certain to keep every rule (n,).
+        """Return which of n messages' data (n, size) are certain to keep bounds and stamps (n,).
+
+        A quaternion's length is not checked.
 
         Args:
             rows: (n, size) data of messages.

@@ -22,7 +22,7 @@ def stamp_if_sound(values: Array, most: Array, quaternion: int, tolerance: float
     not finite; of unit length within half the tolerance the quaternion; a stamp of whole numbers.
 
     Args:
-        values: (n,) the data.
+        values: (n,) the data, which begins with seconds and nanoseconds.
         most: (n,) largest magnitude of each.
         quaternion: index of the first of its four numbers; below 0 for none.
         tolerance: of the quaternion's length.

@@ -26,7 +26,7 @@ class DeviceEnergy(NamedTuple):
     Attributes:
         stamp_ns: ns.
         from_hand: E_h, what the hand has put in.
-        taken_by_actuators: W.
+        taken_by_actuators: W, work that they have taken from the device.
         to_mechanism: E_m, as far as the device knows it.
         available: what the actuators may give; 1e30 where nothing is held back.
         dissipated: what passivity control has taken in excess of the commands.
