@@ -18,7 +18,7 @@ STEP_LIMIT = 0.1
 
 
 def consistent_initial_state(mechanism: Mechanism) -> tuple[Array, Array]:
-    """Return the scene's initial (q, v) with its active closures met to 1e-12 (m, rad).
+    """Return the scene's initial q (nq,) and v (nv,), active closures met to 1e-12 (m, rad).
 
     Raises:
         ClosureError: the scene cannot close from the pose its author wrote.
@@ -32,8 +32,8 @@ def assemble(mechanism: Mechanism, q: Array, v: Array, active: Active) -> tuple[
 
     Args:
         mechanism: whose closures.
-        q: (nq,) to begin with.
-        v: (nv,) rates there.
+        q: (nq,) configuration to begin with.
+        v: (nv,) rates there, rad/s or m/s.
         active: per closure, whether it is closed.
 
     Returns:

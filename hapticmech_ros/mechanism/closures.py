@@ -54,8 +54,9 @@ class LoopClosure:
 
     Attributes:
         frame_a, frame_b: frames in it; of a coupling any frames that its two joints carry.
+        latch_distance: |φ|, m or rad, within which it may latch; None if it does not.
         rod_length: m, of a rod.
-        gear: ratio and offset of a coupling.
+        gear: ratio and offset of a coupling, as in the scene.
         linear: whether a coupling's joint slides.
     """
 

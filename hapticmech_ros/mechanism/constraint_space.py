@@ -74,12 +74,12 @@ class Closing:
 
     @property
     def residual(self) -> Array:
-        """(m,) φ, m and rad."""
+        """(m,) φ, m and rad, world axes; see docs/notation.md."""
         return self.packed[: self.active_set.m]
 
     @property
     def jacobian(self) -> Array:
-        """(m, nv) W."""
+        """(m, nv) W, in m and 1: φ̇ = W v."""
         return self.dense.parts.jacobian
 
     @property
@@ -118,7 +118,7 @@ class ConstraintSpace:
 
     @property
     def factor(self) -> Array:
-        """(nv, nv) lower Cholesky factor L of D."""
+        """(nv, nv) lower Cholesky factor L of D, joint coordinates."""
         return self.closing.dense.parts.factor
 
     @property
@@ -128,12 +128,12 @@ class ConstraintSpace:
 
     @property
     def sigma(self) -> Array:
-        """(r,) singular values kept, of rows scaled by their unit."""
+        """(r,) singular values kept, 1/(√kg m); rows in m are divided by the length."""
         return self.closing.dense.parts.sigma[: self.rank]
 
     @property
     def rows(self) -> Array:
-        """(m, r) V / row length: maps coordinates in U back to the rows of W."""
+        """(m, r) V over row units (m or 1): maps coordinates in U back to the rows of W."""
         return self.closing.dense.parts.rows[: self.rank].T
 
     @property
@@ -142,7 +142,7 @@ class ConstraintSpace:
         return self.closing.rank
 
     def to_mass_metric(self, force: Array) -> Array:
-        """Return L⁻¹ force, for a joint force (nv,) or the columns of (nv, k).
+        """Return L⁻¹ force, N/√kg, for a joint force (nv,) or the columns of (nv, k).
 
         Args:
             force: (nv,) or (nv, k) joint forces, N m or N.
@@ -155,15 +155,15 @@ class ConstraintSpace:
         """Return L⁻ᵀ rate for (nv,): joint rates from coordinates of the mass metric.
 
         Args:
-            rate: (nv,) in the mass metric.
+            rate: (nv,) in the mass metric, √kg m/s; with √kg m the result is in rad or m.
         """
         return np.asarray(dtrsv(self.factor, rate, lower=1, trans=1))
 
     def size(self, change: Array) -> float:
-        """Return |Lᵀ change| for (nv,): the length of a change in the mass metric.
+        """Return |Lᵀ change|, √kg m (√kg m/s of rates): the length in the mass metric.
 
         Args:
-            change: (nv,) rad or m.
+            change: (nv,) rad or m; or rates, rad/s or m/s.
         """
         lifted = np.array(change, dtype=float)
         closing = self.closing
@@ -171,7 +171,7 @@ class ConstraintSpace:
         return float(np.sqrt(lifted @ lifted))
 
     def without_closure_part(self, columns: Array) -> Array:
-        """Return (1 - U Uᵀ) columns: what the closures leave free.
+        """Return (1 - U Uᵀ) columns, of the same shape (nv,) or (nv, k): what closures leave free.
 
         Args:
             columns: (nv,) or (nv, k) in the mass metric.
@@ -181,10 +181,10 @@ class ConstraintSpace:
         return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
     def correction(self, rows: Array) -> Array:
-        """Return D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ rows: of all changes with W change = rows the smallest.
+        """Return D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ rows (nv,): of all changes with W change = rows the smallest.
 
         Args:
-            rows: (m,) of φ, rad or m.
+            rows: (m,) of φ, rad or m; the result is in rad or m likewise.
         """
         closing = self.closing
         change = np.empty(closing.active_set.model.nv)

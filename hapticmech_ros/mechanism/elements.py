@@ -40,7 +40,7 @@ class JointElement:
     joint: Joint
 
     def energy(self, q: float) -> float:
-        """Return the elastic energy, J, of spring and stops."""
+        """Return the elastic energy, J, of spring and stops at q, rad or m."""
         energy = 0.5 * self.joint.stiffness * (q - self.joint.rest) ** 2
         stops = self.joint.limits
         if stops is not None:
@@ -50,7 +50,14 @@ class JointElement:
 
 @dataclass(frozen=True)
 class PointSpring:
-    """A spring and damper between the origins of two frames of the Pinocchio model."""
+    """A spring and damper between the origins of two frames of the Pinocchio model.
+
+    Attributes:
+        frame_a, frame_b: their indices.
+        stiffness: k, N/m.
+        damping: c, N s/m.
+        rest_length: m.
+    """
 
     name: str
     frame_a: int
@@ -98,7 +105,7 @@ class Elements:
         self.effort.flags.writeable = False
 
     def energy(self, data: pin.Data, q: Array) -> float:
-        """Return the elastic energy, J; ``data`` has frames' placements at q.
+        """Return the elastic energy, J, of all springs and stops.
 
         Args:
             data: with frames' placements at q.

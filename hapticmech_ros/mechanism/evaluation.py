@@ -1,4 +1,4 @@
-"""Terms of Eq. 1: what a mechanism says of itself at a configuration, and at a state."""
+"""Terms of Eq. 1 of a mechanism, at a configuration and at a state."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class PointKinematics(NamedTuple):
 
     Attributes:
         pose: point frame in the world.
-        jacobian: (6, nv) J_h, linear rows first.
+        jacobian: (6, nv) J_h, m and 1, linear rows first.
         twist: (6,) J_h v, m/s and rad/s.
         drift: (6,) J̇_h v, acceleration of the point at v̇ = 0, m/s² and rad/s².
     """
@@ -32,14 +32,14 @@ class Evaluation(NamedTuple):
     """All terms of Eq. 1 at one state.
 
     Attributes:
-        bias_force: (nv,) h, Coriolis, centripetal and gravity terms.
+        bias_force: (nv,) h, Coriolis, centripetal and gravity terms, N m or N.
         passive_force: (nv,) springs, dampers, friction and stops, N m or N.
         dissipative_force: (nv,) the part of these that only takes energy.
-        effort: (nv,) constant forces of the joints.
-        closure_bias: (m,) Ẇv.
+        effort: (nv,) constant forces of the joints, N m or N.
+        closure_bias: (m,) Ẇv, m/s² and 1/s².
         closing: φ, W and their factorisation.
         points: operational points in the scene's order.
-        v: (nv,) rates at which they were evaluated.
+        v: (nv,) rates at which they were evaluated, rad/s or m/s.
     """
 
     bias_force: Array
@@ -58,7 +58,7 @@ class Evaluation(NamedTuple):
 
     @property
     def closure_jacobian(self) -> Array:
-        """(m, nv) W of the active closures."""
+        """(m, nv) W of the active closures, m and 1."""
         return self.closing.jacobian
 
     @property
@@ -68,7 +68,7 @@ class Evaluation(NamedTuple):
 
     @property
     def inertia(self) -> Array:
-        """Return D (nv, nv) = L Lᵀ, symmetric."""
+        """Return D (nv, nv) = L Lᵀ, symmetric; kg, kg m and kg m², joint coordinates."""
         factor = self.space.factor
         return np.asarray(factor @ factor.T)
 
@@ -79,7 +79,8 @@ class Evaluation(NamedTuple):
             joint_force: (nv,) N m or N.
 
         Returns:
-            v̇ (nv,) and closure forces λ (m,), the smallest ones where closures are redundant.
+            v̇ (nv,), rad/s² or m/s², and closure forces λ (m,), N and N m, on frames b; the
+            smallest ones where closures are redundant.
         """
         # λ is the smallest one only in the dense factorisation.
         dense, nv, bias = self.closing.dense, self.bias_force.size, self.closure_bias

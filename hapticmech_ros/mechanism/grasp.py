@@ -1,4 +1,4 @@
-"""Where the user holds a mechanism, as people say it while it runs: any link, any offset."""
+"""Operational points that are set while a mechanism runs: any link, any offset."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _WHAT = "grasp"
 
 
 def grasped(scene: Scene, name: str, frame: str, origin: Origin | None = None) -> OperationalPoint:
-    """Return an operational point as it is where it is put.
+    """Return an operational point that is put elsewhere.
 
     Args:
         scene: as it stands.
@@ -84,7 +84,7 @@ def grasp_posed(scene: Scene, name: str, frame: str, pose: pin.SE3) -> Operation
 
 
 def flat_grasp(scene: Scene, point: OperationalPoint) -> Array:
-    """Return where a point is held as numbers (7,): the link's place among them, xyz and rpy."""
+    """Return where a point is held (7,): index of the link, xyz (m) and rpy (rad) in its frame."""
     place = [link.name for link in scene.links].index(point.link)
     return np.array((place, *point.origin.xyz, *point.origin.rpy))
 

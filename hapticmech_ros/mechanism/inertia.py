@@ -27,10 +27,10 @@ class SingularInertiaError(HapticMechError):
 
 
 def cholesky_of_upper(inertia_upper: Array) -> Array:
-    """Return the lower factor L (nv, nv) of D given D's upper triangle.
+    """Return the lower factor L (nv, nv) of D, L Lᵀ = D, given D's upper triangle.
 
     Args:
-        inertia_upper: (nv, nv) D, of which the upper triangle is read.
+        inertia_upper: (nv, nv) D, kg, kg m and kg m², of which the upper triangle is read.
 
     Raises:
         SingularInertiaError: D is not positive definite.

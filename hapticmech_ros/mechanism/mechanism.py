@@ -1,6 +1,6 @@
 """A mechanism: its model as constants for kernels, and its terms of Eq. 1 from a few of them.
 
-Pinocchio builds the model and says what it holds; kernels evaluate it.
+Pinocchio builds the model; kernels evaluate it.
 """
 
 from __future__ import annotations
@@ -81,16 +81,17 @@ class Mechanism(MultibodyModel):
     def evaluate(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
     ) -> Evaluation:
-        """Return every term of Eq. 1 at (q, v) with the given closures active.
+        """Return every term of Eq. 1 at a state, with the given closures active.
 
         Args:
             q: (nq,) configuration.
-            v: (nv,) rates.
+            v: (nv,) rates, rad/s or m/s.
             active: which closures are closed.
             closing: what :meth:`closing_terms` gave at the same q and closures, to save time.
 
         Raises:
             SingularInertiaError: D is not positive definite.
+            HapticMechError: the SVD of the closures did not converge.
         """
         if closing is None:
             closing = self.closing_terms(q, active)
@@ -126,16 +127,22 @@ class Mechanism(MultibodyModel):
 
         Raises:
             SingularInertiaError: D is not positive definite at q.
+            HapticMechError: the SVD of the closures did not converge.
         """
         return factored(self.tree, self.active_set(active), q)
 
     def distance_of(self, index: int, q: Array, v: Array) -> tuple[float, float]:
-        """Return |φ| of closure ``index``, active or not, and the rate at which it grows.
+        """Return |φ| of closure ``index``, active or not, and d|φ|/dt; m and rad, per s.
+
+        Rows in m and in rad count alike. At φ = 0 the rate is 0.
 
         Args:
             index: of the closure.
             q: (nq,) configuration.
-            v: (nv,) rates.
+            v: (nv,) rates, rad/s or m/s.
+
+        Raises:
+            HapticMechError: as :meth:`closing_terms`.
         """
         closing = factored(self.tree, self._single[index], q)
         residual = closing.residual
@@ -225,7 +232,7 @@ class Mechanism(MultibodyModel):
 
 
 def placement_view(poses: pin.StdVec_SE3) -> Array:
-    """Return (n, 12) a view of poses in Pinocchio's memory: each one's axes, then its origin.
+    """Return (n, 12) a view of poses in Pinocchio's memory: each one's axes, then origin, m.
 
     Raises:
         HapticMechError: this build of Pinocchio keeps poses in another order.

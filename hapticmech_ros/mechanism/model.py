@@ -141,7 +141,7 @@ def _depth_first(scene: Scene) -> Iterator[Link]:
 
 
 def authored_state(scene: Scene, tree: TreeModel) -> tuple[Array, Array]:
-    """Return (q, v) exactly as the scene's author wrote them, joints left out at zero."""
+    """Return q (nq,) and v (nv,) as in the scene; joints left out are neutral and at rest."""
     model = tree.pinocchio
     q = pin.neutral(model)
     v = np.zeros(model.nv)
@@ -155,7 +155,7 @@ def authored_state(scene: Scene, tree: TreeModel) -> tuple[Array, Array]:
 
 
 def authored_position(scene: Scene, joint: Joint) -> Array | None:
-    """Return the joint's part (k,) of q as in the scene, its unit part exact; None if left out."""
+    """Return the joint's part (k,) of q, rad or m, unit part exact; None if left out."""
     if joint.name not in scene.initial_state.q:
         return None
     position = np.atleast_1d(np.array(scene.initial_state.q[joint.name], dtype=float))

@@ -21,7 +21,15 @@ NOTHING: Mapping[str, Array] = MappingProxyType({})
 
 
 class Start(NamedTuple):
-    """Where a step begins: a state on the closures, and what is known there already."""
+    """Where a step begins: a state on the closures, and what is known there already.
+
+    Attributes:
+        q: (nq,) configuration.
+        v: (nv,) rates, rad/s or m/s.
+        active: per closure, whether it is closed.
+        terms: of Eq. 1 there, if known.
+        closing: the closures' terms there, if known.
+    """
 
     q: Array
     v: Array
@@ -35,7 +43,7 @@ class ExternalWrenches(NamedTuple):
 
     Attributes:
         wrenches: (points, 6) at the operational points, world axes, N and N m.
-        on_links: further wrenches (6,) by name of the link, at the origin of its frame.
+        on_links: further wrenches (6,) by name of the link, at its frame's origin, likewise.
         in_joints: (nv,) further joint forces, N m or N; None for none.
     """
 
@@ -48,7 +56,7 @@ class Stepped(NamedTuple):
     """A step's outcome.
 
     Attributes:
-        q, v: the state, arrays of its own.
+        q, v: the state (nq,), (nv,), arrays of its own.
         error: largest residual of the active closures, m or rad.
         closing: terms at q.
         work_in: work by wrenches and joint forces, J.
@@ -87,7 +95,7 @@ def plan_of(simulation: Simulation) -> Plan:
 
 
 class Rates(NamedTuple):
-    """What the equations of motion give at a state: v̇ (nv,), and two powers (W)."""
+    """What the equations of motion give at a state: v̇ (nv,), rad/s² or m/s²; two powers, W."""
 
     acceleration: Array
     power_in: float
@@ -95,12 +103,12 @@ class Rates(NamedTuple):
 
 
 class HeldMotion:
-    """The equations of motion with pushes held.
+    """The equations of motion under constant external wrenches.
 
     Args:
         mechanism: that moves.
         start: of the step.
-        external: held.
+        external: constant during the step.
         pull: Baumgarte's rate, 1/s; 0 for none.
     """
 
@@ -161,7 +169,7 @@ class HeldMotion:
 
 
 def check_external(external: ExternalWrenches, points: int, nv: int) -> None:
-    """Check pushes on a mechanism with so many operational points and degrees of freedom.
+    """Check what acts on a mechanism with so many operational points and degrees of freedom.
 
     Raises:
         InvalidInputError: a wrong shape, or joint forces that are NaN or infinite.

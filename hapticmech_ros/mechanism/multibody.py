@@ -99,7 +99,7 @@ class MultibodyModel:
         return self.tree.link_joint[link]
 
     def link_jacobian(self, q: Array, link: str) -> Array:
-        """Return (6, nv) Jacobian of a link's frame at q: world axes, at the frame's origin.
+        """Return (6, nv) Jacobian of a link's frame at q, m and 1: world axes, at its origin.
 
         Args:
             q: (nq,) configuration.
@@ -151,7 +151,7 @@ class MultibodyModel:
         return np.asarray(pin.integrate(self.model, q, change))
 
     def coordinates(self, q: Array) -> Array:
-        """Return (nv,) positions of all degrees of freedom as seen from the neutral ones.
+        """Return (nv,) positions of all degrees of freedom, rad or m, from the neutral ones.
 
         Args:
             q: (nq,) configuration.
@@ -168,11 +168,11 @@ class MultibodyModel:
         return coordinates if self.nq == self.nv else self.integrate(self._neutral, coordinates)
 
     def difference(self, start: Array, end: Array) -> Array:
-        """Return the change (nv,) that leads from one configuration (nq,) to another.
+        """Return the change (nv,), rad or m, that leads from one configuration to another.
 
         Args:
-            start: (nq,).
-            end: (nq,).
+            start: (nq,) configuration.
+            end: (nq,) likewise.
         """
         return np.asarray(pin.difference(self.model, start, end))
 
@@ -209,7 +209,7 @@ class MultibodyModel:
         return names.index(name)
 
     def check_state(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return copies of (q, v) after checking sizes and finiteness.
+        """Return copies of q (nq,) and v (nv,) after checking sizes and finiteness.
 
         Args:
             q: (nq,) configuration.

@@ -29,7 +29,14 @@ from hapticmech_ros.mechanism.tolerances import (
 
 
 class Projected(NamedTuple):
-    """A state on the closures, the largest residual left (m or rad), and the terms found there."""
+    """A state on the closures.
+
+    Attributes:
+        q: (nq,) configuration.
+        v: (nv,) rates, rad/s or m/s.
+        error: largest residual left, m or rad.
+        closing: the closures' terms there.
+    """
 
     q: Array
     v: Array
@@ -45,9 +52,9 @@ def project(
     Args:
         mechanism: whose closures.
         q: (nq,) next to the closures.
-        v: (nv,) likewise.
+        v: (nv,) rates there, rad/s or m/s.
         active: which closures are closed.
-        change: (nv,) what a step changed to come here; if given, and loops are open by more than
+        change: (nv,) rad or m, of the step that led here; if given, and loops are open by more than
             1e-6 of the length, then putting them right must not take more than half of it, in the
             mass metric.
 
@@ -106,7 +113,7 @@ def refuse_jump(mechanism: Mechanism, stepped: float, corrected: float, active: 
 
 
 def refuse_flipped(mechanism: Mechanism, q: Array, worst: float, active: Active) -> None:
-    """Check that axes still point the same way at q; ``worst`` is |φ| there.
+    """Check that axes still point the same way at q.
 
     Args:
         mechanism: whose closures.

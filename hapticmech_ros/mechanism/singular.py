@@ -50,8 +50,8 @@ def nearest_branch(
         change: (nv,) the free motion, rad or m.
 
     Returns:
-        What ``closed_rates`` of gives the part of a motion along that branch; None where no branch
-        takes up any of the change.
+        Terms whose ``closed_rates`` gives the part of a motion along that branch; None where no
+        branch takes up any of the change.
     """
     whole = space.size(change)
     best, found = 1e-6 * whole, None
@@ -130,9 +130,12 @@ def put_on_branch(
     Args:
         mechanism: whose closures.
         q: (nq,) configuration.
-        v: (nv,) rates.
+        v: (nv,) rates, rad/s or m/s.
         active: per closure, whether it is closed.
         branch: along which it was led.
+
+    Raises:
+        ClosureError: as :func:`~hapticmech_ros.mechanism.projection.project`.
     """
     closing = mechanism.closing_terms(q, active)
     if closing.least < NEAR and closing.error <= PROJECTION_TOLERANCE * mechanism.length:

@@ -118,20 +118,20 @@ class Stepper:
     def run(
         self, start: Start, external: ExternalWrenches, periods: int, samples: Array, every: int
     ) -> Stepped:
-        """Advance by many periods with pushes held, and fill samples; see ``Simulator.run``.
+        """Advance by many periods with wrenches held, and fill samples; see ``Simulator.run``.
 
         Args:
             start: where.
             external: from outside.
             periods: how many, at least one.
-            samples: (periods // every, nq + nv) to fill.
+            samples: (periods // every, nq + nv) to fill with q and v; (0, 0) if ``every`` is 0.
             every: periods from one sample to the next; 0 for none.
 
         Returns:
             The end, with work and loss of all steps.
 
         Raises:
-            InvalidInputError: pushes of another shape, or a state that is not finite.
+            InvalidInputError: wrenches of another shape, or a state that is not finite.
             ClosureError: a closed loop came apart, jumped, or turned to its other branch.
         """
         check_external(external, len(self._mechanism.point_names), self._mechanism.nv)
@@ -357,7 +357,7 @@ class Stepper:
         return self._mechanism.on_wrong_branch(index, self.parts.q)
 
     def on_links(self, external: ExternalWrenches) -> Array:
-        """Return (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``."""
+        """Return (n, 10) wrenches on links; see ``motion_kernels.add_link_forces``."""
         if not external.on_links:
             return _NO_PUSHES
         mechanism, rows = self._mechanism, []
