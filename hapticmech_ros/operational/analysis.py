@@ -1,4 +1,4 @@
-"""Everything that rendering needs to know of a mechanism at an operational point."""
+"""Analysis of a mechanism at an operational point: all that rendering needs of it."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Analyser:
 
         Args:
             q: (nq,) configuration.
-            v: (nv,) rates.
+            v: (nv,) rates, rad/s or m/s.
             active: which closures are closed.
             closing: what ``Mechanism.closing_terms`` gave at the same q and closures, to save time.
 
@@ -94,7 +94,7 @@ class Analyser:
         return self._observe_terms(terms, 0.0)
 
     def compensated(self, terms: Evaluation, found: OperationalAnalysis) -> CompensatedResponse:
-        """Return X and a_0 as a loop late by τ needs them; see :mod:`.delay_compensation`.
+        """Return X_τ and a_τ for a loop with delay τ; see :mod:`.delay_compensation`.
 
         Args:
             terms: of Eq. 1 at a state.
@@ -160,14 +160,15 @@ def analyse(
     """Return Λ_h⁻¹ and its spectrum at configuration q and the named operational point.
 
     Args:
-        mechanism: from :func:`Mechanism`.
+        mechanism: to analyse.
         q: (nq,) configuration; closures are taken as met there.
         point: name of an operational point; the scene's first one if empty.
-        v: (nv,) rates; at rest if left out. Only the free acceleration depends on them.
+        v: (nv,) rates, rad/s or m/s; at rest if left out. Only a_0 depends on them.
         active: which closures are closed; as the scene starts if left out.
 
     Raises:
         InvalidInputError: unknown point, wrong size, NaN.
+        HapticMechError: as :meth:`Analyser.observe`.
     """
     q, v = mechanism.check_state(q, np.zeros(mechanism.nv) if v is None else v)
     terms = mechanism.evaluate(q, v, mechanism.initially_active if active is None else active)

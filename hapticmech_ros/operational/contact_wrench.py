@@ -42,7 +42,7 @@ class ContactWrenches:
         self._analysers = [Analyser(mechanism, name) for name in mechanism.point_names]
 
     def at(self, terms: Evaluation, joint_force: Array) -> Array:
-        """Return F_c (points, 6), N and N m, world axes at each point.
+        """Return F_c (points, 6), on the mechanism, N and N m, world axes at each point.
 
         Args:
             terms: of the mechanism at a state.

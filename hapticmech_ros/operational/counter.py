@@ -1,4 +1,4 @@
-"""Number of joint constraints a user is told of: a Schmitt trigger with dwell on each s_i."""
+"""Number of joint constraints reported to the user: a Schmitt trigger with dwell on each s_i."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ConstraintCounter:
         self.numbers[BEGUN] = 0.0
 
     def update(self, s: Array, time: float) -> int:
-        """Return the count after s (t,), descending, was seen at ``time`` (s).
+        """Return the count after s was observed at ``time``.
 
         Args:
             s: (t,) singular values, descending.
@@ -43,7 +43,7 @@ class ConstraintCounter:
 
 
 def rigid_count(s: Array, perception: Perception) -> int:
-    """Return the count of a configuration by itself: directions with s (t,) at most s_on.
+    """Return the count of a configuration by itself: directions with s at most s_on.
 
     Args:
         s: (t,) singular values, descending.

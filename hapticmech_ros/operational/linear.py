@@ -32,9 +32,9 @@ class LinearSystem:
 
     Attributes:
         period: s.
-        step: (n, n) A.
-        push: (n, 6) B, of F held over the period, N and N m, world axes.
-        twist: (6, n) C, of V at the period's start, m/s and rad/s.
+        step: (n, n) A; x in √kg m and √kg m/s.
+        push: (n, 6) B, of F held over the period, N and N m, world axes at the point.
+        twist: (6, n) C, of V at the period's start, m/s and rad/s, likewise.
     """
 
     period: float
@@ -43,7 +43,7 @@ class LinearSystem:
     twist: Array
 
     def admittance(self, frequencies: Array) -> Array:
-        """Return C (z - A)⁻¹ B at z = exp(i ω T), (k, 6, 6) complex, at frequencies (k,) in Hz.
+        """Return C (z - A)⁻¹ B at z = exp(i ω T), (k, 6, 6) complex: V per F, SI, world axes.
 
         Args:
             frequencies: (k,) Hz.
@@ -54,7 +54,7 @@ class LinearSystem:
         return np.array([self.twist @ answer for answer in answers])
 
     def run(self, external: Array) -> Array:
-        """Return twists (k, 6) from rest under wrenches (k, 6), one a period.
+        """Return twists (k, 6), m/s and rad/s, from rest under wrenches, one a period.
 
         Args:
             external: (k, 6) N and N m, world axes at the point.
@@ -78,9 +78,9 @@ class LinearPoint(LinearSystem):
     Attributes:
         pose: (6, n) of the point, deviation in m and rad, world axes, per deviation.
         acceleration: (6, n) of the point's free acceleration, m/s² and rad/s²: of a_0, or of a_τ
-            for a loop late by τ.
+            with delay compensation.
         analysis: of the point where the mechanism is linearised.
-        compensated: X and a_0 there as such a loop needs them.
+        compensated: X_τ and a_τ there.
     """
 
     pose: Array
@@ -100,7 +100,7 @@ def linear_point(
         simulator: of the mechanism.
         state: where; loops may be closed.
         point: operational point; the first one if empty.
-        compensated_delay: τ, s, of the loop that free accelerations are for; 0 for none.
+        compensated_delay: τ, s; 0 for none.
 
     Raises:
         InvalidInputError: unknown point.

@@ -1,4 +1,4 @@
-"""Metric of the task space: the inertia that says what one unit of each direction is.
+"""Metric of the task space: the inertia that makes directions of different units comparable.
 
 The spatial inertia I_ℓ of the grasped link alone, at the operational point and in world axes, makes
 μ = eig(I_ℓ^½ X I_ℓ^½) a number between 0 (rigid) and 1 (as free as the link alone) that depends
@@ -26,8 +26,9 @@ class TaskMetric:
 
     Attributes:
         mass: reference mass m_ℓ in kg: of the link, or of the point's ``metric``.
-        factor, dual_factor: (t, t) G and G⁻ᵀ in the axes of the link.
-        point_to_link: (3, 3) rotation from the point's axes to the link's.
+        factor, dual_factor: (t, t) G and G⁻ᵀ in the axes of the link; √kg and √kg m, and their
+            inverses.
+        point_to_link: (3, 3) maps components in the link's axes to those in the point's.
     """
 
     def __init__(self, scene: Scene, point: OperationalPoint) -> None:

@@ -24,7 +24,7 @@ _PLACE = OPERATIONAL_MODEL.slice("position", "quaternion")
 def observation_layout(rows: int, nv: int) -> Layout:
     """Return how an observation is laid out.
 
-    The operational model, X and a_0 of which are those that a late loop needs; X and a_0 now;
+    The operational model, with X_τ and a_τ in place of X and a_0 (equal at τ = 0); X and a_0;
     weights w(s_i), and columns n_i and I_ℓ⁻¹ n_i; J_h, J_h v and J̇_h v. Matrices go row by row.
 
     Args:
@@ -56,7 +56,7 @@ class Observation:
 
     Attributes:
         numbers: all of it.
-        model: (139,) operational model; what touches there is for others to fill in.
+        model: (139,) operational model; F_c in it is zero, for others to fill.
     """
 
     def __init__(self, numbers: Array, layout: Layout, rows: Array, nv: int) -> None:
@@ -69,7 +69,7 @@ class Observation:
 
     @property
     def s(self) -> Array:
-        """(t,) singular values."""
+        """(t,) singular values s_i, descending."""
         return self.numbers[: self._rows.size]
 
     @cached_property
@@ -91,7 +91,7 @@ class Observation:
 
     @property
     def compensated(self) -> CompensatedResponse:
-        """X and a_0 as a late loop needs them."""
+        """X_τ and a_τ; X and a_0 without delay compensation."""
         return CompensatedResponse(self.numbers[_X].reshape(6, 6), self.numbers[_FREE])
 
     @cached_property

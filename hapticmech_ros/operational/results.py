@@ -5,7 +5,7 @@ The constrained directions are chosen smoothly, for control:
     P_c = Σ w(s_i) n_i n_iᵀ / m_ℓ,       Π = Σ w(s_i) n_i n_iᵀ I_ℓ⁻¹
 
 w falls smoothly from 1 at s_on to 0 at s_off, with continuous first and second derivative, so both
-are continuous through changes of rank and blind to the sign and order of singular vectors. m_ℓ is
+are continuous through changes of rank, whatever the sign and order of singular vectors. m_ℓ is
 the metric's mass: a stiffness k multiplied by P_c is k N/m against pure translation of the link,
 and the link's own mix of N/m and N m/rad in other directions.
 """
@@ -25,12 +25,12 @@ class OperationalAnalysis:
     """Λ_h⁻¹ and what follows from it; world axes, origin at the operational point, force first.
 
     Attributes:
-        inverse_inertia: (6, 6) X; zero in rows a planar scene does not have.
+        inverse_inertia: (6, 6) X; 1/kg, 1/(kg m), 1/(kg m²); zero in rows a planar scene lacks.
         spectrum: s, μ, rank and directions, on the task's rows only.
-        weights: (t,) rigidity w(s_i).
-        constraint_projector: (6, 6) P_c, symmetric positive semi-definite; maps a twist error to a
-            wrench shape.
-        wrench_projector: (6, 6) Π: the part of a wrench that the joints balance.
+        weights: (t,) rigidity w(s_i), 0 to 1.
+        constraint_projector: (6, 6) P_c, symmetric positive semi-definite, 1, m, m²; maps a twist
+            error to a wrench shape.
+        wrench_projector: (6, 6) Π, 1, m, 1/m: the part of a wrench that the joints balance.
         free_acceleration: (6,) a_0, acceleration of the point with no wrench on it; m/s², rad/s².
         rows: (t,) rows of a six-vector that the task space has.
     """
@@ -50,7 +50,7 @@ class OperationalAnalysis:
 
     @property
     def constraint_wrenches(self) -> Array:
-        """Return N_c (6, k): wrenches at the hand that the joints balance entirely."""
+        """Return N_c (6, k), √kg and √kg m: wrenches that the joints balance entirely."""
         full = np.zeros((6, self.spectrum.s.size - self.rank))
         full[self.rows] = self.spectrum.constraint_wrenches
         return full

@@ -31,8 +31,8 @@ class Spectrum:
 
     Attributes:
         s: (t,) sqrt(μ), descending; t is 6, or 3 in the plane.
-        wrenches: (t, t) columns n_i, world axes at the operational point, sqrt(kg) scaled.
-        duals: (t, t) columns I_ℓ⁻¹ n_i, so that dualsᵀ wrenches = 1.
+        wrenches: (t, t) columns n_i, √kg and √kg m, world axes at the operational point.
+        duals: (t, t) columns I_ℓ⁻¹ n_i, 1/√kg and 1/(√kg m); dualsᵀ wrenches = 1.
     """
 
     s: Array
@@ -51,12 +51,12 @@ class Spectrum:
 
     @property
     def constraint_wrenches(self) -> Array:
-        """Return N_c (t, k): a basis of ker X."""
+        """Return N_c (t, k), √kg and √kg m: a basis of ker X, on the task's rows."""
         return self.wrenches[:, self.rank :]
 
 
 def rank_of(s: Array) -> int:
-    """Return the numerical rank of X, given s (t,).
+    """Return the numerical rank of X: how many s are above 1e-10.
 
     Args:
         s: (t,) singular values, descending.
