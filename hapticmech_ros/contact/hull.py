@@ -19,9 +19,9 @@ class Polytope(NamedTuple):
 
     Attributes:
         vertices: (n, 3) m.
-        faces: corners of each, in order around its outward normal.
+        faces: indices of the corners of each, in order around its outward normal.
         normals: (f, 3) outward unit normals.
-        triangles: (t, 3) the surface.
+        triangles: (t, 3) indices of corners, in order around the outward normal.
     """
 
     vertices: Array
@@ -36,7 +36,7 @@ def box(size: tuple[float, float, float]) -> Polytope:
 
 
 def hull(points: Array) -> Polytope:
-    """Return the convex hull of points (n, 3), m.
+    """Return the convex hull of points, in their axes.
 
     Args:
         points: (n, 3) m.

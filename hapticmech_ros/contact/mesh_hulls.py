@@ -1,7 +1,7 @@
 """Convex hulls of meshes in files, which a child process with limits reads.
 
-The files are people's, the library that reads them trusts them, and there may be millions of
-vertices: only the corners of a hull come back.
+The files are not trusted, the library that reads them does not check them, and they may have
+millions of vertices: only the corners of a hull are returned.
 """
 
 from __future__ import annotations

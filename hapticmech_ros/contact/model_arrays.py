@@ -149,7 +149,7 @@ def contacts_of(
         shapes: the scene's shapes.
         model: the mechanism's, with any set of closures.
         places: per link with shapes the joint that carries it, and its origin (3,) there, m.
-        settings: see :class:`Contacts`.
+        settings: (3,) as in :class:`Contacts`.
     """
     nq, nv, joints = model.nq, model.nv, model.joints
     place = {shape.name: index for index, shape in enumerate(scene.shapes)}
@@ -213,7 +213,7 @@ def with_workspace(numbers: Array, values: Array, points: int) -> tuple[Array, A
 
     Args:
         numbers: (integers,) of the contacts.
-        values: (numbers,) the others.
+        values: (numbers,) the others; see :class:`Contacts`.
         points: their number.
     """
     contacts = Contacts(numbers, values)

@@ -37,10 +37,12 @@ class Nearest:
         self.found = np.zeros(FOUND_VALUES)
 
     def search(self, pose_a: Array, pose_b: Array) -> Array:
-        """Return (10,): unit normal from a to b, distance (m, below 0 if they overlap), points.
+        """Return (10,): unit normal from a to b, distance (below 0 if they overlap), points.
+
+        Points are the nearest one of a, then of b; m, world axes. It is the same array each time.
 
         Args:
-            pose_a: (12,) axes and origin of a, in the world.
+            pose_a: (12,) axes and origin of a, m, in the world.
             pose_b: (12,) likewise, of shape b.
         """
         for place, pose in zip(self._places, (pose_a, pose_b), strict=True):

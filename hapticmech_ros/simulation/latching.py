@@ -40,7 +40,7 @@ class Latches:
 
         Args:
             q: (nq,) configuration.
-            v: (nv,) rates.
+            v: (nv,) rates, rad/s or m/s.
             active: per closure, whether it is closed.
             released: indices of those that were opened, and have not left their reach since.
         """

@@ -80,7 +80,7 @@ class Simulator:
         """Put an operational point elsewhere from now on; see that method of :class:`Mechanism`."""
         self.mechanism.set_operational_point(point)
         self.scene = self.mechanism.scene
-        # Both know where the point was.
+        # Both are of the point's former place.
         self._evaluated = self._projected = None
 
     def evaluate(self, state: MechanismState) -> Evaluation:
@@ -103,7 +103,7 @@ class Simulator:
         Args:
             state: where to start.
             wrenches: (points, 6) on the mechanism at each operational point, world axes, N and N m.
-            on_links: further wrenches (6,) by name of the link, at the origin of its frame.
+            on_links: further wrenches (6,) by name of the link, at its frame's origin, likewise.
             joint_forces: (nv,) further torques or forces in the joints, N m or N; none if None.
 
         Raises:
@@ -181,6 +181,7 @@ class Simulator:
 
         Raises:
             InvalidInputError: unknown closure, or one whose frames are too far apart to close.
+            ClosureError: the loops cannot be closed there.
         """
         active, released = list(state.active), set(state.released)
         for name, on in closures.items():
@@ -241,7 +242,11 @@ class Simulator:
         return known[1] if known is not None and known[0] is state else None
 
     def latch(self, state: MechanismState) -> MechanismState:
-        """Return a state with those open loops closed that latch: frames in reach and nearest."""
+        """Return a state with those open loops closed that latch: frames in reach and nearest.
+
+        Raises:
+            ClosureError: the loops cannot be closed there.
+        """
         if not self._latches.waiting(state.active):
             return state
         q, v = state.q, state.v

@@ -37,13 +37,13 @@ class MechanismState:
 
     Attributes:
         time: s since the start.
-        q, v: configuration (nq,) and rates (nv,).
+        q, v: configuration (nq,) and rates (nv,), rad/s or m/s.
         active: per closure of the scene, whether it is closed.
         closure_error: largest residual of the active closures, m or rad.
         account: energy account.
         touching: points of contact in the step that led here; None before the first one, and in a
             scene without contacts.
-        released: indices of closures that were opened and have not left their catch since.
+        released: indices of closures that were opened and have not left their reach since.
     """
 
     time: float
@@ -62,7 +62,7 @@ class Trajectory:
 
     Attributes:
         time: (k,) s since the simulation's start.
-        q, v: configurations (k, nq) and rates (k, nv).
+        q, v: configurations (k, nq) and rates (k, nv), rad/s or m/s.
         end: the state after the last step, whether it is a sample or not.
     """
 
