@@ -133,7 +133,7 @@ def solve_points(
     """Solve for all impulses, in place, and report how that ended.
 
     Args:
-        scales: (points, 6) of each point; see :mod:`~hapticmech_ros.contact.newton_kernels`.
+        scales: (points, 5) of each point; see :mod:`~hapticmech_ros.contact.newton_kernels`.
         apart: (3 points,) relative velocities at the step's end without contacts, m/s; of each
             point the normal one first, in the point's own frame, as all that follows.
         coupling: (3 points, 3 points) J D⁻¹ Jᵀ, 1/kg.

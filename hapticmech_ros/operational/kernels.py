@@ -32,7 +32,7 @@ class Metric(NamedTuple):
         mass: reference mass of the metric, kg.
         s_on: rigid up to here.
         s_off: free from here.
-        point_to_link: (3, 3) rotation.
+        point_to_link: (3, 3) maps components in the link's axes to those in the point's.
         factors: (2, t, t) G and G⁻ᵀ in the axes of the link.
     """
 
