@@ -17,6 +17,6 @@ def quaternion_of(rotation: Array) -> Array:
     from a matrix (Pinocchio 4.1).
 
     Args:
-        rotation: (3, 3).
+        rotation: (3, 3) orthogonal, determinant 1.
     """
     return np.asarray(pin.SE3ToXYZQUAT(pin.SE3(rotation, _ORIGIN)))[3:]

@@ -1,5 +1,5 @@
 """Kernels of Eq. 1, and the arrays that they take.
 
-A mechanism's constants are in :mod:`model`, terms at a configuration in :mod:`packed`, and what a
+A mechanism's constants are in :mod:`model`, terms at a configuration in :mod:`data`, and what a
 step works on in :mod:`step_kernels`.
 """

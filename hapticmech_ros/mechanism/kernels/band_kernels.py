@@ -5,7 +5,7 @@ reflections of those before fill them only as far as these reach (George and Hea
 sparse linear least squares problems using Givens rotations, 1980). A column of which nothing but
 rounding is left follows from those before it, and is left out: a redundant row. Where it is not
 clear whether it does, where there are not as many of them as there always are, or where the rows
-are nearly dependent altogether, the answer is UNDECIDED, and the dense factorisation has to say.
+are nearly dependent altogether, the answer is NOT_DECIDED, and the dense factorisation has to say.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ _ROUNDS = 2
 
 @inner
 def factor_band(model: Model, data: Data, tolerance: float) -> int:
-    """Fill ``band`` and ``row_places``; return the rank, or UNDECIDED.
+    """Fill ``band`` and ``row_places``; return the rank, or NOT_DECIDED.
 
     Args:
         model: the mechanism's.
-        data: with hinges and wrenches filled.
+        data: with joint axes, inertias and wrenches filled, and ``pivots``.
         tolerance: share of the largest row below which what is left of a row says nothing.
     """
     places, band, column = data.row_places, data.band, model.turned

@@ -69,8 +69,8 @@ def _resolve_few(model: Model, tolerance: float, data: Data) -> int:
 def _resolve_many(model: Model, tolerance: float, data: Data) -> int:
     """Fill basis and rows as an SVD does, but for a rotation of both; σ are R's diagonal.
 
-    Return the rank; NO_SVD; or UNDECIDED where more than rounding has to be cut, off the closures
-    or next to a singular position: only an SVD cuts no more than needs be.
+    Return the rank; NO_SVD; or NOT_DECIDED where more than rounding has to be cut, off the
+    closures or next to a singular position: only an SVD cuts no more than needs be.
     """
     jacobian, basis, rows, sigmas = data.jacobian, data.basis, data.rows, data.sigma
     m, nv = jacobian.shape

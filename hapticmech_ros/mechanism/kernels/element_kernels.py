@@ -56,7 +56,10 @@ def element_slopes(
     stiffness: Array,
     damping: Array,
 ) -> None:
-    """Fill stiffness and damping, each (nv, nv); see ``Mechanism.slopes``."""
+    """Fill K and C, (nv, nv) each, for an implicit rule.
+
+    C has the secant of friction, and a stop counts if it is met within ``horizon`` (s).
+    """
     for i in range(model.nv):
         for j in range(model.nv):
             stiffness[i, j], damping[i, j] = 0.0, 0.0
@@ -101,8 +104,10 @@ def element_resistance(
     damped: float,
     force: Array,
 ) -> None:
-    """Fill ``force`` (nv,) with (stiff K + damped C) rates, with K and C the elements' slopes.
+    """Fill ``force`` (nv,) with (stiff K + damped C) rates.
 
+    K is -∂/∂q of the elastic forces without geometric terms, C is -∂/∂v of all.
+    Friction has its tangent, and a stop counts while it pushes, unlike in :func:`element_slopes`.
     In time proportional to nv: no matrix is filled.
     """
     for c in range(model.nv):

@@ -110,9 +110,9 @@ def solve_motion(
         values: (numbers,) the others; see ``model.pack``.
         packed: (size,) packed terms at the configuration.
         bias_force: (nv,) h, N m or N.
-        passive: (nv,) forces of elements, N m or N.
-        bias: (m,) Ẇv.
-        result: (nv + m,) joint forces, replaced by v̇ and λ.
+        passive: (nv,) forces of elements without efforts, N m or N.
+        bias: (m,) Ẇv, m/s² or 1/s².
+        result: (nv + m,) Σ Jᵀ F and efforts, N m or N, replaced by v̇ and λ; λ is NaN if sparse.
     """
     model = Model(numbers, values)
     accelerate(model, unpack(packed, model), bias_force, passive, bias, result)
@@ -127,7 +127,7 @@ def correct(numbers: Array, values: Array, packed: Array, residual: Array, chang
         values: (numbers,) the others; see ``model.pack``.
         packed: (size,) packed terms at the configuration.
         residual: (m,) φ, rad or m.
-        change: (nv,) to fill.
+        change: (nv,) to fill, rad or m.
     """
     model = Model(numbers, values)
     correction_of(model, unpack(packed, model), residual, change)
@@ -141,7 +141,7 @@ def keep_closed(numbers: Array, values: Array, packed: Array, rates: Array) -> N
         numbers: (integers,) constants of the mechanism, whole ones.
         values: (numbers,) the others; see ``model.pack``.
         packed: (size,) packed terms at the configuration.
-        rates: (nv,) replaced.
+        rates: (nv,) rad/s or m/s, replaced by the nearest with W v = 0.
     """
     model = Model(numbers, values)
     close_rates(model, unpack(packed, model), rates)
@@ -155,7 +155,7 @@ def lift_rates(numbers: Array, values: Array, packed: Array, rates: Array) -> No
         numbers: (integers,) constants of the mechanism, whole ones.
         values: (numbers,) the others; see ``model.pack``.
         packed: (size,) packed terms at the configuration.
-        rates: (nv,) replaced.
+        rates: (nv,) rates or a change of q, replaced by Lᵀ of them, in the mass metric.
     """
     model = Model(numbers, values)
     lift(model, unpack(packed, model), rates)

@@ -50,8 +50,6 @@ def sparse_or_dense(dense: ActiveSet, position: Array) -> ActiveSet:
 def sparse(dense: ActiveSet, position: Array) -> ActiveSet | None:
     """Return closures with a sparse factorisation; None where it cannot be done at a position.
 
-    Arguments are those of :func:`sparse_or_dense`.
-
     Args:
         dense: the closures with a dense factorisation.
         position: (nq,) configuration.

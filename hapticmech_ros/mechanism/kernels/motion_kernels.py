@@ -176,10 +176,10 @@ def move_frames(
         values: (numbers,) the others; see ``model.pack``.
         packed: (size,) the configuration's terms.
         q: (nq,) configuration.
-        v: (nv,) rates.
+        v: (nv,) rates, rad/s or m/s.
         terms: (3 nv + m + points (6 nv + 12),) to fill with h, forces of elements, their
             dissipative part, Ẇv; then for each operational point J_h, J_h v and J̇_h v.
-        poses: (points, 12) to fill.
+        poses: (points, 12) to fill: each point's axes in the world, then its origin, m.
     """
     model = Model(numbers, values)
     nv, m = model.nv, model.m

@@ -74,7 +74,7 @@ def _advance(
 
 @inner
 def _care_limit(parts: Work) -> float:
-    """Return the relative σ below which the next step needs care; see ``stepping.care_limit``."""
+    """Return the relative σ below which the next step needs care; see ``singular.care_limit``."""
     fastest, v0 = 0.0, parts.v0
     for c in range(v0.size):
         fastest = max(fastest, abs(v0[c]))
@@ -83,7 +83,7 @@ def _care_limit(parts: Work) -> float:
 
 @inner
 def _is_near(start: Data, data: Data, limit: float) -> bool:
-    """Return whether a stage is next to a singular position; see ``HeldMotion.least``."""
+    """Return whether a stage is next to a singular position, or of lower rank than the start."""
     rank, sigma = int(data.tail[1]), data.sigma
     if rank < start.tail[1]:
         return True
@@ -192,7 +192,7 @@ def advance(
         scratch: (size,) packed terms of stages.
         work: (work,) see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, account
             0, 1 and 5 add up.
-        spring_work: (numbers,) of implicit rules; see ``implicit_kernels.Springs``.
+        spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
         samples: (samples, nq + nv) to fill.
         plan: (5,) number of steps, steps from one sample to the next (0: none), number of stages, 1

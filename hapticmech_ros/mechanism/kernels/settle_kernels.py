@@ -46,7 +46,7 @@ def _share_of_tolerance(least: float) -> float:
 
 @inner
 def _is_flipped(model: Model, data: Data) -> bool:
-    """Return whether axes of a revolute or weld closure are more than 90° apart."""
+    """Return whether axes of a revolute or weld closure are 90° apart or more."""
     for index in range(model.closures.shape[0]):
         kind, a, b = model.closures[index, 0], model.closures[index, 1], model.closures[index, 2]
         if kind == REVOLUTE and dot(data.poses[b, 6:9], data.poses[a, 6:9]) <= 0.0:

@@ -39,9 +39,9 @@ def joint_row(placement: pin.SE3, axis: Array, inertia: pin.Inertia) -> Array:
     revolute joint's axes in its parent's are A + cos θ B + sin θ C.
 
     Args:
-        placement: in its parent.
-        axis: (3,) in the joint's frame.
-        inertia: of its link.
+        placement: in its parent, m.
+        axis: (3,) unit vector in the joint's frame.
+        inertia: of its link in the joint's frame, kg, m and kg m².
     """
     row = np.zeros(JOINT_COLUMNS)
     rotation = placement.rotation
