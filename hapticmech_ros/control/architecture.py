@@ -67,7 +67,7 @@ class ControlArchitecture:
             kernel's.
         task: (6,) 1 for rows of a six-vector that the task space has, else 0.
         limits: N and N m, of the device.
-        device_inertia: (6, 6) Λ_d.
+        device_inertia: (6, 6) Λ_d, kg and kg m², at the point held.
         gains: those of now.
         channels: the four channels with them.
         delay: one-way delay (s) that the gains are for.
@@ -132,7 +132,7 @@ class ControlArchitecture:
         return self._settings
 
     def carried_at(self, time: float, clutch: Clutch) -> Array:
-        """Return what is left (6,) of a wrench that is carried on, at ``time`` (s)."""
+        """Return what is left (6,) at ``time`` (s) of a carried wrench, N and N m, world axes."""
         faded = clutch.faded(time, self.ramp_of(clutch))
         return _NOTHING if faded is None else faded
 
@@ -183,10 +183,11 @@ class ControlArchitecture:
 
         Args:
             time: s.
-            device: (19,) the device's measurement.
+            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
             operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
             ahead: as in :meth:`answer`.
-            carried: (6,) the device's wrench until now, if it held the mechanism elsewhere.
+            carried: (6,) the device's wrench until now, if it held the mechanism elsewhere; N and
+                N m, world axes.
         """
         own, point = device_of(device), point_ahead(operational_model, ahead)
         if carried is None and self._part_fast(own, point, model_of(operational_model)):
@@ -211,7 +212,7 @@ class ControlArchitecture:
         Args:
             time: s.
             clutch: the one until now.
-            device: (19,) the device's measurement.
+            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
             operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         """
         if clutch.carried is None:
@@ -260,7 +261,7 @@ class ControlArchitecture:
         Args:
             time: s.
             clutch: that connects the two poses.
-            device: (19,) the device's measurement.
+            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
             operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
             ahead: s, from the time of ``operational_model`` to that of ``device``; the point's pose
                 is extrapolated by its twist for as long.
@@ -302,5 +303,5 @@ class ControlArchitecture:
 
 
 def device_inertia(device: Device) -> Array:
-    """Return Λ_d (6, 6) of a device with isotropic mass and inertia at the point held."""
+    """Return Λ_d (6, 6), kg and kg m², of a device with isotropic mass and inertia."""
     return np.diag([device.mass] * 3 + [device.inertia] * 3)

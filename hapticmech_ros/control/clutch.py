@@ -30,8 +30,8 @@ class Clutch:
         time: s, when rendering started; -inf once the clutch has slipped and is closed.
         displacement: (3,) m, from device to operational point at that time.
         turn: (3, 3) rotation, R_device R_turn = R_point at that time.
-        carried: (6,) wrench of the device at that time, which fades as the ramp rises; None when
-            the device was left alone before.
+        carried: (6,) wrench of the device at that time, N and N m, world axes, which fades as the
+            ramp rises; None when the device was left alone before.
         slipped_until: s, until when the offset has slipped; of a clutch with ``carried``.
     """
 
@@ -52,7 +52,7 @@ class Clutch:
         return float(np.clip((time - self.time) / duration, 0.0, 1.0))
 
     def faded(self, time: float, duration: float) -> Array | None:
-        """Return what is left of ``carried`` (6,), N and N m, at ``time``; None for nothing."""
+        """Return what is left (6,) of ``carried`` at ``time`` (s), N and N m; None for nothing."""
         return None if self.carried is None else (1.0 - self.ramp(time, duration)) * self.carried
 
     def with_slip(
@@ -89,7 +89,8 @@ def engage(time: float, device: pin.SE3, point: pin.SE3, carried: Array | None =
         time: s.
         device: its pose at that time.
         point: that of the operational point.
-        carried: (6,) the device's wrench until then, if it held the mechanism elsewhere.
+        carried: (6,) the device's wrench until then, if it held the mechanism elsewhere; N and N m,
+            world axes.
     """
     return Clutch(
         time,

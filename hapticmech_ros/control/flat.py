@@ -28,7 +28,7 @@ _NO_SPECTRUM = np.zeros(OPERATIONAL_MODEL["s"])
 
 
 def flat_device(measured: DeviceMeasurement) -> Array:
-    """Return a device's measurement as numbers (19,)."""
+    """Return a device's measurement as a ``layout.DEVICE_SAMPLE`` (19,), SI, world axes."""
     place = pin.SE3ToXYZQUAT(measured.pose)
     return np.concatenate((place, measured.twist, measured.hand_wrench))
 
@@ -62,7 +62,7 @@ def model_of(operational_model: Array) -> OperationalModel:
     """Return the analysis in numbers (139,).
 
     Args:
-        operational_model: (139,) see ``layout.OPERATIONAL_MODEL``.
+        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
     """
     matrices = operational_model[_MATRICES].reshape(3, 6, 6)
     return OperationalModel(matrices[0], matrices[1], matrices[2], operational_model[_FREE])
@@ -72,7 +72,7 @@ def point_of(operational_model: Array) -> PointMeasurement:
     """Return the operational point's measurement in numbers (139,).
 
     Args:
-        operational_model: (139,) see ``layout.OPERATIONAL_MODEL``.
+        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
     """
     place = place_of(operational_model[_POINT_PLACE])
     return PointMeasurement(place, operational_model[_POINT_TWIST], operational_model[_CONTACT])

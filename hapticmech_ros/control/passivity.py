@@ -165,8 +165,8 @@ class PassivityController:
         Args:
             command: (6,) on the hand, by the device, N and N m, world axes.
             sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
-            added: (6,) by the device's driver, for its weight and friction: what it gives stays in
-                the device, and does not count.
+            added: (6,) by the device's driver, for its weight and friction, N and N m, world axes:
+                what it gives stays in the device, and does not count.
         """
         held = np.array(command, dtype=float)
         enforce_passivity(self.account, held, sample, added)

@@ -64,7 +64,7 @@ class ControllerCommand(NamedTuple):
 
     @property
     def wrenches(self) -> Array:
-        """(6, 6) as :class:`~hapticmech_ros.control.measurements.ControlOutput` has them."""
+        """(6, 6) rows, units and axes of :class:`~.measurements.ControlOutput`."""
         return self.numbers[_WRENCHES].reshape(6, 6)
 
     @property
@@ -74,12 +74,12 @@ class ControllerCommand(NamedTuple):
 
     @property
     def model(self) -> Array:
-        """(108,) G, K and B: how its first wrench depends on the device; zero if it is not said."""
+        """(108,) G, K and B row by row, SI, world axes; zero unless :attr:`is_modelled`."""
         return self.numbers[_MODEL]
 
     @property
     def answered(self) -> Array:
-        """(19,) the sample."""
+        """(19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``."""
         return self.numbers[_SAMPLE]
 
     @property
@@ -220,7 +220,7 @@ class RenderingController:
         return None if arrived is None else ControllerCommand(arrived.copy(), back.tag)
 
     def command_mechanism(self) -> tuple[Array, Array]:
-        """Return what is sent to the mechanism, and what acts on it now, (6,) each, N and N m."""
+        """Return what is sent to the mechanism and what acts now, (6,) each, N, N m, world axes."""
         last = self._nothing if self.last is None else self.last.numbers
         told = np.empty((2, 6))
         command_mechanism(self.account, self.queue, last, told)
