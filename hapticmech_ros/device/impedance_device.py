@@ -94,7 +94,7 @@ class ImpedanceDevice:
         return state
 
     def compensation(self, state: DeviceState) -> Array:
-        """Return what the driver adds to a command over the next period (6,), N and N m."""
+        """Return the wrench (6,) that the driver adds over the next period, N, N m, world axes."""
         added = np.empty(6)
         kernels.compensation(self.data, state.measured_twist, added)
         return added

@@ -51,7 +51,7 @@ class SimulatedDevice(Protocol):
         ...
 
     def compensation(self, state: DeviceState) -> Array:
-        """Return what the driver adds to a command over the next period (6,), N and N m."""
+        """Return the wrench (6,) that the driver adds over the next period, N, N m, world axes."""
         ...
 
     def sensed(self, push: Array) -> Array:

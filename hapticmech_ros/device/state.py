@@ -142,7 +142,7 @@ class DeviceState:
 
     @property
     def published(self) -> Array:
-        """What is published of it, (25,): measured position, quaternion, twist and F_h, applied."""
+        """What is published of it, (25,): measured sample and applied wrench, SI, world axes."""
         return self.flat[_PUBLISHED]
 
     def _pose_at(self, name: str) -> pin.SE3:
