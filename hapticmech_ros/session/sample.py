@@ -107,7 +107,7 @@ class Sample:
 
     @property
     def hand_wrench(self) -> Array:
-        """(6,) F_h on the device, by the hand and by others, as reported; N and N m."""
+        """(6,) F_h on the device, by the hand and by others, as reported; N and N m, world axes."""
         return self._data.sample[_FORCE]
 
     @property
@@ -117,7 +117,7 @@ class Sample:
 
     @property
     def contact_wrench(self) -> Array:
-        """(6,) part of F_c by virtual objects, in the last step, N and N m; zero without."""
+        """(6,) part of F_c by virtual objects in the last step, N, N m, world axes; or zero."""
         return self._data.contact
 
     @property
@@ -127,14 +127,17 @@ class Sample:
 
     @property
     def wrenches(self) -> Array:
-        """(6, 6) of the controllers in the last answer that arrived; rows as in ``output``."""
+        """(6, 6) of the last answer that arrived; rows and units of :class:`ControlOutput`."""
         data = self._data
         given = data.given if data.connected else data.answers[-1]
         return given[_WRENCHES].reshape(6, 6)
 
     @property
     def acting(self) -> Array:
-        """(2, 6) over the period that begins: on the hand, and on the mechanism by the hand."""
+        """(2, 6) wrenches over the period that begins, N and N m, world axes.
+
+        On the hand by the device, and on the mechanism by the hand.
+        """
         return self._data.wrenches[:2]
 
     @property

@@ -75,7 +75,7 @@ class Session(SessionLoop):
 
     @property
     def compensation(self) -> Array:
-        """What the device's driver adds to the command of the next tick (6,)."""
+        """(6,) what the device's driver adds to the next tick's command, N and N m, world axes."""
         return self._device.compensation(self.device)
 
     def tune(self, gains: Controller) -> None:

@@ -135,7 +135,7 @@ class SixBounds:
         """Refuse six numbers of which one is too large, or not finite.
 
         Raises:
-            InvalidInputError: so it is.
+            InvalidInputError: a number beyond its bound, or not finite.
         """
         x, y, z, a, b, c = six
         f, t = self.first, self.last

@@ -17,7 +17,8 @@ class DeviceWriter:
 
     Attributes:
         values: (29,) the data.
-        hand_wrench: (6,) F_h of the state seen last, with what others added; a view.
+        hand_wrench: (6,) F_h of the state seen last, with what others added, N and N m, world
+            axes; a view.
     """
 
     def __init__(self) -> None:
@@ -37,7 +38,7 @@ class DeviceWriter:
 
         Args:
             state: of the device.
-            push: (6,) by others, added to the hand's wrench.
+            push: (6,) by others, added to the hand's wrench; N and N m, world axes.
             stamp_ns: ns.
             round_trip: s, from a sample to its answer; 0: not known.
             obeys: whether the device obeys servo_cf.

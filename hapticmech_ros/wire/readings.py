@@ -27,7 +27,7 @@ _DEVICE, _OPERATIONAL_MODEL = device_bounds(), operational_model_bounds()
 
 
 class ReadingBounds(NamedTuple):
-    """Bounds of what a controller reads: ``device/state``, ``model``, and twists."""
+    """Bounds of what a controller reads: ``device/state``, ``operational_model``, and twists."""
 
     device: Bounds
     model: Bounds
@@ -51,7 +51,7 @@ class DeviceReading(NamedTuple):
 
 
 class OperationalModelReading(NamedTuple):
-    """A ``model`` message.
+    """An ``operational_model`` message.
 
     Attributes:
         stamp_ns: time it stands for, ns.
