@@ -205,7 +205,7 @@ class Actor(Generic[P]):
         Args:
             name: of the topic.
             qos: of the subscription.
-            accept: called with a wrench (6,), its stamp and the time of arrival, ns.
+            accept: called with a wrench (6,), N and N m, its stamp and the time of arrival, ns.
             unstamped_is_now: whether a zero stamp stands for the time of arrival.
             sources: tells publishers apart.
         """

@@ -119,7 +119,7 @@ class DevicePath(InOrder):
         """Keep a sample (19,) until the analysis comes.
 
         Args:
-            sample: (19,) of the device.
+            sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
             stamp_ns: its stamp, ns.
         """
         self._sample = sample, stamp_ns

@@ -57,7 +57,7 @@ class DeviceView:
 
         Args:
             account: of passivity.
-            sample: (19,) of the device.
+            sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
             time_ns: ns.
         """
         energy = DeviceEnergy(

@@ -102,7 +102,7 @@ class ExternalWrenches:
             source.wrench.clear()
 
     def at(self, now_ns: int, rotation_of: Callable[[str], Array]) -> dict[str, Array]:
-        """Return the sum of wrenches (6,) on each body that is pushed, axes of ``world``.
+        """Return the sum of wrenches (6,) on each body that is pushed, N and N m, world axes.
 
         Args:
             now_ns: present time, ns.

@@ -108,7 +108,7 @@ class ExpiringWrench:
         """Take a new command (6,).
 
         Args:
-            wrench: (6,) N and N m.
+            wrench: (6,) N and N m, in the axes it was given in.
             now_ns: present time, ns.
         """
         self._latest.put(wrench, now_ns)
@@ -132,7 +132,7 @@ class ExpiringWrench:
         return self.timeout_ns == 0 or self._latest.fresh(now_ns, self.timeout_ns + self.ramp_ns)
 
     def at(self, now_ns: int) -> Array:
-        """Return the wrench (6,) that stands at ``now_ns``."""
+        """Return the wrench (6,) that stands at ``now_ns``, N and N m, in the axes given."""
         wrench, heard_ns = self._latest.as_of(now_ns)
         if wrench is None:
             return np.zeros(6)

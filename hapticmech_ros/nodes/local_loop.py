@@ -63,7 +63,7 @@ class LocalLoop:
         """Remember a sample (19,).
 
         Args:
-            sample: (19,) of the device.
+            sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
             stamp_ns: its stamp, ns.
         """
         self._samples[stamp_ns // _MICROSECOND] = sample.copy()

@@ -95,7 +95,7 @@ class PointPort:
 
         Args:
             point: its kinematics.
-            force: (6,) F_c, N and N m, world axes.
+            force: (6,) F_c, N and N m, world axes at the operational point.
             joints: joint states.
             time_ns: their stamp, ns.
         """
