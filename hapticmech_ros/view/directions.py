@@ -58,7 +58,7 @@ def gathered(columns: Array) -> Array:
     The forces of the result are perpendicular to each other, and the span is the same.
 
     Args:
-        columns: (6, k) wrenches.
+        columns: (6, k) wrenches, forces first, world axes, in any unit.
     """
     if columns.shape[1] < 2:
         return columns

@@ -62,7 +62,7 @@ def hinge_angles(rotation: Array) -> tuple[float, float, float]:
     """Return a, b, c (rad) with ``rotation`` (3, 3) = R_x(a) R_y(b) R_z(c), -π/2 <= b <= π/2.
 
     Args:
-        rotation: (3, 3).
+        rotation: (3, 3) of a spherical joint; axes of the carried link to those before the joint.
     """
     level = float(np.hypot(rotation[0, 0], rotation[0, 1]))
     b = float(np.arctan2(rotation[0, 2], level))

@@ -60,8 +60,8 @@ def joint_shape(joint: Joint, pose: pin.SE3, axis: Array, unit: float) -> list[S
 
     Args:
         joint: what it is.
-        pose: frame of the link it carries.
-        axis: (3,) unit vector in the frame of ``pose``'s parent.
+        pose: frame of the link it carries, in the world.
+        axis: (3,) unit vector, world axes.
         unit: characteristic length, m.
     """
     thick, length = JOINT_DIAMETER * unit, JOINT_LENGTH * unit

@@ -48,7 +48,7 @@ def wrench_shapes(
     Args:
         namespace: of the markers.
         number: of this wrench in the namespace.
-        place: (3,) m.
+        place: (3,) m, world axes.
         wrench: (6,) N and N m, world axes.
         scales: characteristic length (m), m/N and m/(N m).
     """
@@ -75,7 +75,7 @@ def direction_shapes(
     Args:
         namespace: of the markers.
         found: the directions.
-        place: (3,) m.
+        place: (3,) m, world axes.
         unit: the mechanism's characteristic length, m.
     """
     colour = palette.MEANING[namespace]
