@@ -123,7 +123,8 @@ def ratios(setup: Setup) -> list[tuple[Array, Array]]:
         setup: of the sessions.
 
     Returns:
-        For each free direction its wrench (6,) and the complex ratio (k,) at the frequencies.
+        For each free direction its wrench (6,), N and N m, world axes at the point, and the complex
+        ratio (k,) at the frequencies.
 
     Raises:
         InvalidInputError: a period that does not divide 1 s.

@@ -31,12 +31,12 @@ class Directions:
 
     @property
     def held(self) -> Array:
-        """(6, k) directions that are constrained by the joints."""
+        """(6, k) directions constrained by the joints; units and axes of ``normals``."""
         return self.normals[:, self.weights == 1.0]
 
     @property
     def free(self) -> Array:
-        """(6, t - k) other directions."""
+        """(6, t - k) other directions; likewise."""
         return self.normals[:, self.weights < 1.0]
 
 

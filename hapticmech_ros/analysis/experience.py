@@ -147,7 +147,8 @@ class _Watch:
 def own_wrench(analysis: OperationalAnalysis) -> Array:
     """Return F_0 (6,), the wrench equivalent to the free acceleration a_0 at the point.
 
-    X F_0 = a_0 along free directions: F_0 = Σ (1 - w_i) n_i (n_iᵀ a_0) / μ_i, N and N m.
+    X F_0 = a_0 along free directions: F_0 = Σ (1 - w_i) n_i (n_iᵀ a_0) / μ_i; N, N m,
+    world axes.
     """
     found, free = analysis.spectrum, analysis.weights < 1.0
     along = found.wrenches.T @ analysis.free_acceleration[analysis.rows]

@@ -137,7 +137,7 @@ def multisine(times: Array, frequencies: Sequence[float] | Array, sizes: Array) 
     Args:
         times: (n,) s.
         frequencies: (k,) Hz.
-        sizes: (k,) amplitudes.
+        sizes: (k,) amplitudes, in the unit of the result.
     """
     push = np.zeros(times.size)
     for index, (frequency, size) in enumerate(zip(frequencies, sizes, strict=True)):
@@ -163,7 +163,10 @@ def amplitudes(times: Array, values: Array, frequencies: Sequence[float] | Array
 
 
 def free_directions(analysis: OperationalAnalysis) -> list[Array]:
-    """Return wrenches (6,) along the free directions, eigenvectors of X."""
+    """Return wrenches n (6,) with X n = μ I_ℓ⁻¹ n along the free directions, world axes.
+
+    They are scaled to a force of 1 N or a torque of ``TORQUE_UNIT`` N m, neither above that.
+    """
     found = []
     for column, weight in zip(analysis.spectrum.wrenches.T, analysis.weights, strict=True):
         if weight == 0.0:

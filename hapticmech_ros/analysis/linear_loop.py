@@ -68,7 +68,7 @@ def tick_matrix(
     Args:
         scene: whose device and period are used.
         law: of the controllers.
-        inverse_inertia: (6, 6) X.
+        inverse_inertia: (6, 6) X, 1/kg, 1/(kg m) and 1/(kg m²), world axes at the point.
         rows: (t,) indices of the task space's rows in a six-vector.
         delay: whole periods from measuring to acting.
         held: impedance of the hand.

@@ -60,13 +60,13 @@ class ProxyControl(ControlArchitecture):
         ahead: float,
         in_flight: InFlight | None = None,
     ) -> Array:
-        """Return the wrenches for measurements, (6, 6): rows as in :class:`ControlOutput`.
+        """Return the wrenches for measurements, (6, 6): rows and units of :class:`ControlOutput`.
 
         Args:
             time: s.
             clutch: that connects the two poses.
-            device: (19,) measurement of the device.
-            operational_model: (139,) analysis and measurement of the operational point.
+            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
+            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
             ahead: s, from the time of ``operational_model`` to that of ``device``.
             in_flight: commands to the mechanism that have not acted yet.
         """
@@ -117,7 +117,7 @@ def stiffest_gains(scene: Scene, loop: Array, delay: int) -> tuple[float, float]
 
     Args:
         scene: whose device's substeps and period are used.
-        loop: (n, n) A.
+        loop: (n, n) A; without unit for k in 1/s² and b in 1/s, in 1/kg for N/m and N s/m.
         delay: whole periods from measuring to acting.
 
     Raises:

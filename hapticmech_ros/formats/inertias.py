@@ -11,14 +11,14 @@ NO_INERTIA = 1e-12
 
 
 def balanced(inertia: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Return a body's inertia (3, 3), and whether it had to be made one.
+    """Return a physically possible inertia (3, 3), kg m², and whether it had to be changed.
 
     No body has a principal moment above the sum of the other two; files have. The smaller two are
     raised by half of what is missing each. Moments clearly below zero are left for the scene's
     rules to refuse.
 
     Args:
-        inertia: (3, 3) about the centre of mass, kg m².
+        inertia: (3, 3) about the centre of mass, kg m², any axes; the result has the same.
     """
     moments, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
     largest = moments[2]

@@ -114,7 +114,7 @@ class Context:
         return pin.SE3(self.rotation(node), position)
 
     def rotation(self, node: Node) -> np.ndarray:
-        """Return an element's rotation (3, 3); the identity if it says none.
+        """Return an element's rotation (3, 3) in its parent's frame; the identity if none is given.
 
         Raises:
             SceneError: a rotation that is given in two ways.

@@ -105,7 +105,8 @@ def felt_states(
         active: for each state, which closures are closed.
         point: name of the operational point; the scene's first one if empty.
         show: called with the number of states done and their total.
-        grasps: (n, points, 7) pose of each operational point on its link; the scene's if None.
+        grasps: (n, points, 7) of each operational point: index of its link among the scene's, xyz
+            (m) and rpy (rad) in the link's frame; the scene's if None.
 
     Returns:
         The analysis of every state.

@@ -239,7 +239,7 @@ def _thresholds(scene: Scene) -> Iterator[SceneProblem]:
 
 
 def inertia_matrix(inertia: Inertia) -> np.ndarray:
-    """Return the symmetric 3 x 3 matrix (kg m^2) of the six written moments."""
+    """Return the inertia (3, 3), kg m², about the centre of mass in the link's axes."""
     i = inertia
     return np.array([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]])
 
