@@ -272,8 +272,8 @@ def enforce_passivity(account: Array, command: Array, sample: Array, added: Arra
         account: (account,) of the device, changed; see ``loop_layout``.
         command: (6,) on the hand, by the device, N and N m, world axes; changed.
         sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
-        added: (6,) by the device's driver, for its weight and friction: what it gives stays in the
-            device, and does not count.
+        added: (6,) by the device's driver, for its weight and friction, N and N m, world axes: what
+            it gives stays in the device, and does not count.
     """
     enforce(account, command, sample, added)
 

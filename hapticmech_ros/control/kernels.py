@@ -118,8 +118,8 @@ def control_wrenches(
 
     Args:
         settings: (58,) what the scene and the clutch fix; see ``loop_layout``.
-        device: (19,) the device's measurement.
-        operational_model: (139,) the analysis and the operational point's measurement.
+        device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
+        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         time: s.
         ahead: s, for which the point's pose is carried on.
         out: (6, 6) to fill, N and N m, world axes.

@@ -259,7 +259,7 @@ def advance(data: Array, state: Array, command: Array, obeys: bool, ticks: int, 
     Args:
         data: (numbers,) the device; see ``device_layout``.
         state: (83,) where to start.
-        command: (6,) to the actuators, N and N m, world axes.
+        command: (6,) servo_cf, N and N m, world axes; the driver's compensation is added to it.
         obeys: whether it is obeyed; else the actuators are off, and compensation with them.
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
         out: (83,) to fill.
@@ -278,7 +278,7 @@ def begin(data: Array, state: Array, command: Array, obeys: bool, ticks: int, ou
     Args:
         data: (numbers,) the device; see ``device_layout``.
         state: (83,) at the period's start.
-        command: (6,) N and N m, world axes.
+        command: (6,) servo_cf, N and N m, world axes; the driver's compensation is added to it.
         obeys: whether it is obeyed; else the actuators are off, and compensation with them.
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
         out: (83,) to fill.

@@ -129,6 +129,6 @@ def apply_envelope(safety: Array, command: Array, position: Array) -> None:
     Args:
         safety: (numbers,) the envelope, changed; see ``safety_layout``.
         command: (6,) on the hand, by the device, at the point held, N and N m, world axes; changed.
-        position: (3,) of that point, m.
+        position: (3,) of that point, m, world axes.
     """
     stay_within(safety, command, position)

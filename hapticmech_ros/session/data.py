@@ -31,7 +31,7 @@ class SessionData(Structure):
         observation: of the operational point, see ``observation_layout``.
         controller: its account, settings and so on: see ``loop_layout``.
         settings: of the controllers.
-        faded: (6,) what is carried on from another grasp.
+        faded: (6,) what is carried on from another grasp, N and N m, world axes.
         told: (d, 6) what the mechanism was told and does not act yet.
         account: the device's.
         safety: its envelope.
@@ -43,8 +43,8 @@ class SessionData(Structure):
         counter: of joint constraints.
         wrenches: (3, 6) on the hand by the device, on the mechanism by the hand, and what the
             mechanism is told.
-        external: (6,) on the mechanism at the operational point, by others.
-        push: (6,) on the device, by others than the hand.
+        external: (6,) on the mechanism at the operational point, by others, N and N m, world axes.
+        push: (6,) on the device, by others than the hand, likewise.
         contact: (6,) part of F_c by virtual objects, N and N m, world axes.
         locality: (3,) see ``answer_sample``.
         added: (6,) by the device's driver.

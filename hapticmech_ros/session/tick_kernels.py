@@ -301,7 +301,7 @@ def run_ticks(
         whole: (integers,) numbers of the session's data.
         real: (numbers,) the data; see :class:`~hapticmech_ros.session.data.SessionData`.
         inputs: (ticks or 1, 12) wrenches by others on the mechanism at the operational point, and
-            on the device.
+            on the device at the point held; N and N m, world axes.
         records: (records, ...) to fill; see ``run_layout``.
         nobody: (0, 10).
         contact_numbers: of the contacts, whole ones; (0,) in a scene without.
