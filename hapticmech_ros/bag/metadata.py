@@ -160,7 +160,11 @@ def bag_information(
 
 
 def write_metadata(folder: Path, information: Mapping[str, Any]) -> None:
-    """Write ``metadata.yaml`` so that a reader finds either the old one or the new one."""
+    """Write ``metadata.yaml`` so that a reader finds either the old one or the new one.
+
+    Raises:
+        OSError: it cannot be written; the old one is left as it was.
+    """
     temporary = folder / f"{FILE_NAME}.tmp"
     try:
         temporary.write_text(as_yaml({ROOT: dict(information)}) + "\n", encoding="utf-8")
