@@ -92,10 +92,10 @@ class ContactStepper:
         check_external(external, len(self._mechanism.point_names), self._mechanism.nv)
         self.memory.begin_with(touching)
         self._push(external)
-        active_set, report = self._mechanism.active_set(start.active), self.memory.contacts.report
+        active_set = self._mechanism.active_set(start.active)
         took = self._call(active_set, start, external, self._substeps, WHOLE)
         if took.code == 0 and took.stepped is not None:
-            return self._touched(took.stepped, report.item(TOTAL_WORK))
+            return self._touched(took.stepped, self._reported(TOTAL_WORK))
         now, left, work_in, lost, work = start, self._substeps, 0.0, 0.0, 0.0
         while True:
             if took.code == NOT_DECIDED and not took.steps:
@@ -104,12 +104,12 @@ class ContactStepper:
             if stepped is None:
                 # Of the dense factorisation nothing is undecided: the step needs care.
                 stepped, steps = self._careful(now, external), 1
-                work += report.item(WORK)
+                work += self._reported(WORK)
             work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
             now, left = end_of(stepped, start), left - steps
             if not left:
                 stepped = stepped._replace(work_in=work_in, energy_lost=lost)
-                return self._touched(stepped, work + report.item(TOTAL_WORK))
+                return self._touched(stepped, work + self._reported(TOTAL_WORK))
             took = self._call(active_set, now, external, left, EACH)
 
     def _push(self, external: ExternalWrenches) -> None:
@@ -160,12 +160,18 @@ class ContactStepper:
         for link, row in zip(self.memory.links, contacts.external, strict=False):
             on_links[link] = on_links[link] + row[4:] if link in on_links else row[4:].copy()
         stepped = self._stepper.careful_substep(start, external._replace(on_links=on_links))
-        return stepped._replace(work_in=stepped.work_in - contacts.report.item(COUNTED))
+        return stepped._replace(work_in=stepped.work_in - self._reported(COUNTED))
 
     def _touched(self, stepped: Stepped, work: float) -> Touched:
         """Return a period's outcome with what is known of its last substep."""
-        touching, report = self.memory.touching(), self.memory.contacts.report
-        return Touched(stepped, touching, report.item(HELD) if touching.pairs.size else 0.0, work)
+        touching = self.memory.touching()
+        return Touched(
+            stepped, touching, self._reported(HELD) if touching.pairs.size else 0.0, work
+        )
+
+    def _reported(self, number: int) -> float:
+        """Return a number of the report: of the arrays there are now, which a call may replace."""
+        return self.memory.contacts.report.item(number)
 
     def _searches(
         self, polytopes: tuple[Polytope | None, ...]

@@ -102,19 +102,20 @@ def test_a_state_has_all_that_its_next_step_needs():
             assert again.account == states[at + 1].account
 
 
-def test_more_points_than_there_is_room_for_at_first():
-    """Six boxes move as each of them alone does."""
+@pytest.mark.parametrize(("height", "down"), [(0.0501, 0.0), (0.0501, -0.3), (0.0499, 0.0)])
+def test_more_points_than_there_is_room_for_at_first(height, down):
+    """Six boxes move and lose energy as each of them alone does, from the first contact on."""
     names = [f"box{index}" for index in range(6)]
     many = scene(
         [body(name) for name in names],
         [FLOOR, *(shape(name, SHAPES["box"]) for name in names)],
         [pair(f"{name}_shape", friction=0.5) for name in names],
-        {name: [0.3 * at, 0.0, 0.0501, *UPRIGHT] for at, name in enumerate(names)},
-        {name: [0.2, 0.1, 0.0, 0.0, 0.0, 0.5] for name in names},
+        {name: [0.3 * at, 0.0, height, *UPRIGHT] for at, name in enumerate(names)},
+        {name: [0.2, 0.1, down, 0.0, 0.0, 0.5] for name in names},
     )
-    _, states = run(many, 0.1)
-    document = on_floor("box", 0.0501, law={"friction": 0.5})
-    document["initial_state"]["v"]["of_one"] = [0.2, 0.1, 0.0, 0.0, 0.0, 0.5]
+    sim, states = run(many, 0.1)
+    document = on_floor("box", height, law={"friction": 0.5})
+    document["initial_state"]["v"]["of_one"] = [0.2, 0.1, down, 0.0, 0.0, 0.5]
     _, alone = run(document, 0.1)
     assert max(state.touching.pairs.size for state in states[1:]) == 24 > FIRST_WORKSPACE
     for state, single in zip(states, alone, strict=True):
@@ -122,6 +123,11 @@ def test_more_points_than_there_is_room_for_at_first():
             away = state.q[7 * at : 7 * at + 7] - single.q
             assert np.abs(away[1:]).max() < 1e-9
             assert abs(away[0] - 0.3 * at) < 1e-9
+    accounts = [state.account for state in states]
+    assert accounts[-1].contact_loss == pytest.approx(6 * alone[-1].account.contact_loss, abs=1e-9)
+    first, last = (sum(sim.mechanism.energy(state.q, state.v)) for state in (states[0], states[-1]))
+    kept = [one.contact_energy - one.work_in + one.contact_loss for one in accounts]
+    assert first - last == pytest.approx(kept[-1] - kept[0], abs=1e-6)
 
 
 @pytest.mark.parametrize("substeps", [1, 3])
