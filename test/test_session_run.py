@@ -328,3 +328,21 @@ def test_a_run_of_no_ticks_changes_nothing():
     session = Session(load_scene("two_link"), control=ControlArchitecture(load_scene("two_link")))
     assert len(session.run(0)) == 0
     assert session.time == 0.0
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("name", ["external_wrench", "hand_wrench"])
+def test_wrenches_that_are_no_numbers_are_refused_and_move_nothing(name, bad):
+    session, other = Session(load_scene("five_bar")), Session(load_scene("five_bar"))
+    session.run(3)
+    other.run(3)
+    wrench = np.array([0.0, 0.1, 0.0, bad, 0.0, 0.0])
+    with pytest.raises(InvalidInputError, match=f"{name}: must be finite numbers"):
+        session.tick(**{name: wrench})
+    rows = np.zeros((5, 6))
+    rows[4] = wrench
+    with pytest.raises(InvalidInputError, match=f"{name}: must be finite numbers"):
+        session.run(5, **{name: rows})
+    assert session.tick().time == other.tick().time
+    assert (session.mechanism.q == other.mechanism.q).all()
+    assert (session.device.flat == other.device.flat).all()

@@ -95,7 +95,8 @@ class Session(SessionLoop):
 
         Raises:
             ClosureError: a closed loop came apart.
-            InvalidInputError: the state is no longer finite, or a wrench of another shape.
+            InvalidInputError: the state is no longer finite, or a wrench of another shape or not
+                finite; nothing has moved then.
         """
         inputs = np.zeros((1, 12))
         if external_wrench is not None:
@@ -135,7 +136,7 @@ class Session(SessionLoop):
         Raises:
             ClosureError: a closed loop came apart.
             InvalidInputError: the state is no longer finite; fewer than 0 ticks, ``every`` or
-                ``chunk`` below 1, or arrays of another shape.
+                ``chunk`` below 1, or arrays of another shape or not finite.
         """
         for name, value, least in (("ticks", ticks, 0), ("every", every, 1), ("chunk", chunk, 1)):
             if value < least:
@@ -210,10 +211,23 @@ def _wrench(name: str, given: Array) -> Array:
     """Return a wrench (6,) as it was given.
 
     Raises:
-        InvalidInputError: an array of another shape.
+        InvalidInputError: an array of another shape, NaN or infinity.
     """
     if np.shape(given) != (6,):
         raise InvalidInputError(f"shape of {name}", np.shape(given), "must be (6,)")
+    return _finite(name, given)
+
+
+def _finite(name: str, given: Array) -> Array:
+    """Return wrenches (..., 6) as they were given.
+
+    Raises:
+        InvalidInputError: NaN or infinity.
+    """
+    finite = np.isfinite(given)
+    if not finite.all():
+        row = given if np.ndim(given) == 1 else given[int(np.argmin(finite.all(axis=-1)))]
+        raise InvalidInputError(name, np.asarray(row).tolist(), "must be finite numbers")
     return given
 
 
@@ -221,7 +235,7 @@ def _inputs(ticks: int, external: Array | None, push: Array | None) -> Array:
     """Return (1 or ticks, 12) wrenches by others.
 
     Raises:
-        InvalidInputError: an array of another shape.
+        InvalidInputError: an array of another shape, NaN or infinity.
     """
     given = [
         np.zeros(6) if one is None else np.asarray(one, dtype=float) for one in (external, push)
@@ -229,5 +243,6 @@ def _inputs(ticks: int, external: Array | None, push: Array | None) -> Array:
     for name, one in zip(("external_wrench", "hand_wrench"), given, strict=True):
         if one.shape not in ((6,), (ticks, 6)):
             raise InvalidInputError(f"shape of {name}", one.shape, f"must be (6,) or ({ticks}, 6)")
+        _finite(name, one)
     rows = 1 if all(one.ndim == 1 for one in given) else ticks
     return np.hstack([np.broadcast_to(one, (rows, 6)) for one in given])
