@@ -171,7 +171,7 @@ class ContactStepper:
 
     def _reported(self, number: int) -> float:
         """Return a number of the report: of the arrays there are now, which a call may replace."""
-        return self.memory.contacts.report.item(number)
+        return float(self.memory.contacts.report[number])
 
     def _searches(
         self, polytopes: tuple[Polytope | None, ...]

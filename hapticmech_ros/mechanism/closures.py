@@ -79,9 +79,14 @@ class LoopClosure:
         """Whether there are rows of axes, and with them a root of φ that is a branch of its own."""
         return self.kind in ("revolute", "weld")
 
+    @property
+    def point_rows(self) -> int:
+        """Number of rows in m, the first ones; the others are of axes, or of angles."""
+        return self.rows if self.linear else _POINT_ROWS[self.kind]
+
     def row_lengths(self, length: float) -> Array:
         """Return (m,) the unit of each row: ``length`` (m) for points, 1 for axes."""
-        points = self.rows if self.linear else _POINT_ROWS[self.kind]
+        points = self.point_rows
         return np.array([length] * points + [1.0] * (self.rows - points))
 
     def on_wrong_branch(self, data: pin.Data) -> bool:

@@ -128,7 +128,7 @@ class ConstraintSpace:
 
     @property
     def sigma(self) -> Array:
-        """(r,) singular values kept, 1/(√kg m); rows in m are divided by the length."""
+        """(r,) singular values kept, 1/(√kg m), of rows divided by their units."""
         return self.closing.dense.parts.sigma[: self.rank]
 
     @property
@@ -140,6 +140,14 @@ class ConstraintSpace:
     def rank(self) -> int:
         """Number r of independent closure rows."""
         return self.closing.rank
+
+    @property
+    def least_kept(self) -> float:
+        """Smallest σ kept over the largest one; 1 without any."""
+        if self.closing.active_set.is_sparse:
+            return self.closing.least
+        sigma = self.sigma
+        return float(sigma[-1] / sigma[0]) if sigma.size else 1.0
 
     def to_mass_metric(self, force: Array) -> Array:
         """Return L⁻¹ force, N/√kg, for a joint force (nv,) or the columns of (nv, k).

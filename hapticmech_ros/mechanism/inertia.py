@@ -52,9 +52,29 @@ def singular_inertia(rate: int) -> SingularInertiaError:
 
 def singular_joint(tree: TreeModel, rate: int) -> SingularInertiaError:
     """Return the error of a configuration at which D is not positive definite at ``rate``."""
-    index = next(i for i in range(len(tree.joints)) if tree.velocity_slice(i).stop > rate)
+    index = _joint_of(tree, rate)
     message = f"joint {tree.joint_names[index]!r} moves no mass that others do not move as well"
     return SingularInertiaError(f"{message}: {_remedy(tree, index)}", rate)
+
+
+def diverged(tree: TreeModel, moved: Array, step: float) -> HapticMechError:
+    """Return the error of a step that went astray.
+
+    Args:
+        tree: the mechanism's.
+        moved: (nv,) rad or m, how far a stage of it is from its start.
+        step: s.
+    """
+    rate = int(np.argmax(np.abs(moved)))
+    joint = tree.joint_names[_joint_of(tree, rate)]
+    return HapticMechError(
+        f"the step diverged: joint {joint!r} moved by {moved[rate]:.3g} rad or m in {step:.3g} s; "
+        "a shorter period or more substeps are needed"
+    )
+
+
+def _joint_of(tree: TreeModel, rate: int) -> int:
+    return next(i for i in range(len(tree.joints)) if tree.velocity_slice(i).stop > rate)
 
 
 def refuse_massless(tree: TreeModel, length: float) -> None:

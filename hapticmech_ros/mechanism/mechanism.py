@@ -198,6 +198,7 @@ class Mechanism(MultibodyModel):
                 sequence=np.zeros((0, 5), dtype=np.int64),
                 damping=np.array(self.tree.damping, dtype=float),
                 lengths=np.concatenate(lengths),
+                units=self.row_units(indices),
                 placements=self._all_placements[frames],
                 effort=self.elements.effort,
                 element_values=np.array([_joint_values(e.joint) for e in self.elements.joints]),

@@ -7,6 +7,9 @@ where τ is what springs, dampers, friction, stops and efforts do (see :mod:`ele
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cached_property
+
 import numpy as np
 import pinocchio as pin
 
@@ -21,9 +24,12 @@ from hapticmech_ros.mechanism.closures import (
 )
 from hapticmech_ros.mechanism.elements import Elements, bind_spring
 from hapticmech_ros.mechanism.inertia import refuse_massless
-from hapticmech_ros.mechanism.model import TreeModel, build_tree
+from hapticmech_ros.mechanism.model import TreeModel, authored_state, build_tree
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
+
+# How many of a joint's rates, the first ones, are in m/s.
+_TRANSLATIONS = {"prismatic": 1, "planar": 2, "free": 3}
 
 
 class MultibodyModel:
@@ -62,6 +68,84 @@ class MultibodyModel:
         self._neutral: Array = np.asarray(pin.neutral(self.model))
         closed = [closure.active for closure in scene.closures]
         self.initially_active: Active = (*closed, *(True for _ in scene.couplings))
+
+    def row_units(self, indices: Sequence[int]) -> Array:
+        """Return (m,) what rows of closures are divided by before they are factored.
+
+        Their length ℓ in m or 1 in rad, times a power of 2 per closure, so that closures between
+        heavy links and between light ones, long ones and short ones, have singular values of the
+        same order: one that is small then means a singular position.
+
+        Args:
+            indices: of the closures.
+        """
+        units = [
+            self.closures[index].row_lengths(self.length) * self._closure_scales[index]
+            for index in indices
+        ]
+        return np.concatenate([np.zeros(0), *units])
+
+    @cached_property
+    def _closure_scales(self) -> Array:
+        """Return per closure the power of 2 next to its rows' size, over that of the largest.
+
+        Their size in the mass metric, |L⁻¹ (J_a − J_b)ᵀ| of points over the length, of axes, or of
+        both, as the scene starts: 1 where D is singular there.
+        """
+        scales = np.ones(len(self.closures))
+        q, _ = authored_state(self.scene, self.tree)
+        # Not the scratch data: this may be asked for in the middle of an evaluation.
+        model, data = self.model, self.model.createData()
+        upper = np.triu(pin.crba(model, data, q).reshape(self.nv, self.nv))
+        try:
+            factor = np.linalg.cholesky(upper + np.triu(upper, 1).T)
+        except np.linalg.LinAlgError:
+            return scales
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        for index, loop in enumerate(self.closures):
+            ends = [
+                pin.getFrameJacobian(model, data, frame, WORLD_AXES).reshape(6, self.nv)
+                for frame in (loop.frame_a, loop.frame_b)
+            ]
+            relative = ends[0] - ends[1]
+            used = [relative[:3] / self.length] if loop.point_rows else []
+            used += [relative[3:]] if loop.rows > loop.point_rows else []
+            scales[index] = np.linalg.norm(np.linalg.solve(factor, np.vstack(used).T))
+        largest = scales.max(initial=0.0)
+        if not largest > 0.0:
+            return np.ones(len(self.closures))
+        scales[~(scales > 0.0)] = largest
+        return np.asarray(np.exp2(np.round(np.log2(scales / largest))))
+
+    def span(self, change: Array) -> float:
+        """Return the largest component of a change, rad; translations over the length.
+
+        Args:
+            change: (nv,) rad or m.
+        """
+        return float(np.abs(change / self._rate_lengths).max(initial=0.0))
+
+    @cached_property
+    def _rate_lengths(self) -> Array:
+        """Return (nv,) the length for rates in m/s, 1 for those in rad/s."""
+        lengths = np.ones(self.nv)
+        for index, kind in enumerate(self.tree.joint_types):
+            first = self.tree.velocity_slice(index).start
+            lengths[first : first + _TRANSLATIONS.get(kind, 0)] = self.length
+        return lengths
+
+    def local_rates(self, start: Array, q: Array, v: Array) -> Array:
+        """Return θ̇ (nv,), rad/s or m/s, with q = start ⊕ θ: J_r(θ)⁻¹ v.
+
+        Args:
+            start: (nq,) configuration.
+            q: (nq,) likewise.
+            v: (nv,) rates at q, rad/s or m/s.
+        """
+        if self.nq == self.nv:
+            return v
+        return np.asarray(pin.dDifference(self.model, start, q, pin.ARG1) @ v)
 
     def set_operational_point(self, point: OperationalPoint) -> None:
         """Put the operational point of that name elsewhere; ``scene`` has it there from now on.

@@ -148,8 +148,8 @@ def _scaled_rows(mechanism: Mechanism, closing: Closing, loops: list[LoopClosure
     """Return (m, r) rows of W L⁻ᵀ in units of their own, in coordinates of what the solver kept."""
     if not loops:
         return np.zeros((0, 0))
-    lengths = np.concatenate([loop.row_lengths(mechanism.length) for loop in loops])
-    columns = solve_lower(closing.space.factor, (closing.jacobian / lengths[:, None]).T)
+    units = mechanism.row_units([mechanism.closures.index(loop) for loop in loops])
+    columns = solve_lower(closing.space.factor, (closing.jacobian / units[:, None]).T)
     return np.asarray((closing.space.basis.T @ columns).T)
 
 

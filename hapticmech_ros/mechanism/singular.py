@@ -1,4 +1,4 @@
-"""The step that leaves a singular position: which branch it takes, and with what speed.
+"""Which branch of the motion is taken at a singular position.
 
 Where closures lose rank, several branches of the mechanism's motion cross, and to first order it is
 free to move between them as well. An acceleration found there leads off all of them; put back onto
@@ -16,17 +16,16 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import ClosureError
+from hapticmech_ros.mechanism.branch import STRAIGHT, Branch, branch_along
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.projection import Projected, project
-from hapticmech_ros.mechanism.tolerances import NEAR, PASSING, PROJECTION_TOLERANCE
+from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.tolerances import NEAR, PASSING, SINGULAR
 
-# How far from the singular position branches are looked for, rad or m: far enough that their
-# closures are well determined, near enough that they are straight.
+# How far from the singular position branches are looked for, rad, or m over the length: far enough
+# that their closures are well determined, near enough that they are straight.
 REACH = 1e-3
-# A direction that the closures change by less than this share is a branch's.
-STRAIGHT = 0.02
 # A branch that takes up this share of the free motion is the one the mechanism is on already.
 SURE = 0.999
 # Branches are looked for in the direction of the free motion, and in so many others for each
@@ -39,8 +38,8 @@ ROUNDS = 4
 
 def nearest_branch(
     mechanism: Mechanism, q: Array, active: Active, space: ConstraintSpace, change: Array
-) -> ConstraintSpace | None:
-    """Return the closures' terms on the branch through q that ``change`` is nearest to.
+) -> tuple[Branch, Array] | None:
+    """Return the branch through q that ``change`` is nearest to, and its direction (nv,).
 
     Args:
         mechanism: whose closures.
@@ -50,8 +49,7 @@ def nearest_branch(
         change: (nv,) the free motion, rad or m.
 
     Returns:
-        Terms whose ``closed_rates`` gives the part of a motion along that branch; None where no
-        branch takes up any of the change.
+        None where no branch takes up any of the change.
     """
     whole = space.size(change)
     best, found = 1e-6 * whole, None
@@ -61,11 +59,14 @@ def nearest_branch(
             tried = _branch_towards(mechanism, q, active, space, along)
             if tried is None:
                 break
-            branch, is_on_it = tried
+            there, is_on_it = tried
             size = space.size(along)
             if is_on_it and along is not start and size > best:
-                best, found = size, branch
-            along = branch.closed_rates(change)
+                branch = branch_along(mechanism, q, active, along)
+                if branch is not None:
+                    best, found = size, (branch, along)
+                    break
+            along = there.closed_rates(change)
             if not space.size(along) > 1e-6 * whole:
                 break
         if best > SURE * whole:
@@ -73,14 +74,43 @@ def nearest_branch(
     return found
 
 
+def without_rows_of(space: ConstraintSpace, columns: Array) -> Array:
+    """Return ``columns`` (nv,) without what the closures take that are well determined.
+
+    Args:
+        space: the closures' terms.
+        columns: (nv,) in the mass metric.
+    """
+    sigma = space.sigma
+    if not sigma.size:
+        return columns
+    basis = space.basis[:, sigma > SINGULAR * sigma[0]]
+    return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+def free_change(space: ConstraintSpace, change: Array) -> Array:
+    """Return the part (nv,) of a change that well determined closures leave.
+
+    Args:
+        space: the closures' terms.
+        change: (nv,) rad or m.
+    """
+    return space.from_mass_metric(without_rows_of(space, space.factor.T @ change))
+
+
+def care_limit(moved: float) -> float:
+    """Return the relative σ below which a step needs care if it moves a joint by so much."""
+    return max(NEAR, min(PASSING, moved))
+
+
 def _directions(space: ConstraintSpace, change: Array) -> Iterator[Array]:
     """Yield directions (nv,) that are free to first order, the change itself first."""
     yield change
     size = change.size
     # No two of them are alike, and none is singled out by the mechanism.
-    for k in range(1, 1 + min(TRIES * (size - space.rank), MOST_TRIES)):
+    for k in range(1, 1 + min(TRIES * (size - space.rank + 1), MOST_TRIES)):
         anywhere = np.cos(np.sqrt(2.0) * k * np.arange(1.0, size + 1.0) ** 2)
-        yield space.from_mass_metric(space.without_closure_part(anywhere))
+        yield space.from_mass_metric(without_rows_of(space, anywhere))
 
 
 def _branch_towards(
@@ -91,10 +121,10 @@ def _branch_towards(
     Also return whether it was nearly on them before: where a branch keeps to a singular position,
     directions seem free that it does not have.
     """
-    largest = np.abs(direction).max()
-    if not largest > 0.0:
+    span = mechanism.span(direction)
+    if not span > 0.0:
         return None
-    away = direction * (REACH / largest)
+    away = direction * (REACH / span)
     there = mechanism.integrate(q, away)
     try:
         put_back = project(mechanism, there, np.zeros(direction.size), active)
@@ -102,42 +132,3 @@ def _branch_towards(
         return None
     moved = mechanism.difference(there, put_back.q)
     return put_back.closing.space, space.size(moved) < STRAIGHT * space.size(away)
-
-
-def split_around(where: float) -> float:
-    """Return at which share of a step to split it if it is next to a singular one at ``where``.
-
-    Both halves of a step by a rule of Runge and Kutta have stages at their ends and in the middle.
-    That share is then between two of them, and no nearer to one than a tenth of the step.
-    """
-    split = (4.0 * where - 1.0) / 3.0 if where < 0.5 else 4.0 * where / 3.0
-    return min(0.9, max(0.1, split))
-
-
-def care_limit(moved: float) -> float:
-    """Return the relative σ below which a step needs care if it moves a joint by so much."""
-    return max(NEAR, min(PASSING, moved))
-
-
-def put_on_branch(
-    mechanism: Mechanism, q: Array, v: Array, active: Active, branch: ConstraintSpace
-) -> Projected:
-    """Return a state that was led along a branch, on the closures.
-
-    Next to where branches cross it is on them to rounding, and the closures' rows there say less of
-    the branch's direction than what led it.
-
-    Args:
-        mechanism: whose closures.
-        q: (nq,) configuration.
-        v: (nv,) rates, rad/s or m/s.
-        active: per closure, whether it is closed.
-        branch: along which it was led.
-
-    Raises:
-        ClosureError: as :func:`~hapticmech_ros.mechanism.projection.project`.
-    """
-    closing = mechanism.closing_terms(q, active)
-    if closing.least < NEAR and closing.error <= PROJECTION_TOLERANCE * mechanism.length:
-        return Projected(q, branch.closed_rates(v), closing.error, closing)
-    return project(mechanism, q, v, active)

@@ -12,8 +12,10 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.careful import careful_step
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, factored, failure
+from hapticmech_ros.mechanism.inertia import diverged
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.data import ERROR
@@ -23,7 +25,6 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
     EVERYTHING,
     NEEDS_CARE,
     RATES_NOT_FINITE,
-    STAGES,
     UNCHECKED,
     advance,
 )
@@ -32,21 +33,14 @@ from hapticmech_ros.mechanism.kernels.step_kernels import PARTS, Work, work_size
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
-    HeldMotion,
     Plan,
     Start,
     Stepped,
     check_external,
     not_finite,
 )
-from hapticmech_ros.mechanism.projection import came_apart, flipped, jumped, refuse_flipped
+from hapticmech_ros.mechanism.projection import came_apart, flipped, jumped
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.mechanism.singular import (
-    care_limit,
-    nearest_branch,
-    put_on_branch,
-    split_around,
-)
 from hapticmech_ros.mechanism.tolerances import (
     BAUMGARTE_FAILURE,
     PROJECTION_FAILURE,
@@ -54,10 +48,6 @@ from hapticmech_ros.mechanism.tolerances import (
     ROUNDING_TOLERANCE,
 )
 
-# Leaving a singular position at speed takes so much of a step, and the rest is a step as any other:
-# in that time an acceleration that points off the branch does little harm, and beyond it the
-# closures are well determined.
-SHORT = 0.05
 _NO_SAMPLES = np.zeros((0, 0))
 _NO_PUSHES = np.zeros((0, 10))
 
@@ -170,83 +160,21 @@ class Stepper:
         return self.careful_substep(start, external)
 
     def careful_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
-        """Return the state after a step; with care where branches of the motion cross, or nearly.
-
-        There closures gain rank in a step, or keep a σ that says little of the direction.
-        """
-        if self._pulled:
-            return self._substep(start, external)
-        known = start.closing if start.terms is None else start.terms.closing
-        closing = known or self._mechanism.closing_terms(start.q, start.active)
-        start = start._replace(closing=closing)
-        limit = care_limit(self._step * float(np.abs(start.v).max()))
-        if closing.least < limit:
-            return self._leave(start, external, closing) or self._substep(start, external)
-        stepped = self._watched_substep(start, external)
-        if stepped is None:
-            stepped = self._step_around(start, external, closing)
-        if stepped.closing.resolved <= closing.resolved:
-            return stepped
-        return self._leave(start, external, closing) or stepped
-
-    def _leave(self, start: Start, external: ExternalWrenches, closing: Closing) -> Stepped | None:
-        """Step away from a singular position along one branch; None if no branch takes it up."""
-        mechanism, step = self._mechanism, self._step
-        q, v, active = start.q, start.v, start.active
-        motion = HeldMotion(mechanism, start, external)
-        first = motion(q, v)
-        away = 0.5 * step * first.acceleration
-        space = closing.space
-        at_speed = space.size(v) > 10.0 * space.size(away)
-        part = SHORT * step if at_speed else step
-        change = part * v + 0.5 * part**2 * first.acceleration
-        branch = nearest_branch(mechanism, q, active, space, change)
-        if branch is None:
-            return None
-        there = mechanism.integrate(q, branch.closed_rates(change))
-        ended = put_on_branch(mechanism, there, v + part * first.acceleration, active, branch)
-        refuse_flipped(mechanism, ended.q, ended.error, active)
-        last = motion(ended.q, ended.v)
-        work_in = 0.5 * part * (first.power_in + last.power_in)
-        lost = 0.5 * part * (first.power_lost + last.power_lost)
-        led = Stepped(*ended, work_in, lost)
-        if not at_speed:
-            return led
-        return _sum_of(led, self._part(end_of(led, start), external, step - part))
-
-    def _step_around(self, start: Start, external: ExternalWrenches, closing: Closing) -> Stepped:
-        """Do a step as two, of which no stage lies where this step's own would be singular."""
-        after = self._substep(start, external).closing.least
-        where = closing.least / (closing.least + after)
-        first = self._part(start, external, self._step * split_around(where))
-        second = self._part(
-            end_of(first, start), external, self._step * (1.0 - split_around(where))
-        )
-        return _sum_of(first, second)
-
-    def _part(self, start: Start, external: ExternalWrenches, step: float) -> Stepped:
-        """Do a step of another length."""
-        settings = self.parts.settings
-        settings[0] = step
-        try:
-            return self._substep(start, external)
-        finally:
-            settings[0] = self._step
+        """Return the state after a step: with care, as where branches of the motion cross."""
+        if not self._pulled:
+            known = start.closing if start.terms is None else start.terms.closing
+            led = careful_step(self._mechanism, start._replace(closing=known), external, self._step)
+            if led is not None:
+                return led
+        return self._substep(start, external)
 
     def _substep(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Do a step whatever it starts at, leaves, or passes."""
-        return cast(Stepped, self._once(start, external, UNCHECKED))
-
-    def _watched_substep(self, start: Start, external: ExternalWrenches) -> Stepped | None:
-        """Do a step; None if a stage of it is next to a singular position: see :func:`advance`."""
-        return self._once(start, external, STAGES)
-
-    def _once(self, start: Start, external: ExternalWrenches, heeded: int) -> Stepped | None:
         active_set = self._mechanism.active_set(start.active)
-        took = self._call(active_set, start, external, 1, _NO_SAMPLES, 0, heeded)
+        took = self._call(active_set, start, external, 1, _NO_SAMPLES, 0, UNCHECKED)
         if took.code == NOT_DECIDED:
-            took = self._call(active_set.dense, start, external, 1, _NO_SAMPLES, 0, heeded)
-        return took.stepped
+            took = self._call(active_set.dense, start, external, 1, _NO_SAMPLES, 0, UNCHECKED)
+        return cast(Stepped, took.stepped)
 
     def _call(
         self,
@@ -351,7 +279,17 @@ class Stepper:
             return not_finite("rates", parts.v)
         if code == NOT_FINITE:
             return not_finite("state", parts.q)
-        return failure(code, mechanism.tree)
+        return self._diverged() or failure(code, mechanism.tree)
+
+    def _diverged(self) -> HapticMechError | None:
+        """Return the error of a step that went astray, if its start has what its stages lack."""
+        mechanism, parts = self._mechanism, self.parts
+        none = tuple(False for _ in mechanism.closures)
+        try:
+            mechanism.closing_terms(parts.q0, none)
+        except HapticMechError:
+            return None
+        return diverged(mechanism.tree, mechanism.difference(parts.q0, parts.q), self._step)
 
     def _turned(self, index: int) -> bool:
         return self._mechanism.on_wrong_branch(index, self.parts.q)
@@ -391,10 +329,3 @@ def first_terms(known: Array | None, active_set: ActiveSet, steps: int) -> Array
 def end_of(stepped: Stepped, start: Start) -> Start:
     """Return where a step ended as where the next one begins."""
     return Start(stepped.q, stepped.v, start.active, closing=stepped.closing)
-
-
-def _sum_of(first: Stepped, second: Stepped) -> Stepped:
-    """Return two steps as one."""
-    return second._replace(
-        work_in=first.work_in + second.work_in, energy_lost=first.energy_lost + second.energy_lost
-    )

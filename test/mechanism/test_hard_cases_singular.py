@@ -10,7 +10,6 @@ from scipy.optimize import brentq
 
 from benchmarks.accuracy import n_four_bar
 from hapticmech_ros.mechanism.redundancy import redundancy
-from hapticmech_ros.mechanism.singular import split_around
 from hapticmech_ros.simulation import Simulator
 from oracles import pendulum
 from oracles.mechanism.stepping import ReadableSimulator
@@ -84,14 +83,6 @@ def test_a_step_with_its_middle_next_to_a_singular_position_keeps_the_energy(kin
     assert states[5].time < passed < states[6].time
     assert max(np.ptp(state.q[UPRIGHTS]) for state in states) < 1e-9
     assert max(abs(total_energy(sim, state) - 35.835) for state in states) < 1e-10
-
-
-@pytest.mark.parametrize("where", [0.3, 0.4, 0.499, 0.5, 0.6, 0.7])
-def test_a_split_step_has_no_stage_where_it_is_singular(where):
-    split = split_around(where)
-    stages = np.array([0.0, split / 2, split, (1 + split) / 2, 1.0])
-    assert np.abs(stages - where).min() > 0.09
-    assert 0.0 < split < 1.0
 
 
 @BOTH

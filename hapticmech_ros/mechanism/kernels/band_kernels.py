@@ -39,7 +39,7 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
         tolerance: share of the largest row below which what is left of a row says nothing.
     """
     places, band, column = data.row_places, data.band, model.turned
-    sequence, pairs, lengths, width = model.sequence, data.pairs, model.lengths, model.width
+    sequence, pairs, units, width = model.sequence, data.pairs, model.units, model.width
     free, hit, rank, longest, largest = 0, 0, 0, 0.0, 0.0
     for j in range(model.m):
         at = sequence[j]
@@ -57,7 +57,7 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
             return NOT_DECIDED
         for place in range(begin, last + 1):
             column[place] = 0.0
-        pair_to_metric(model, data, a, b, pairs[row], 1.0 / lengths[row], column)
+        pair_to_metric(model, data, a, b, pairs[row], 1.0 / units[row], column)
         square = 0.0
         for place in range(begin, last + 1):
             square += column[place] * column[place]
@@ -148,13 +148,13 @@ def clear_pivots(model: Model, data: Data, turned: Array) -> None:
 def solve_rows(model: Model, data: Data, needed: Array, scale: float, turned: Array) -> None:
     """Fill the pivots of ``turned`` (nv,) with R⁻ᵀ of ``scale`` times needed (m,) / row length."""
     places, band, sequence = data.row_places, data.band, model.sequence
-    lengths = model.lengths
+    units = model.units
     for j in range(places.shape[0]):
         pivot = int(places[j, PIVOT])
         if pivot < 0:
             continue
         row = sequence[j, 0]
-        total = scale * needed[row] / lengths[row]
+        total = scale * needed[row] / units[row]
         turned[pivot] = (total - _above(places, band, j, turned)) * places[j, INVERSE]
 
 

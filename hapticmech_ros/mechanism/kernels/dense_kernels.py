@@ -53,16 +53,16 @@ def factor_dense(model: Model, data: Data, tolerance: float) -> int:
 @inner
 def _resolve_few(model: Model, tolerance: float, data: Data) -> int:
     """Fill basis, σ and rows by an SVD; return the rank, or NO_SVD."""
-    jacobian, factor, lengths = data.jacobian, data.factor, model.lengths
+    jacobian, factor, units = data.jacobian, data.factor, model.units
     m, nv = jacobian.shape
     scaled, turn = model.scaled, model.turn
     for i in range(m):
         for c in range(nv):
-            scaled[i, c] = jacobian[i, c] / lengths[i]
+            scaled[i, c] = jacobian[i, c] / units[i]
         solve_lower(factor, scaled[i])
     if not orthogonalise(scaled, turn):
         return NO_SVD
-    return _keep(scaled, turn, lengths, tolerance, data)
+    return _keep(scaled, turn, units, tolerance, data)
 
 
 @inner
@@ -74,11 +74,11 @@ def _resolve_many(model: Model, tolerance: float, data: Data) -> int:
     """
     jacobian, basis, rows, sigmas = data.jacobian, data.basis, data.rows, data.sigma
     m, nv = jacobian.shape
-    most, lengths, sums = sigmas.size, model.lengths, model.sums
+    most, units, sums = sigmas.size, model.units, model.sums
     scaled, directions, inverse = model.columns, model.directions, model.inverse
     for c in range(nv):
         for i in range(m):
-            scaled[c, i] = jacobian[i, c] / lengths[i]
+            scaled[c, i] = jacobian[i, c] / units[i]
             if not np.isfinite(scaled[c, i]):
                 return NO_SVD
     solve_lower_columns(data.factor, scaled)
@@ -97,12 +97,12 @@ def _resolve_many(model: Model, tolerance: float, data: Data) -> int:
         for c in range(nv):
             basis[i, c] = directions[c, i]
         for j in range(m):
-            rows[i, order[j]] = inverse[i, j] * sigma / lengths[order[j]]
+            rows[i, order[j]] = inverse[i, j] * sigma / units[order[j]]
     return resolved
 
 
 @inner
-def _keep(scaled: Array, turn: Array, lengths: Array, tolerance: float, data: Data) -> int:
+def _keep(scaled: Array, turn: Array, units: Array, tolerance: float, data: Data) -> int:
     """Keep the directions that carry force, and return their number."""
     longest = np.sqrt(dot_rows(scaled, 0, 0))
     rank, sigma, basis, rows, tail = 0, data.sigma, data.basis, data.rows, data.tail
@@ -116,7 +116,7 @@ def _keep(scaled: Array, turn: Array, lengths: Array, tolerance: float, data: Da
         sigma[i] = length
         for c in range(scaled.shape[1]):
             basis[i, c] = scaled[i, c] / length
-        for j in range(lengths.size):
-            rows[i, j] = turn[i, j] / lengths[j]
+        for j in range(units.size):
+            rows[i, j] = turn[i, j] / units[j]
         rank += 1
     return rank

@@ -50,7 +50,9 @@ class Constants(NamedTuple):
         sequence: (m, 5) its order of closure rows: row, first and last place in ``order`` that it
             reaches, joints a and b; (0, 5) of a dense one.
         damping: (nv,) viscous damping, N m s/rad or N s/m.
-        lengths: (m,) unit of each row, m or 1.
+        lengths: (m,) length of each row in m, 1 for rows in rad: what residuals are compared with.
+        units: (m,) what each row of W is divided by before it is factored; see
+            :meth:`~hapticmech_ros.mechanism.multibody.MultibodyModel.row_units`.
         placements: (f, 12) each frame in its joint: its axes, then its origin, m. Of a rod's frame
             a the first axis is as long as the rod.
         effort: (nv,) constant forces of the joints, N m or N.
@@ -77,6 +79,7 @@ class Constants(NamedTuple):
     sequence: Array
     damping: Array
     lengths: Array
+    units: Array
     placements: Array
     effort: Array
     element_values: Array
@@ -108,7 +111,7 @@ _COLUMNS = {
     "spring_values": 4,
     "joint_values": JOINT_COLUMNS,
 }
-_PARTS = 61
+_PARTS = 62
 # Rows of ``Model.small``.
 _SMALL = 4
 
@@ -123,10 +126,12 @@ def pack(constants: Constants) -> tuple[Array, Array]:
     places += of_data + _work_places(constants)
     rooms, workspace = _stacked(_workspace_shapes(constants), sum(part.size for part in real))
     places += rooms
+    constant = np.concatenate([*(part.ravel() for part in real), np.zeros(workspace)])
+    places += [constant.size, constants.m, 1]
     sizes = (*constants[:6], size)
     return (
         np.concatenate([np.array((*sizes, *places)), *(part.ravel() for part in whole)]),
-        np.concatenate([*(part.ravel() for part in real), np.zeros(workspace)]),
+        np.concatenate((constant, constants.units)),
     )
 
 
@@ -249,3 +254,4 @@ class Model(Structure):
     inverse = Part(58, 2)
     inverting = Part(59, 2)
     sums = Part(60, 2)
+    units = Part(61, 1)

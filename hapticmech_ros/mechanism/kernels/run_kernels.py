@@ -20,11 +20,11 @@ from hapticmech_ros.mechanism.kernels.step_kernels import (
 )
 from hapticmech_ros.mechanism.tolerances import NEAR, PASSING
 
-# A run ended before a step that starts at, or would leave, a singular position, or has a stage
-# next to one.
+# A run ended before a step that starts at, lands on, or would leave a singular position, or has a
+# stage next to one.
 NEEDS_CARE = 10
-# What a step heeds: nothing, its stages only, or all of that.
-UNCHECKED, STAGES, EVERYTHING = 0, 1, 2
+# What a step heeds of that: nothing, or all of it.
+UNCHECKED, EVERYTHING = 0, 1
 # A failure in a stage rather than at the end: rates that are not finite.
 RATES_NOT_FINITE = -1_000_001
 
@@ -93,6 +93,13 @@ def _is_near(start: Data, data: Data, limit: float) -> bool:
 
 
 @inner
+def _lands_near(first: Data, last: Data, limit: float) -> bool:
+    """Return whether a step ends next to a singular position, or began at one that it left."""
+    moved = last.tail[3] > first.tail[3] or last.tail[1] < first.tail[1]
+    return bool(moved or last.tail[2] < limit)
+
+
+@inner
 def begin_next(parts: Work) -> None:
     """Make a step's end the start of the next one."""
     q, q0, v, v0 = parts.q, parts.q0, parts.v, parts.v0
@@ -132,16 +139,16 @@ def step_once(
     Returns:
         See :func:`advance`.
     """
-    heeded, limit, account = int(parts.settings[8]), 0.0, parts.account
-    if heeded == EVERYTHING and not known:
-        code = factor(model, parts.q0, first)
-        if code < 0:
-            return code
-        known = True
-    if heeded != UNCHECKED:
+    heeded, limit, account = parts.settings[8] != UNCHECKED, 0.0, parts.account
+    if heeded:
+        if not known:
+            code = factor(model, parts.q0, first)
+            if code < 0:
+                return code
+            known = True
         limit = _care_limit(parts)
-    if heeded == EVERYTHING and first.tail[2] < limit:
-        return NEEDS_CARE
+        if first.tail[2] < limit:
+            return NEEDS_CARE
     work_in, lost = account[0], account[1]
     code = _advance(
         model,
@@ -156,7 +163,7 @@ def step_once(
         implicit,
         limit,
     )
-    if heeded == EVERYTHING and code == SETTLED and last.tail[3] > first.tail[3]:
+    if heeded and code == SETTLED and _lands_near(first, last, limit):
         code = NEEDS_CARE
     if code == SETTLED:
         account[5] += 1.0
@@ -199,11 +206,10 @@ def advance(
             for an implicit rule, 1 where terms at the start are known.
 
     Returns:
-        0; NEEDS_CARE before a step that starts at, or would leave, a singular position, or has a
-        stage next to one, where ``q0`` and ``v0`` are its start and no terms are left; or how the
-        step failed, see
-        ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. Account 5 is the number of steps
-        done.
+        0; NEEDS_CARE before a step that starts at, lands on, or would leave a singular position, or
+        has a stage next to one, where ``q0`` and ``v0`` are its start and no terms are left; or how
+        the step failed, see ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. Account 5 is
+        the number of steps done.
     """
     model, parts = Model(numbers, values), Work(numbers, work)
     steps, every, stages, implicit, known = plan[0], plan[1], plan[2], plan[3] != 0, plan[4] != 0

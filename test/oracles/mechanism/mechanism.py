@@ -41,8 +41,8 @@ class ReadableSpace:
     Attributes:
         factor: (nv, nv) lower Cholesky factor L of D.
         basis: (nv, r) U, orthonormal basis of range(L⁻¹Wᵀ).
-        sigma: (r,) singular values kept, of rows scaled by ``row_lengths``.
-        rows: (m, r) V / row length: maps coordinates in U back to the rows of W.
+        sigma: (r,) singular values kept, of rows divided by ``row_units``.
+        rows: (m, r) V / row unit: maps coordinates in U back to the rows of W.
         least: smallest σ that is more than rounding, be it kept or not, over the largest.
         resolved: number of those; above r next to a singular position.
     """
@@ -97,6 +97,7 @@ def constraint_space(
     factor: Array,
     jacobian: Array,
     row_lengths: Array,
+    row_units: Array,
     residual: Array,
 ) -> ReadableSpace:
     """Factor the active closures.
@@ -104,13 +105,15 @@ def constraint_space(
     Args:
         factor: (nv, nv) L with D = L Lᵀ.
         jacobian: (m, nv) W; m may be 0.
-        row_lengths: (m,) unit of each row, so that the rank does not depend on metres or radians.
+        row_lengths: (m,) the length for rows in m, 1 for rows in rad.
+        row_units: (m,) that times a number per closure, so that the rank does not depend on metres
+            or radians, heavy or light links.
         residual: (m,) φ, which bounds how far the rows can be trusted.
     """
     nv = factor.shape[0]
     if jacobian.shape[0] == 0:
         return ReadableSpace(factor, np.zeros((nv, 0)), np.zeros(0), np.zeros((0, 0)))
-    scaled = solve_lower(factor, (jacobian / row_lengths[:, None]).T)
+    scaled = solve_lower(factor, (jacobian / row_units[:, None]).T)
     left, sigma, right, info = lapack.dgesdd(scaled, full_matrices=0)
     if info != 0:
         raise HapticMechError(f"SVD of the loop closures did not converge (LAPACK info {info})")
@@ -119,7 +122,7 @@ def constraint_space(
     rank = int((sigma > tolerance * sigma[0]).sum()) if sigma[0] > 0.0 else 0
     resolved = int((sigma > RESOLVED * sigma[0]).sum()) if sigma[0] > 0.0 else 0
     least = float(sigma[resolved - 1] / sigma[0]) if resolved else 1.0
-    rows = right[:rank].T / row_lengths[:, None]
+    rows = right[:rank].T / row_units[:, None]
     return ReadableSpace(factor, left[:, :rank], sigma[:rank], rows, least, resolved)
 
 
@@ -215,7 +218,7 @@ class ReadableMechanism(MultibodyModel):
         )
         self.elements = ReadableElements(self.tree, self.elements.springs, self.length)
         self._zero = np.zeros(self.nv)
-        self._choices: dict[Active, tuple[list[ReadableClosure], Array]] = {}
+        self._choices: dict[Active, tuple[list[ReadableClosure], Array, Array]] = {}
 
     def evaluate(
         self, q: Array, v: Array, active: Active, closing: ReadableClosing | None = None
@@ -263,7 +266,7 @@ class ReadableMechanism(MultibodyModel):
             raise singular_joint(self.tree, error.rate) from None
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
-        loops, lengths = self._chosen(active)
+        loops, lengths, units = self._chosen(active)
         if len(loops) == 1:
             residual, jacobian = loops[0].residual(model, data), loops[0].jacobian(model, data)
         elif loops:
@@ -271,7 +274,7 @@ class ReadableMechanism(MultibodyModel):
             jacobian = np.vstack([loop.jacobian(model, data) for loop in loops])
         else:
             residual, jacobian = _NOTHING, np.zeros((0, self.nv))
-        space = constraint_space(factor, jacobian, lengths, residual)
+        space = constraint_space(factor, jacobian, lengths, units, residual)
         return ReadableClosing(residual, jacobian, space)
 
     def slopes(self, q: Array, v: Array, horizon: float) -> tuple[Array, Array]:
@@ -301,17 +304,18 @@ class ReadableMechanism(MultibodyModel):
         return PointKinematics(data.oMf[frame].copy(), jacobian, jacobian @ v, drift)
 
     def _closure_bias(self, active: Active) -> Array:
-        loops, _ = self._chosen(active)
+        loops, _, _ = self._chosen(active)
         if len(loops) == 1:
             return loops[0].bias(self.model, self.data)
         if not loops:
             return _NOTHING
         return np.concatenate([loop.bias(self.model, self.data) for loop in loops])
 
-    def _chosen(self, active: Active) -> tuple[list[ReadableClosure], Array]:
-        """Return the active closures and their row units; found once per set of closures."""
+    def _chosen(self, active: Active) -> tuple[list[ReadableClosure], Array, Array]:
+        """Return the active closures, their rows' lengths and units; found once per set."""
         if active not in self._choices:
             loops = [loop for loop, on in zip(self.closures, active, strict=True) if on]
-            lengths = [loop.row_lengths(self.length) for loop in loops]
-            self._choices[active] = (loops, np.concatenate(lengths) if lengths else _NOTHING)
+            lengths = [_NOTHING, *(loop.row_lengths(self.length) for loop in loops)]
+            units = self.row_units([index for index, on in enumerate(active) if on])
+            self._choices[active] = (loops, np.concatenate(lengths), units)
         return self._choices[active]

@@ -80,23 +80,27 @@ class ReadableStepper(Stepper):
                 samples[step // (every * substeps) - 1] = np.concatenate((stepped.q, stepped.v))
         return stepped._replace(work_in=work_in, energy_lost=energy_lost)
 
+    def careful_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
+        """Do a step; with care if its start, end or a stage is next to a singular position."""
+        if self._pulled:
+            return self._substep(start, external)
+        known = start.closing if start.terms is None else start.terms.closing
+        closing = known or self._mechanism.closing_terms(start.q, start.active)
+        limit = care_limit(self._step * float(np.abs(start.v).max()))
+        if closing.least >= limit:
+            motion = ReadableMotion(self._mechanism, start, external)
+            stepped = self._follow(motion, start)
+            ended = stepped.closing
+            moved = ended.resolved > closing.resolved or ended.rank < closing.rank
+            if not (moved or motion.least < limit or ended.least < limit):
+                return stepped
+        return super().careful_substep(start, external)
+
     def _substep(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Do a step of the integrator, and bring it onto the closures."""
         return self._follow(
             ReadableMotion(self._mechanism, start, external, self._plan.baumgarte_rate), start
         )
-
-    def _watched_substep(self, start: Start, external: ExternalWrenches) -> Stepped | None:
-        """Do a step; None if a stage of it lies where a relative σ is below the limit of care."""
-        motion = ReadableMotion(self._mechanism, start, external, self._plan.baumgarte_rate)
-        stepped = self._follow(motion, start)
-        limit = care_limit(self._step * float(np.abs(start.v).max()))
-        return None if motion.least < limit else stepped
-
-    def _part(self, start: Start, external: ExternalWrenches, step: float) -> Stepped:
-        """Do a step of another length."""
-        plan = self._plan._replace(period=step, substeps=1)
-        return ReadableStepper(self._mechanism, plan)._substep(start, external)
 
     def _follow(self, motion: HeldMotion, start: Start) -> Stepped:
         mechanism, step = self._mechanism, self._step

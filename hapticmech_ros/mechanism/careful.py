@@ -1,0 +1,206 @@
+"""A step that starts at, lands on, or passes next to a singular position.
+
+The rule of integration is the classical one of Runge and Kutta, whatever the scene's, with every
+stage put onto the branch that the mechanism is on (see :mod:`~hapticmech_ros.mechanism.branch`). So
+none is off the closures, where next to a crossing rows say nothing of the branch; and the error of
+what a stage needs there is that of an interpolation. The step is divided until its energy account
+closes.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import ClosureError
+from hapticmech_ros.mechanism.branch import Branch, branch_along
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.mechanism.constraint_space import Closing
+from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.mechanism.motion import ExternalWrenches, HeldMotion, Rates, Start, Stepped
+from hapticmech_ros.mechanism.projection import project, refuse_flipped, refuse_open
+from hapticmech_ros.mechanism.schemes import SCHEMES
+from hapticmech_ros.mechanism.singular import REACH, free_change, nearest_branch
+from hapticmech_ros.mechanism.tolerances import SINGULAR
+
+# Parts of the step move no joint further, rad, or m over the length...
+LARGEST_PART = 5e-3
+# ...and are halved until the energy account of the step closes to this share of the kinetic energy
+# and of what was exchanged; or so many times.
+ACCOUNT_TOLERANCE = 1e-9
+HALVINGS = 3
+# Rounding of an energy, as a share of it.
+_ROUNDING = 1e-14
+
+
+class _Stage(NamedTuple):
+    """A state on the branch, with its rates.
+
+    Attributes:
+        q: (nq,) configuration.
+        v: (nv,) rates, rad/s or m/s.
+        rates: v̇ and powers.
+        closing: the closures' terms at q.
+    """
+
+    q: Array
+    v: Array
+    rates: Rates
+    closing: Closing
+
+
+class BranchMotion:
+    """The equations of motion on a branch, with wrenches held.
+
+    Args:
+        mechanism: that moves.
+        start: of the step.
+        external: constant during the step.
+        step: s.
+
+    Attributes:
+        span: how far the step moves a joint, rad, or m over the length, to first order in forces.
+        is_led: whether a branch was found, or none is needed.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, start: Start, external: ExternalWrenches, step: float
+    ) -> None:
+        self._mechanism = mechanism
+        self._active: Active = start.active
+        self._open: Active = tuple(False for _ in start.active)
+        self._external = external
+        q, v = start.q, start.v
+        closing = start.closing or mechanism.closing_terms(q, start.active)
+        free = self._free_rates(q, v).acceleration
+        change = free_change(closing.space, step * v + 0.5 * step**2 * free)
+        self.span = mechanism.span(change)
+        self._rank = closing.rank
+        self._direction, self.is_led = change, True
+        if self.span > 0.0:
+            there = mechanism.integrate(q, change * (2.0 * REACH / self.span))
+            with suppress(ClosureError):
+                beside = project(mechanism, there, np.zeros(v.size), start.active)
+                self._rank = max(self._rank, beside.closing.rank)
+        if self._is_near(closing):
+            found = nearest_branch(mechanism, q, start.active, closing.space, change)
+            self.is_led = found is not None
+            if found is not None:
+                self._direction = found[1]
+
+    def at(self, q: Array, v: Array) -> _Stage:
+        """Return the state on the branch next to (q, v), and its rates.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) rates, rad/s or m/s.
+
+        Raises:
+            ClosureError: a closed loop came apart.
+        """
+        mechanism, active = self._mechanism, self._active
+        closing = mechanism.closing_terms(q, active)
+        branch = self._branch(q) if self._is_near(closing) else None
+        if branch is None:
+            put = project(mechanism, q, v, active)
+            if not self._is_near(put.closing):
+                return self._regular(put.q, put.v, put.closing)
+            branch = self._branch(put.q)
+            if branch is None:
+                return self._regular(put.q, put.v, put.closing)
+        along = branch.closed_rates(v)
+        free = self._free_rates(branch.q, along)
+        acceleration = branch.closed_rates(free.acceleration) + branch.bend(along)
+        closing = mechanism.closing_terms(branch.q, active)
+        return _Stage(branch.q, along, free._replace(acceleration=acceleration), closing)
+
+    def _regular(self, q: Array, v: Array, closing: Closing) -> _Stage:
+        start = Start(q, v, self._active, closing=closing)
+        return _Stage(q, v, HeldMotion(self._mechanism, start, self._external)(q, v), closing)
+
+    def _branch(self, q: Array) -> Branch | None:
+        return branch_along(self._mechanism, q, self._active, self._direction)
+
+    def _is_near(self, closing: Closing) -> bool:
+        """Return whether rows say too little, or some of them nothing, of the branch."""
+        return closing.rank < self._rank or closing.space.least_kept < SINGULAR
+
+    def _free_rates(self, q: Array, v: Array) -> Rates:
+        """Return what there would be without closures."""
+        return HeldMotion(self._mechanism, Start(q, v, self._open), self._external)(q, v)
+
+
+def careful_step(
+    mechanism: Mechanism, start: Start, external: ExternalWrenches, step: float
+) -> Stepped | None:
+    """Return the state after a step; None where no branch takes up any of the motion.
+
+    Args:
+        mechanism: that moves.
+        start: of the step.
+        external: constant during the step.
+        step: s.
+
+    Raises:
+        ClosureError: a closed loop came apart, or turned to its other branch.
+    """
+    motion = BranchMotion(mechanism, start, external, step)
+    if not motion.is_led:
+        return None
+    first = motion.at(start.q, start.v)
+    parts = max(1, math.ceil(motion.span / LARGEST_PART))
+    before = mechanism.energy(start.q, start.v)
+    best, least = None, math.inf
+    for _ in range(HALVINGS + 1):
+        stepped = _in_parts(mechanism, motion, first, step, parts)
+        after = mechanism.energy(stepped.q, stepped.v)
+        off = abs(sum(after) - sum(before) - stepped.work_in + stepped.energy_lost)
+        if off < least:
+            best, least = stepped, off
+        exchanged = before[0] + after[0] + abs(stepped.work_in) + abs(stepped.energy_lost)
+        rounding = _ROUNDING * (abs(sum(before)) + abs(sum(after)))
+        if off <= ACCOUNT_TOLERANCE * exchanged + rounding:
+            break
+        parts *= 2
+    if best is not None:
+        refuse_open(mechanism, best.error, start.active)
+        refuse_flipped(mechanism, best.q, best.error, start.active)
+    return best
+
+
+def _in_parts(
+    mechanism: Mechanism, motion: BranchMotion, first: _Stage, step: float, parts: int
+) -> Stepped:
+    """Return the state after a step that is done in parts."""
+    stage, work_in, lost = first, 0.0, 0.0
+    for _ in range(parts):
+        stage, done, taken = _part(mechanism, motion, stage, step / parts)
+        work_in, lost = work_in + done, lost + taken
+    return Stepped(stage.q, stage.v, stage.closing.error, stage.closing, work_in, lost)
+
+
+def _part(
+    mechanism: Mechanism, motion: BranchMotion, first: _Stage, step: float
+) -> tuple[_Stage, float, float]:
+    """Return the end of a step by the classical rule of order 4, work done, and energy lost, J."""
+    scheme, stage = SCHEMES["rk4"], first
+    turned, gained = np.zeros(first.v.size), np.zeros(first.v.size)
+    work_in = lost = 0.0
+    for weight, fraction in zip(scheme.weights, (*scheme.fractions, 0.0), strict=True):
+        turn = mechanism.local_rates(first.q, stage.q, stage.v)
+        turned += weight * turn
+        gained += weight * stage.rates.acceleration
+        work_in += weight * step * stage.rates.power_in
+        lost += weight * step * stage.rates.power_lost
+        if fraction > 0.0:
+            reached = fraction * step
+            stage = motion.at(
+                mechanism.integrate(first.q, reached * turn),
+                first.v + reached * stage.rates.acceleration,
+            )
+    end = motion.at(mechanism.integrate(first.q, step * turned), first.v + step * gained)
+    return end, work_in, lost
