@@ -218,16 +218,13 @@ def _to_the_device(firsts: Sequence[int], heard_ns: np.ndarray) -> int | None:
 
 def _cause(rig: Rig, kind: Kind, since: int, asked_ns: int, first_ns: int | None) -> int:
     """Return when the newcomer was first heard; if never, when force ended, or it was asked."""
-    # The node that has to act may meet the newcomer up to a second before or after the watcher did:
-    # it says so in the callback of the first message that it hears.
-    names = (kind.name, kind.original)
-    logs = [event for event in rig.said(asked_ns) if event["by"] == "log"]
-    told = [event["at_ns"] for event in logs if _names(event["text"], names)]
     if first_ns is not None:
+        # The node that has to act may meet the newcomer up to a second after the watcher did: it
+        # says so in the callback of the first message that it hears.
+        names = (kind.name, kind.original)
+        logs = [event for event in rig.said(asked_ns) if event["by"] == "log"]
+        told = [event["at_ns"] for event in logs if _names(event["text"], names)]
         return max(first_ns, min(told, default=first_ns) - LOGGED_NS)
-    if told:
-        # One that lets go at once sends too few messages for the watcher to tell it by them.
-        return int(min(told)) - LOGGED_NS
     found = rig.samples(since, *kind.outputs)
     found = found[found["arrived_ns"] > asked_ns]
     off = found["arrived_ns"][~pushing(found)]
