@@ -91,7 +91,9 @@ def crossings(
     worst: dict[str, list[float]] = {name: [-np.inf, -np.inf] for name in names}
     count, bad, raised = Counter[str](), Counter[str](), Counter[str]()
     for _ in range(samples):
-        case = Case(rng.choice(names), rng.choice(INTEGRATORS), float(rng.choice(PERIODS)))
+        case = Case(
+            str(rng.choice(names)), str(rng.choice(INTEGRATORS)), float(rng.choice(PERIODS))
+        )
         size = 10.0 ** rng.uniform(np.log10(NEAREST), np.log10(FURTHEST))
         distance = 0.0 if rng.integers(ON_IT) == 0 else float(rng.choice((-1.0, 1.0)) * size)
         count[case.mechanism] += 1

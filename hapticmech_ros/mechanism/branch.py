@@ -17,6 +17,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.projection import Projected, project
 from hapticmech_ros.mechanism.tolerances import DETERMINED
@@ -40,7 +41,6 @@ class Branch:
 
     Attributes:
         q: (nq,) the branch's point there.
-        rank: number of independent closure rows on the branch.
     """
 
     def __init__(
@@ -51,7 +51,6 @@ class Branch:
         self._points = points
         changes = [mechanism.difference(q, point.q) for point in points]
         self.q = mechanism.integrate(q, _interpolated(changes))
-        self.rank = points[0].closing.rank
 
     def closed_rates(self, rates: Array) -> Array:
         """Return the rates P ``rates`` (nv,) along the branch that are nearest, in the mass metric.
@@ -75,22 +74,25 @@ class Branch:
         return _interpolated(found)
 
 
-def branch_along(mechanism: Mechanism, q: Array, active: Active, direction: Array) -> Branch | None:
+def branch_along(
+    mechanism: Mechanism, q: Array, active: Active, space: ConstraintSpace, direction: Array
+) -> Branch | None:
     """Return the branch through q in a direction; None if there is none, or it stays singular.
 
     Args:
         mechanism: whose closures.
         q: (nq,) a configuration next to the closures.
         active: which closures are closed.
+        space: their terms at q.
         direction: (nv,) of any length.
     """
-    along, size = direction, mechanism.closing_terms(q, active).space.size
+    along, size = direction, space.size
     for reach in REACHES:
         for _ in range(ALIGNMENTS):
             span = mechanism.span(along)
             if not span > 0.0:
                 return None
-            points = _points_beside(mechanism, q, active, along * (reach / span))
+            points = _points_beside(mechanism, q, active, space, along * (reach / span))
             if points is None:
                 break
             branch = Branch(mechanism, q, active, points)
@@ -101,7 +103,7 @@ def branch_along(mechanism: Mechanism, q: Array, active: Active, direction: Arra
 
 
 def _points_beside(
-    mechanism: Mechanism, q: Array, active: Active, away: Array
+    mechanism: Mechanism, q: Array, active: Active, space: ConstraintSpace, away: Array
 ) -> list[Projected] | None:
     """Return points of a branch; None where rows are not well determined, or it is not straight."""
     points: list[Projected] = []
@@ -112,11 +114,10 @@ def _points_beside(
             point = _closest(mechanism, project(mechanism, there, still, active), active)
         except ClosureError:
             return None
-        space = point.closing.space
-        if space.least_kept < DETERMINED or (points and space.rank != points[0].closing.rank):
+        beside = point.closing.space
+        if beside.least_kept < DETERMINED or (points and beside.rank != points[0].closing.rank):
             return None
         points.append(point)
-    space = points[0].closing.space
     size = space.size(away)
     for ahead, behind, place in zip(points[::2], points[1::2], PLACES[::2], strict=True):
         forth = mechanism.difference(q, ahead.q) - place * away

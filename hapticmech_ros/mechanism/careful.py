@@ -90,7 +90,7 @@ class BranchMotion:
             found = nearest_branch(mechanism, q, start.active, closing.space, change)
             self.is_led = found is not None
             if found is not None:
-                self._direction = found[1]
+                self._direction = found
 
     def at(self, q: Array, v: Array) -> _Stage:
         """Return the state on the branch next to (q, v), and its rates.
@@ -104,12 +104,12 @@ class BranchMotion:
         """
         mechanism, active = self._mechanism, self._active
         closing = mechanism.closing_terms(q, active)
-        branch = self._branch(q) if self._is_near(closing) else None
+        branch = self._branch(q, closing) if self._is_near(closing) else None
         if branch is None:
             put = project(mechanism, q, v, active)
             if not self._is_near(put.closing):
                 return self._regular(put.q, put.v, put.closing)
-            branch = self._branch(put.q)
+            branch = self._branch(put.q, put.closing)
             if branch is None:
                 return self._regular(put.q, put.v, put.closing)
         along = branch.closed_rates(v)
@@ -122,8 +122,8 @@ class BranchMotion:
         start = Start(q, v, self._active, closing=closing)
         return _Stage(q, v, HeldMotion(self._mechanism, start, self._external)(q, v), closing)
 
-    def _branch(self, q: Array) -> Branch | None:
-        return branch_along(self._mechanism, q, self._active, self._direction)
+    def _branch(self, q: Array, closing: Closing) -> Branch | None:
+        return branch_along(self._mechanism, q, self._active, closing.space, self._direction)
 
     def _is_near(self, closing: Closing) -> bool:
         """Return whether rows say too little, or some of them nothing, of the branch."""

@@ -98,7 +98,7 @@ def refuse_massless(tree: TreeModel, length: float) -> None:
     pin.computeSubtreeMasses(model, data)
     for index, kind in enumerate(tree.joint_types):
         part = tree.velocity_slice(index)
-        units = length ** np.array(_ANGULAR[kind])
+        units = length ** np.array(ANGULAR[kind])
         block = inertia[part, part] / np.outer(units, units)
         least = np.linalg.eigvalsh(block, UPLO="U")[0]
         if least <= NO_INERTIA * data.mass[index + 1]:
@@ -107,7 +107,7 @@ def refuse_massless(tree: TreeModel, length: float) -> None:
 
 
 # 1 for angular rates of a joint, 0 for linear ones.
-_ANGULAR: dict[str, tuple[float, ...]] = {
+ANGULAR: dict[str, tuple[float, ...]] = {
     "revolute": (1.0,),
     "prismatic": (0.0,),
     "spherical": (1.0, 1.0, 1.0),

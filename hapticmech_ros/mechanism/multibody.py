@@ -23,13 +23,10 @@ from hapticmech_ros.mechanism.closures import (
     bind_coupling,
 )
 from hapticmech_ros.mechanism.elements import Elements, bind_spring
-from hapticmech_ros.mechanism.inertia import refuse_massless
+from hapticmech_ros.mechanism.inertia import ANGULAR, refuse_massless
 from hapticmech_ros.mechanism.model import TreeModel, authored_state, build_tree
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
-
-# How many of a joint's rates, the first ones, are in m/s.
-_TRANSLATIONS = {"prismatic": 1, "planar": 2, "free": 3}
 
 
 class MultibodyModel:
@@ -129,11 +126,8 @@ class MultibodyModel:
     @cached_property
     def _rate_lengths(self) -> Array:
         """Return (nv,) the length for rates in m/s, 1 for those in rad/s."""
-        lengths = np.ones(self.nv)
-        for index, kind in enumerate(self.tree.joint_types):
-            first = self.tree.velocity_slice(index).start
-            lengths[first : first + _TRANSLATIONS.get(kind, 0)] = self.length
-        return lengths
+        angular = [ANGULAR[kind] for kind in self.tree.joint_types]
+        return self.length ** (1.0 - np.concatenate([np.zeros(0), *angular]))
 
     def local_rates(self, start: Array, q: Array, v: Array) -> Array:
         """Return θ̇ (nv,), rad/s or m/s, with q = start ⊕ θ: J_r(θ)⁻¹ v.

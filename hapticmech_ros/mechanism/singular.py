@@ -16,12 +16,12 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism.branch import STRAIGHT, Branch, branch_along
+from hapticmech_ros.mechanism.branch import STRAIGHT, branch_along
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.projection import project
-from hapticmech_ros.mechanism.tolerances import NEAR, PASSING, SINGULAR
+from hapticmech_ros.mechanism.tolerances import SINGULAR
 
 # How far from the singular position branches are looked for, rad, or m over the length: far enough
 # that their closures are well determined, near enough that they are straight.
@@ -38,8 +38,8 @@ ROUNDS = 4
 
 def nearest_branch(
     mechanism: Mechanism, q: Array, active: Active, space: ConstraintSpace, change: Array
-) -> tuple[Branch, Array] | None:
-    """Return the branch through q that ``change`` is nearest to, and its direction (nv,).
+) -> Array | None:
+    """Return the direction (nv,) of the branch through q that ``change`` is nearest to.
 
     Args:
         mechanism: whose closures.
@@ -61,11 +61,10 @@ def nearest_branch(
                 break
             there, is_on_it = tried
             size = space.size(along)
-            if is_on_it and along is not start and size > best:
-                branch = branch_along(mechanism, q, active, along)
-                if branch is not None:
-                    best, found = size, (branch, along)
-                    break
+            may_be = is_on_it and along is not start and size > best
+            if may_be and branch_along(mechanism, q, active, space, along) is not None:
+                best, found = size, along
+                break
             along = there.closed_rates(change)
             if not space.size(along) > 1e-6 * whole:
                 break
@@ -96,11 +95,6 @@ def free_change(space: ConstraintSpace, change: Array) -> Array:
         change: (nv,) rad or m.
     """
     return space.from_mass_metric(without_rows_of(space, space.factor.T @ change))
-
-
-def care_limit(moved: float) -> float:
-    """Return the relative σ below which a step needs care if it moves a joint by so much."""
-    return max(NEAR, min(PASSING, moved))
 
 
 def _directions(space: ConstraintSpace, change: Array) -> Iterator[Array]:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from benchmarks.accuracy import cases
+from benchmarks.accuracy import cases, crossings
 from benchmarks.accuracy.benchmark import AccuracyResults
+from benchmarks.accuracy.crossings import app
 from benchmarks.accuracy.endurance import hour_of, lines, minute_of_windows
 from benchmarks.accuracy.run import Run, Setting, Watch, measure, settings
 from hapticmech_ros.simulation import MechanismState
@@ -122,3 +126,21 @@ def test_long_runs_watch_energy_closures_and_branch() -> None:
     assert windows.off_branch < 1e-9
     assert max(windows.energy_rise, windows.energy_fall) < 1e-8
     assert any("parallel" in line for line in lines(windows))
+
+
+def test_crossings_are_counted_and_the_worst_ones_written(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["--samples", "4", "--out", str(tmp_path)])
+    assert result.exit_code == 0
+    assert "| slider-crank |" in result.stdout
+    found = json.loads((tmp_path / "bench_crossings.json").read_text(encoding="utf-8"))
+    assert sum(found["count"].values()) == 4
+    assert not found["bad"]
+    assert not found["raised"]
+
+
+def test_what_loses_energy_at_a_crossing_is_an_exit_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(crossings, "ALLOWED", -1.0)
+    result = CliRunner().invoke(app, ["--samples", "2", "--out", str(tmp_path)])
+    assert result.exit_code == 1

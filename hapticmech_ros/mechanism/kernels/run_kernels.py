@@ -74,7 +74,7 @@ def _advance(
 
 @inner
 def _care_limit(parts: Work) -> float:
-    """Return the relative σ below which the next step needs care; see ``singular.care_limit``."""
+    """Return the relative σ below which the next step needs care: see ``PASSING``."""
     fastest, v0 = 0.0, parts.v0
     for c in range(v0.size):
         fastest = max(fastest, abs(v0[c]))

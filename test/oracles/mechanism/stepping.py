@@ -21,9 +21,8 @@ from hapticmech_ros.mechanism.motion import (
     plan_of,
 )
 from hapticmech_ros.mechanism.projection import Projected, came_apart, project, refuse_flipped
-from hapticmech_ros.mechanism.singular import care_limit
 from hapticmech_ros.mechanism.stepping import Stepper, end_of
-from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE
+from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE, NEAR, PASSING
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.simulation.latching import Latches
@@ -86,7 +85,7 @@ class ReadableStepper(Stepper):
             return self._substep(start, external)
         known = start.closing if start.terms is None else start.terms.closing
         closing = known or self._mechanism.closing_terms(start.q, start.active)
-        limit = care_limit(self._step * float(np.abs(start.v).max()))
+        limit = max(NEAR, min(PASSING, self._step * float(np.abs(start.v).max())))
         if closing.least >= limit:
             motion = ReadableMotion(self._mechanism, start, external)
             stepped = self._follow(motion, start)
