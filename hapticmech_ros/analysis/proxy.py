@@ -73,7 +73,7 @@ class ProxyControl(ControlArchitecture):
         own, point = device_of(device), point_ahead(operational_model, ahead, in_flight)
         error = self.task * pose_error(point.pose, clutch.mapped(own.pose))
         rate = self.task * (own.twist - point.twist)
-        ramp = clutch.ramp(time, self.ramp_of(clutch))
+        ramp = clutch.ramp(time)
         pull = ramp * (self.spring @ error + self.damper @ rate)
         none = np.zeros(6)
         return ControlOutput(

@@ -18,6 +18,7 @@ from __future__ import annotations
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.control.kernels import (
+    BALANCES,
     CHANNELS,
     DAMPING,
     ENGAGED,
@@ -167,10 +168,11 @@ def model_answer(
 ) -> None:
     """Say how an answer depends on the device: G, K and B, as far as the device closes them.
 
-    G = ramp ((1 + C6) Λ_d X - 1 + (1 - β) Π), K = ramp k P_c, B = ramp b P_c.
+    G = ramp ((1 + C6) Λ_d X - 1 + (1 - β) Π) - (1 - ramp) Π at a start, K = ramp k P_c,
+    B = ramp b P_c.
 
     Args:
-        settings: (58,) of the controllers.
+        settings: (59,) of the controllers.
         operational_model: (139,) operational model.
         ramp: share that is let through.
         locality: (3,) see :func:`answer_sample`.
@@ -179,6 +181,7 @@ def model_answer(
     task, inertia = settings[:DEVICE_INERTIA], settings[DEVICE_INERTIA:STIFFNESS]
     joint = settings[JOINT:CHANNELS]
     moved, kept = 1.0 + settings[RAMP - 1], 1.0 - joint[0]
+    balanced = (1.0 - ramp) * settings[BALANCES]
     for i in range(6):
         for j in range(6):
             at = 6 * i + j
@@ -189,8 +192,9 @@ def model_answer(
             )
             if i == j:
                 gain -= 1.0
+            balance = balanced * (task[i] * task[j]) * operational_model[SHARE + at]
             projector = through * operational_model[P_C + at]
-            answer[FORCE_GAIN + at] = through * gain * locality[0]
+            answer[FORCE_GAIN + at] = (through * gain - balance) * locality[0]
             answer[SPRING_GAIN + at] = joint[1] * projector * locality[1]
             answer[DAMPER_GAIN + at] = joint[2] * projector * locality[1]
     answer[MODELLED] = 1.0
@@ -324,7 +328,7 @@ def answer_sample(
 
     Args:
         account: (account,) of the controller, changed; see ``loop_layout``.
-        settings: (58,) of the controllers, see :mod:`~hapticmech_ros.control.kernels`.
+        settings: (59,) of the controllers, see :mod:`~hapticmech_ros.control.kernels`.
         faded: (6,) rest of the wrench carried on from another grasp, N and N m, world axes.
         queue: (delay, 6) commands to the mechanism that have not acted yet, N and N m.
         device: (19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``.
@@ -359,7 +363,7 @@ def account_for_answer(
 
     Args:
         account: (account,) of the controller, changed; see ``loop_layout``.
-        settings: (58,) of the controllers; see ``loop_layout``.
+        settings: (59,) of the controllers; see ``loop_layout``.
         device: (19,) sample of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
         operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         time: s.

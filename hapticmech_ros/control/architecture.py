@@ -29,9 +29,7 @@ from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.document import Scene
 
-# Share of the device's limits from which the dampers' wrench makes a new clutch slip.
-SLIPS_FROM = 0.05
-_GAINS, _RAMP = SETTINGS.slice("task", "c6"), SETTINGS.start("ramp")
+_GAINS, _RAMP = SETTINGS.slice("task", "c6"), SETTINGS.slice("ramp", "balances")
 _LIMITS = SETTINGS.slice("force_limit", "torque_limit")
 _ENGAGED = SETTINGS.slice("engaged_at", "turn")
 _TWIST, _CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
@@ -56,8 +54,8 @@ class ControlArchitecture:
       :class:`ControlOutput`: the first acts on the hand, the second on the mechanism, the account
       reads the error in the last one;
     - keeps the limits (:func:`~hapticmech_ros.saturation.limited`) and the ramp of a new engagement
-      (:meth:`Clutch.ramp` over :meth:`ramp_of`), and adds what is carried on from another grasp
-      (:meth:`joined`);
+      (:meth:`Clutch.ramp`, and :meth:`Clutch.balances` if it is to resist from the start), and adds
+      what is carried on from another grasp (:meth:`joined`);
     - calls :meth:`apply_gains_at` before it looks at ``gains``, which :meth:`tune` changes.
 
     docs/feel.md has an example.
@@ -115,7 +113,7 @@ class ControlArchitecture:
         self._settings[_GAINS] = np.concatenate((*sixes, *held, scalars))
 
     def settings_at(self, time: float, clutch: Clutch) -> Array:
-        """Return what fixes the controllers at ``time`` (s) as an array (58,) for kernels.
+        """Return what fixes the controllers at ``time`` (s) as an array (59,) for kernels.
 
         It is the same one each time, laid out as
         :data:`~hapticmech_ros.control.loop_layout.SETTINGS`.
@@ -126,14 +124,14 @@ class ControlArchitecture:
             turn = pin.Quaternion(quaternion_of(clutch.turn))
             # So that no turn is exactly none.
             turn.normalize()
-            self._settings[_RAMP] = self.ramp_of(clutch)
+            self._settings[_RAMP] = clutch.duration, float(clutch.carried is None)
             place = (clutch.time,), clutch.displacement, turn.coeffs()
             self._settings[_ENGAGED] = np.concatenate(place)
         return self._settings
 
     def carried_at(self, time: float, clutch: Clutch) -> Array:
         """Return what is left (6,) at ``time`` (s) of a carried wrench, N and N m, world axes."""
-        faded = clutch.faded(time, self.ramp_of(clutch))
+        faded = clutch.faded(time)
         return _NOTHING if faded is None else faded
 
     def tune(self, time: float, gains: Controller, delay: float | None = None) -> None:
@@ -176,10 +174,7 @@ class ControlArchitecture:
     ) -> Clutch:
         """Return the clutch, engaged at the present poses.
 
-        Two that move apart so fast that the dampers would give a twentieth of the device's force or
-        torque are clutched like a grasp that changes, with nothing carried on: else what is felt is
-        that velocity times the springs' stiffness and the time of the ramp. A hand that pushes all
-        the while, as after a gap of some milliseconds, gets the sooner a hold at once.
+        It closes over ``engagement_ramp`` at a start, over ``grasp_ramp`` if a grasp changes.
 
         Args:
             time: s.
@@ -190,19 +185,9 @@ class ControlArchitecture:
                 N m, world axes.
         """
         own, point = device_of(device), point_ahead(operational_model, ahead)
-        if carried is None and self._part_fast(own, point, model_of(operational_model)):
-            carried = np.zeros(6)
-        return engage(time, own.pose, point.pose, carried)
-
-    def _part_fast(
-        self, device: DeviceMeasurement, point: PointMeasurement, model: OperationalModel
-    ) -> bool:
-        rate = self.task * (device.twist - point.twist)
-        held = self.gains.joint_constraint.damping * (model.constraint_projector @ rate)
-        held += self.channels.damping * rate
-        force, torque = np.sqrt(held[:3] @ held[:3]), np.sqrt(held[3:] @ held[3:])
-        most_force, most_torque = self.limits
-        return bool(force > SLIPS_FROM * most_force or torque > SLIPS_FROM * most_torque)
+        gains = self.gains
+        duration = gains.engagement_ramp if carried is None else gains.grasp_ramp
+        return engage(time, own.pose, point.pose, duration, carried)
 
     def with_slip(
         self, time: float, clutch: Clutch, device: Array, operational_model: Array
@@ -215,15 +200,10 @@ class ControlArchitecture:
             device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
             operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         """
-        if clutch.carried is None:
+        if not clutch.is_closing:
             return clutch
-        own, duration = device_of(device), self.ramp_of(clutch)
-        return clutch.with_slip(time, duration, own.pose, own.twist, operational_model[_TWIST])
-
-    def ramp_of(self, clutch: Clutch) -> float:
-        """Return how long (s) the wrench takes to come in."""
-        started = clutch.carried is None
-        return self.gains.engagement_ramp if started else self.gains.grasp_ramp
+        own = device_of(device)
+        return clutch.with_slip(time, own.pose, own.twist, operational_model[_TWIST])
 
     def compute(
         self,
@@ -298,7 +278,7 @@ class ControlArchitecture:
             clutch: that connects the two poses.
             wrench: (6,) of the controllers, N and N m, world axes.
         """
-        faded = clutch.faded(time, self.ramp_of(clutch))
+        faded = clutch.faded(time)
         return wrench if faded is None else limited(wrench + faded, *self.limits)
 
 

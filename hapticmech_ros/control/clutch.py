@@ -2,13 +2,17 @@
 
 A device may be anywhere in its workspace when rendering starts. The clutch offset is the pose of
 the operational point relative to the device at that moment, axes of the world shared. It is kept,
-so that rendering starts without an error of position and without a step of force, and it is
-computed anew after every interruption.
+so that rendering starts without an error of position, and it is computed anew after every
+interruption.
 
-When the operational point is put elsewhere, the clutch is engaged anew while the device moves and
-pushes. The wrench of that moment is carried on and fades as the new one comes in, and the clutch
-slips while it closes: only the cube of the ramp's share of the difference in velocity becomes an
-error of position, so that damping brings both to one velocity before the springs act.
+The wrench comes in over a ramp, with share r of it let through. Meanwhile the clutch slips: only r³
+of the difference in velocity becomes an error of position, so that damping brings both to one
+velocity before the springs act. What the device applies instead, with share 1 - r, is
+
+- at a start the wrench -Π F_h by which the joints balance what the hand pushes with now. A hand
+  that presses against a joint constraint while rendering is interrupted would otherwise be let go,
+  and be caught with twice its force by a spring that it loads suddenly;
+- after the operational point was put elsewhere, the wrench of that moment, carried on.
 """
 
 from __future__ import annotations
@@ -27,49 +31,57 @@ class Clutch:
     """A clutch: the offset between the device's pose and the operational point's.
 
     Attributes:
-        time: s, when rendering started; -inf once the clutch has slipped and is closed.
+        time: s, when it was engaged; -inf once it is closed and slips no more.
         displacement: (3,) m, from device to operational point at that time.
         turn: (3, 3) rotation, R_device R_turn = R_point at that time.
+        duration: s, of the ramp.
         carried: (6,) wrench of the device at that time, N and N m, world axes, which fades as the
-            ramp rises; None when the device was left alone before.
-        slipped_until: s, until when the offset has slipped; of a clutch with ``carried``.
+            ramp rises; None if it held no other place.
+        slipped_until: s, until when the offset has slipped.
     """
 
     time: float
     displacement: Array
     turn: Array
+    duration: float = 0.0
     carried: Array | None = None
     slipped_until: float = 0.0
+
+    @property
+    def is_closing(self) -> bool:
+        """Whether it slips."""
+        return self.time > -math.inf
 
     def mapped(self, device: pin.SE3) -> pin.SE3:
         """Return the device's pose seen from the mechanism's side."""
         return pin.SE3(device.rotation @ self.turn, device.translation + self.displacement)
 
-    def ramp(self, time: float, duration: float) -> float:
-        """Return the share of the wrench that is let through at ``time``: 0 to 1."""
-        if duration <= 0.0:
+    def ramp(self, time: float) -> float:
+        """Return the share r of the wrench that is let through at ``time`` (s): 0 to 1."""
+        if self.duration <= 0.0:
             return 1.0
-        return float(np.clip((time - self.time) / duration, 0.0, 1.0))
+        return float(np.clip((time - self.time) / self.duration, 0.0, 1.0))
 
-    def faded(self, time: float, duration: float) -> Array | None:
+    def faded(self, time: float) -> Array | None:
         """Return what is left (6,) of ``carried`` at ``time`` (s), N and N m; None for nothing."""
-        return None if self.carried is None else (1.0 - self.ramp(time, duration)) * self.carried
+        return None if self.carried is None else (1.0 - self.ramp(time)) * self.carried
 
-    def with_slip(
-        self, time: float, duration: float, device: pin.SE3, device_twist: Array, twist: Array
-    ) -> Clutch:
+    def balances(self, time: float) -> float:
+        """Return the share 0 to 1 of -Π F_h that the device applies at ``time`` (s)."""
+        return 1.0 - self.ramp(time) if self.carried is None else 0.0
+
+    def with_slip(self, time: float, device: pin.SE3, device_twist: Array, twist: Array) -> Clutch:
         """Return the clutch with its offset slipped until ``time``; itself, once it is closed.
 
         Args:
             time: s.
-            duration: of the ramp, s.
             device: pose of the device.
             device_twist: (6,) of the device, m/s and rad/s, world axes.
             twist: (6,) of the operational point, m/s and rad/s, world axes.
         """
-        if self.carried is None:
+        if not self.is_closing:
             return self
-        share = self.ramp(time, duration)
+        share = self.ramp(time)
         if share >= 1.0:
             return replace(self, carried=None, time=-math.inf)
         away = (1.0 - share**3) * (time - self.slipped_until) * (twist - device_twist)
@@ -82,13 +94,20 @@ class Clutch:
         )
 
 
-def engage(time: float, device: pin.SE3, point: pin.SE3, carried: Array | None = None) -> Clutch:
+def engage(
+    time: float,
+    device: pin.SE3,
+    point: pin.SE3,
+    duration: float = 0.0,
+    carried: Array | None = None,
+) -> Clutch:
     """Return the clutch that maps the device's pose onto the operational point's.
 
     Args:
         time: s.
         device: its pose at that time.
         point: that of the operational point.
+        duration: s, of the ramp; 0 lets all through at once.
         carried: (6,) the device's wrench until then, if it held the mechanism elsewhere; N and N m,
             world axes.
     """
@@ -96,6 +115,7 @@ def engage(time: float, device: pin.SE3, point: pin.SE3, carried: Array | None =
         time,
         point.translation - device.translation,
         device.rotation.T @ point.rotation,
+        duration,
         carried,
         time,
     )

@@ -20,8 +20,8 @@ from hapticmech_ros.saturation_kernels import limit
 INERTIA, STIFFNESS, DAMPING, HELD_STIFFNESS, HELD_DAMPING, JOINT, CHANNELS = SETTINGS.starts(
     *("inertia", "stiffness", "damping", "held_stiffness", "held_damping", "feedforward", "c1")
 )
-RAMP, FORCE_LIMIT, TORQUE_LIMIT, ENGAGED, TIE = SETTINGS.starts(
-    "ramp", "force_limit", "torque_limit", "engaged_at", "displacement"
+RAMP, BALANCES, FORCE_LIMIT, TORQUE_LIMIT, ENGAGED, TIE = SETTINGS.starts(
+    "ramp", "balances", "force_limit", "torque_limit", "engaged_at", "displacement"
 )
 DEVICE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
 RATE, PUSH = DEVICE_SAMPLE.starts("twist", "hand_wrench")
@@ -90,6 +90,20 @@ def parts(settings: Array, device: Array, operational_model: Array, out: Array) 
 
 
 @inner
+def balance_hand(
+    settings: Array, device: Array, operational_model: Array, share: float, wrench: Array
+) -> None:
+    """Add to the joint constraint's wrench a share of -Π F_h: see :mod:`.clutch`."""
+    share *= settings[BALANCES]
+    hand, balanced = local(6), shaped(operational_model[SHARE:], (6, 6))
+    for i in range(6):
+        hand[i] = settings[i] * device[PUSH + i]
+    for i in range(6):
+        wrench[i] -= share * (settings[i] * dot(balanced[i], hand))
+    scale_within(wrench, settings[JOINT + 3], settings[JOINT + 4])
+
+
+@inner
 def answer_measurements(
     settings: Array, device: Array, operational_model: Array, time: float, ahead: float, out: Array
 ) -> None:
@@ -98,10 +112,13 @@ def answer_measurements(
     tied_error(settings[TIE:], device[:7], place, twist, ahead, out[5])
     parts(settings, device, operational_model, out)
     ramp = let_through(time, settings[ENGAGED], settings[RAMP])
-    for i in range(6):
-        out[0, i] = ramp * (out[2, i] + out[3, i] + out[4, i])
-        for row in range(1, 5):
+    for row in range(1, 5):
+        for i in range(6):
             out[row, i] *= ramp
+    if ramp < 1.0:
+        balance_hand(settings, device, operational_model, 1.0 - ramp, out[3])
+    for i in range(6):
+        out[0, i] = out[2, i] + out[3, i] + out[4, i]
     for row in range(2):
         limit(out[row, :3], settings[FORCE_LIMIT])
         limit(out[row, 3:], settings[TORQUE_LIMIT])
@@ -117,7 +134,7 @@ def control_wrenches(
     """Fill ``out`` (6, 6) with a control period's wrenches: rows as in :class:`ControlOutput`.
 
     Args:
-        settings: (58,) what the scene and the clutch fix; see ``loop_layout``.
+        settings: (59,) what the scene and the clutch fix; see ``loop_layout``.
         device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
         operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         time: s.

@@ -92,7 +92,7 @@ class Controller(Part):
 
     Attributes:
         engagement_ramp: s, over which the wrench comes in when rendering starts.
-        grasp_ramp: s, over which it passes from one grasp to another, or takes hold of what moves.
+        grasp_ramp: s, over which it passes from one grasp to another.
         gain_ramp: s, over which gains pass to others while they render.
     """
 
@@ -100,7 +100,7 @@ class Controller(Part):
     position_channel: PositionChannelGains = PositionChannelGains()
     force_channel: ForceChannelGains = ForceChannelGains()
     passivity: Passivity = Passivity()
-    engagement_ramp: NonNegative = 0.1
+    engagement_ramp: NonNegative = 0.25
     grasp_ramp: NonNegative = 0.25
     gain_ramp: NonNegative = 0.3
 

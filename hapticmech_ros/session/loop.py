@@ -250,7 +250,7 @@ class SessionLoop:
             given = inputs[done:] if len(inputs) > 1 else inputs
             clutch = self._clutch
             waits = self._carried is not None or not plain
-            if clutch is None or clutch.carried is not None or waits:
+            if clutch is None or clutch.is_closing or waits:
                 self._tick_in_parts(given[:1], rows)
                 done += 1
                 continue
@@ -319,7 +319,7 @@ class SessionLoop:
     def _set(self, time: float, clutch: Clutch) -> None:
         """Give the kernel what fixes the controllers at a time (s)."""
         data, control, known = self._parts, self._control, self._settled
-        lasting = clutch.carried is None and not control.is_ramping
+        lasting = not (clutch.is_closing or control.is_ramping)
         # Other gains are another object.
         given = clutch, control.gains, control.delay
         if lasting and known is not None and all(map(is_, given, known)):

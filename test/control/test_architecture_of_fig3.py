@@ -24,14 +24,14 @@ def parts(name, **gains):
     return ControlArchitecture(scene), found, point
 
 
-def compute(name, time=1.0, push=None, contact=None, shift=None, rate=None, **gains):
+def compute(name, time=1.0, push=None, contact=None, shift=None, rate=None, duration=0.0, **gains):
     control, found, point = parts(name, **gains)
     zero = np.zeros(6)
     step = zero if shift is None else shift
     pose = pin.SE3(pin.exp3(step[3:]) @ point.pose.rotation, point.pose.translation + step[:3])
     out = control.compute(
         time,
-        engage(0.0, point.pose, point.pose),
+        engage(0.0, point.pose, point.pose, duration),
         DeviceMeasurement(pose, zero if rate is None else rate, zero if push is None else push),
         PointMeasurement(point.pose, zero, zero if contact is None else contact),
         operational_model_of(found),
@@ -63,14 +63,21 @@ def test_the_parts_add_up_to_the_device_s_wrench():
     assert np.abs(total - out.device).max() < 1e-15
 
 
-def test_nothing_is_commanded_at_the_moment_of_engagement():
-    shift = 0.01 * PLANE
-    _, _, out = compute("five_bar", time=0.0, push=np.ones(6), shift=shift)
-    assert np.array_equal(out.device, np.zeros(6))
-    assert np.array_equal(out.mechanism, np.zeros(6))
-    _, _, half = compute("five_bar", time=0.05, push=0.1 * PLANE, shift=1e-4 * PLANE)
-    _, _, full = compute("five_bar", time=0.10, push=0.1 * PLANE, shift=1e-4 * PLANE)
-    assert np.abs(2.0 * half.device - full.device).max() < 1e-14
+def test_at_the_moment_of_engagement_the_joints_balance_the_hand_and_nothing_else_acts():
+    push, shift = 0.1 * PLANE, 1e-4 * PLANE
+
+    def at(time):
+        return compute("five_bar", time=time, push=push, shift=shift, duration=0.1)
+
+    _, found, start = at(0.0)
+    balanced = found.wrench_projector @ push
+    assert np.abs(start.device + balanced).max() < 1e-15
+    assert np.linalg.norm(balanced) > 0.01
+    assert np.array_equal(start.joint_constraint, start.device)
+    assert np.array_equal(start.mechanism, np.zeros(6))
+    (_, _, half), (_, _, full) = at(0.05), at(0.1)
+    assert np.abs(2.0 * half.device + balanced - full.device).max() < 1e-14
+    assert np.abs(2.0 * half.mechanism - full.mechanism).max() < 1e-14
 
 
 def test_a_planar_scene_gets_no_wrench_out_of_its_plane():

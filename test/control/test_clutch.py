@@ -44,9 +44,12 @@ def test_world_axes_are_shared(seed):
 
 
 def test_the_ramp_goes_from_zero_to_one_and_stays():
-    clutch = engage(2.0, pin.SE3.Identity(), pin.SE3.Identity())
-    assert [clutch.ramp(t, 0.5) for t in (1.0, 2.0, 2.25, 2.5, 9.0)] == [0.0, 0.0, 0.5, 1.0, 1.0]
-    assert clutch.ramp(2.0, 0.0) == 1.0
+    clutch = engage(2.0, pin.SE3.Identity(), pin.SE3.Identity(), 0.5)
+    times = (1.0, 2.0, 2.25, 2.5, 9.0)
+    assert [clutch.ramp(time) for time in times] == [0.0, 0.0, 0.5, 1.0, 1.0]
+    assert [clutch.balances(time) for time in times] == [1.0, 1.0, 0.5, 0.0, 0.0]
+    at_once = engage(2.0, pin.SE3.Identity(), pin.SE3.Identity())
+    assert (at_once.ramp(2.0), at_once.balances(2.0)) == (1.0, 0.0)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -55,7 +55,7 @@ def local_model(
 ) -> LocalModel:
     """Return how a control's answer depends on the device, as let through at ``time`` (s)."""
     joint, force = control.gains.joint_constraint, control.gains.force_channel
-    ramp = clutch.ramp(time, control.ramp_of(clutch))
+    ramp = clutch.ramp(time)
     through = ramp * np.outer(control.task, control.task)
     gain = spring = damper = NO_MODEL.force
     if force.local:
@@ -63,6 +63,8 @@ def local_model(
         feedback = force.device_feedback
         gain = force_gain(control.device_inertia, x, share, joint.feedforward, feedback)
         gain = through * gain
+        task = np.outer(control.task, control.task)
+        gain -= clutch.balances(time) * task * share
     if joint.local:
         projector = through * model.constraint_projector
         spring, damper = joint.stiffness * projector, joint.damping * projector

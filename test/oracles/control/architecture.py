@@ -73,13 +73,19 @@ class ReadableControl(ControlArchitecture):
         )
         share = model.wrench_projector
         channels = channel_wrenches(self.channels, share, error, error_rate, hand, contact)
-        ramp = clutch.ramp(time, self.ramp_of(clutch))
-        total = ramp * (impedance + constraint + channels.device)
+        ramp, joint = clutch.ramp(time), gains.joint_constraint
+        constraint = ramp * constraint - clutch.balances(time) * task * (share @ hand)
+        excess = max(
+            np.linalg.norm(constraint[:3]) / joint.force_limit,
+            np.linalg.norm(constraint[3:]) / joint.torque_limit,
+        )
+        constraint /= max(excess, 1.0)
+        total = ramp * (impedance + channels.device) + constraint
         return ControlOutput(
             device=self.joined(time, clutch, limited(total, *self.limits)),
             mechanism=limited(ramp * channels.mechanism, *self.limits),
             impedance=ramp * impedance,
-            joint_constraint=ramp * constraint,
+            joint_constraint=constraint,
             four_channel=ramp * channels.device,
             error=error,
         )
