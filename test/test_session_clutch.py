@@ -5,6 +5,7 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control.clutch import engage
+from hapticmech_ros.device.device_layout import DEVICE_STATE
 from hapticmech_ros.scene.mechanism import Origin
 
 
@@ -40,6 +41,28 @@ def test_a_mechanism_that_moves_is_taken_hold_of_without_a_blow(rate):
     assert np.linalg.norm(apart) < 0.02 * abs(rate)
 
 
+def coupled_at_1_m_per_s(direction, at_once):
+    """Return the largest force (N) of a free device that is coupled to the five-bar at rest."""
+    scene = load_scene("five_bar")
+    hand = scene.hand.model_copy(update={"start_delay": 100.0})
+    session = Session(scene.model_copy(update={"hand": hand}))
+    sample = session.tick()
+    state, twist = session._parts.state, (np.cos(direction), np.sin(direction), 0.0, 0.0, 0.0, 0.0)
+    for name in ("twist", "body_twist"):
+        state[DEVICE_STATE.slice(name)] = twist
+    session._clutch = engage(session.time, sample.device.pose, sample.point.pose)
+    if not at_once:
+        session._clutch = None
+    return np.linalg.norm(session.run(1000)["on_hand"][:, :3], axis=1).max()
+
+
+def test_a_device_that_moves_is_slowed_by_dampers_as_documented():
+    directions = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+    for at_once, least, most in ((False, 2.0, 3.4), (True, 9.8, 10.6)):
+        forces = [coupled_at_1_m_per_s(direction, at_once) for direction in directions]
+        assert [round(min(forces), 1), round(max(forces), 1)] == [least, most]
+
+
 @pytest.mark.parametrize("name", ["five_bar", "two_link"])
 def test_a_hand_that_presses_against_a_constraint_is_caught_with_little_more_than_its_force(name):
     """Without the joints' wrench from the start, the force of a sudden load: twice the hand's."""
@@ -57,7 +80,7 @@ def test_a_hand_that_presses_against_a_constraint_is_caught_with_little_more_tha
     assert np.abs(caught[-100:] - pressing).max() < 0.01 * pressing
 
 
-def test_a_tie_that_has_slipped_lets_all_through_whatever_the_first_ramp_was():
+def test_a_clutch_that_has_slipped_lets_all_through_whatever_the_first_ramp_was():
     """The ramp of a start is longer than that of a grasp: nothing falls back to it."""
     scene = load_scene("five_bar")
     slow = scene.controller.model_copy(update={"engagement_ramp": 2.0, "grasp_ramp": 0.1})

@@ -92,7 +92,7 @@ class _Readable:
     def engage(self, first: Sample) -> None:
         """Take hold where the session did."""
         start = first.point.pose
-        self._clutch = engage(0.0, start, start)
+        self._clutch = engage(0.0, start, start, self._control.gains.engagement_ramp)
         self._held = first.device
 
     def _moved(self, state: MechanismState, wrenches: Array) -> MechanismState:
@@ -128,6 +128,9 @@ class _Readable:
         seen = PointMeasurement(point.pose, point.twist, environment)
         measured = np.concatenate((device.published[:13], sample.hand_wrench))
         operational_model = flat_operational_model(model, seen)
+        self._clutch = self._control.with_slip(
+            sample.time, self._clutch, measured, operational_model
+        )
         acting = self._loop.tick(
             sample.time, self._clutch, measured, device.applied, operational_model
         )

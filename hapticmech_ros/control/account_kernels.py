@@ -180,21 +180,17 @@ def model_answer(
     """
     task, inertia = settings[:DEVICE_INERTIA], settings[DEVICE_INERTIA:STIFFNESS]
     joint = settings[JOINT:CHANNELS]
-    moved, kept = 1.0 + settings[RAMP - 1], 1.0 - joint[0]
-    balanced = (1.0 - ramp) * settings[BALANCES]
+    moved, kept = ramp * (1.0 + settings[RAMP - 1]), ramp * (1.0 - joint[0])
+    kept -= (1.0 - ramp) * settings[BALANCES]
     for i in range(6):
         for j in range(6):
-            at = 6 * i + j
-            through = ramp * (task[i] * task[j])
-            gain = (
-                moved * (inertia[i] * operational_model[X + at])
-                + kept * operational_model[SHARE + at]
-            )
+            at, within = 6 * i + j, task[i] * task[j]
+            felt = moved * (inertia[i] * operational_model[X + at])
+            gain = felt + kept * operational_model[SHARE + at]
             if i == j:
-                gain -= 1.0
-            balance = balanced * (task[i] * task[j]) * operational_model[SHARE + at]
-            projector = through * operational_model[P_C + at]
-            answer[FORCE_GAIN + at] = (through * gain - balance) * locality[0]
+                gain -= ramp
+            projector = ramp * within * operational_model[P_C + at]
+            answer[FORCE_GAIN + at] = within * gain * locality[0]
             answer[SPRING_GAIN + at] = joint[1] * projector * locality[1]
             answer[DAMPER_GAIN + at] = joint[2] * projector * locality[1]
     answer[MODELLED] = 1.0
