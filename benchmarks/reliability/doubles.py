@@ -217,15 +217,19 @@ def _to_the_device(firsts: Sequence[int], heard_ns: np.ndarray) -> int | None:
 
 
 def _cause(rig: Rig, kind: Kind, since: int, asked_ns: int, first_ns: int | None) -> int:
-    """Return when the newcomer was first heard; if never, when force ended, or it was asked."""
-    if first_ns is not None:
-        # The node that has to act may meet the newcomer up to a second after the watcher did: it
-        # says so in the callback of the first message that it hears.
-        names = (kind.name, kind.original)
-        logs = [event for event in rig.said(asked_ns) if event["by"] == "log"]
-        told = [event["at_ns"] for event in logs if _names(event["text"], names)]
-        return max(first_ns, min(told, default=first_ns) - LOGGED_NS)
+    """Return when the newcomer was first heard; if never, when force ended, or it was asked.
+
+    The node that has to act may meet the newcomer up to a second after the watcher did. It says so
+    in the callback of the first message that it hears.
+    """
+    names = (kind.name, kind.original)
+    logs = [event for event in rig.said(asked_ns) if event["by"] == "log"]
+    told = [event["at_ns"] - LOGGED_NS for event in logs if _names(event["text"], names)]
+    known = [at_ns for at_ns in (first_ns, min(told, default=None)) if at_ns is not None]
+    if known:
+        return max(known)
     found = rig.samples(since, *kind.outputs)
     found = found[found["arrived_ns"] > asked_ns]
-    off = found["arrived_ns"][~pushing(found)]
-    return int(off[0]) if off.size else asked_ns
+    # The start of a process may have interrupted rendering before.
+    off = found["arrived_ns"][1:][~pushing(found[1:]) & pushing(found[:-1])]
+    return int(off[-1]) if off.size else asked_ns

@@ -194,6 +194,7 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
     heard = [1e3 * trial.heard_s for trial in trials]
     back = [trial.back_s for trial in trials]
     peaks = [trial.peak / clean_max for trial in trials]
+    above = sum(peak > GOAL_PEAK for peak in peaks)
     share = 100.0 * float(np.mean([bool(trial.said) for trial in trials])) if trials else math.nan
     alive = float(np.mean([100.0 * trial.alive for trial in trials])) if trials else math.nan
     stale = Figure(
@@ -210,6 +211,13 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
         worst("zero force after, by arrival, worst", heard, "ms", None),
         worst("rendering again after, worst", back, "s", GOAL_BACK_S),
         worst("largest force, of a clean run's", peaks, "", GOAL_PEAK),
+        Figure(
+            part,
+            f"{name}: trials with more force than {GOAL_PEAK} of that",
+            above,
+            "",
+            trials=number,
+        ),
         Figure(part, f"{name}: said", share, "%", None, 100.0, number),
         Figure(part, f"{name}: all other nodes went on", alive, "%", None, 100.0, number),
         stale,

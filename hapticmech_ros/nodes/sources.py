@@ -23,8 +23,9 @@ ALIVE_PERIODS = 3
 LONGEST_ALIVE_NS = NANOSECONDS // 2
 # Two are two until one of them has been silent for so long: a process may stand still for a while.
 FORGET_NS = NANOSECONDS
-# What rclpy calls a node whose publisher it knows already, but not yet itself.
-UNKNOWN = "_NODE_NAME_UNKNOWN_"
+# Names are asked for anew so often: messages may come before the middleware lists their publisher
+# or knows its node, and the dead stand in its list for a while.
+NAMED_NS = NANOSECONDS // 10
 # Numbers of one publisher go up by no more than this, whatever is lost.
 LONGEST_GAP = 100_000
 # A network may deliver numbers in another order, as far apart as this; but none twice.
@@ -91,6 +92,7 @@ class Sources:
         self._two = False
         self._heard_ns = 0
         self._named = ""
+        self._named_ns = 0
 
     def heard(self, number: int, now_ns: int) -> None:
         """Note a message.
@@ -132,7 +134,8 @@ class Sources:
         if not self._two or now_ns - self._heard_ns > FORGET_NS:
             self._named = ""
             return ""
-        if not self._named or UNKNOWN in self._named:
+        if not self._named or now_ns - self._named_ns >= NAMED_NS:
+            self._named_ns = now_ns
             self._named = f"more than one publisher of {self._topic}: {self._names()}"
         return self._named
 

@@ -65,6 +65,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         # Whether the device corrects commands; one that speaks CRTK only does not.
         self._local = False
         self.engagements = self.grasps = 0
+        self._last_fault = ""
         self._last_ns = NEVER
         self._state_ns = NEVER
         # Stamps of what device and mechanism were told last, by their clocks.
@@ -232,7 +233,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         if self.lockstep:
             return False
         if fault := self._fault(now_ns):
-            self._disengage(fault)
+            self._disengage_at(fault)
             return False
         return now_ns - self._state_ns > NANOSECONDS
 
@@ -248,7 +249,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         gap = now_ns - self._last_ns
         self._last_ns = now_ns
         if fault := self._fault(now_ns):
-            self._disengage(fault)
+            self._disengage_at(fault)
             return
         if self._path.paced:
             self._path.put(device, stamp)
@@ -269,7 +270,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     def _answer_paced(self, model: OperationalModelReading, now_ns: int) -> None:
         """Answer the newest sample that a network has brought, now that the analysis is there."""
         if fault := self._fault(now_ns):
-            self._disengage(fault)
+            self._disengage_at(fault)
             return
         found = self._path.take()
         pause = self._path.turn(now_ns)
@@ -299,6 +300,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._side, self._arrived = self._new_side(self._side), None
             self._rendered_ns = NEVER
             self.engagements += 1
+            self._last_fault = ""
             self.node.get_logger().info("engaged")
         elif not (self._path.obeyed or self.lockstep):
             # The device does nothing yet, or no more: the wrench comes in once it obeys.
@@ -350,6 +352,13 @@ class TeleoperationController(Actor[ControllerParameters]):
     def _disengage_for(self, lost: Sequence[str]) -> None:
         """Disengage because inputs are lost."""
         self._disengage(f"lost {', '.join(lost)}")
+
+    def _disengage_at(self, fault: str) -> None:
+        """Disengage because of a fault, and say so once, also where inputs were lost before."""
+        if self._clutch is None and fault != self._last_fault:
+            self.node.get_logger().warning(f"disengaged: {fault}")
+        self._last_fault = fault
+        self._disengage(fault)
 
     def _disengage(self, reason: str) -> None:
         """Say zero to both sides at once, rather than let them find out by waiting."""

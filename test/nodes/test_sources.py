@@ -148,7 +148,18 @@ def test_a_name_that_is_not_known_yet_is_asked_for_again() -> None:
     sources.heard(2, 0)
     assert "UNKNOWN" in sources.fault(0)
     middleware.names = ("/one", "/other")
-    assert "/one and /other" in sources.fault(0)
+    assert "UNKNOWN" in sources.fault(99 * MS)
+    assert "/one and /other" in sources.fault(100 * MS)
+
+
+def test_a_publisher_that_is_listed_late_is_named_then() -> None:
+    middleware = Middleware("/dead", "/one")
+    sources = Sources(middleware, "/topic")
+    sources.heard(10, 0)
+    sources.heard(2, 0)
+    assert sources.fault(0).endswith("/dead and /one")
+    middleware.names = ("/one", "/other")
+    assert sources.fault(100 * MS).endswith("/one and /other")
 
 
 def test_namesakes_are_told_apart() -> None:
