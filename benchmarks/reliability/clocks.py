@@ -97,7 +97,7 @@ def _machine(number: int, out: Path, told: Callable[[str], None]) -> list[Figure
         trials = []
         for seconds in steps(number, STEPS_S):
             trials.append(try_step(rig, clock, seconds, "machine's clock"))
-            told(trials[-1].line)
+            told(trials[-1].log(rig.clean_max))
         figures = report_delays(PART, rig)
         figures += summarised(PART, "machine's clock", trials, rig.clean_max)
     return figures + _emergency_stops(number, out, told)
@@ -116,7 +116,7 @@ def _one_host(number: int, out: Path, told: Callable[[str], None]) -> list[Figur
             at_device = _by_turns(index)
             clock, words = (near, "device's host") if at_device else (far, "other host")
             trials.append(try_wrong_host(rig, clock, seconds, at_device, words))
-            told(trials[-1].line)
+            told(trials[-1].log(rig.clean_max))
         return summarised(PART, "one host's clock", trials, rig.clean_max)
 
 
@@ -131,7 +131,7 @@ def _simulated(number: int, out: Path, told: Callable[[str], None]) -> list[Figu
         trials = []
         for seconds in steps(number, SIMULATED_STEPS_S):
             trials.append(try_step(rig, clock, seconds, "/clock"))
-            told(trials[-1].line)
+            told(trials[-1].log(rig.clean_max))
         return summarised(PART, "/clock", trials, rig.clean_max)
 
 

@@ -115,7 +115,7 @@ def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Fig
             for index in range(number):
                 before, killed = index % 2 == 0, index % 4 >= 2
                 trials.append(try_double(rig, kind, before, killed))
-                told(trials[-1].line)
+                told(trials[-1].log(rig.clean_max))
             figures += summarised(PART, kind.name, trials, rig.clean_max)
     return figures
 

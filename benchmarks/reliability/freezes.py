@@ -34,7 +34,7 @@ def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Fig
                 # As many short ones as long ones: even on a logarithmic scale.
                 seconds = SHORTEST_S * (LONGEST_S / SHORTEST_S) ** chance.random()
                 trials[node].append(try_freeze(rig, node, seconds))
-                told(trials[node][-1].line)
+                told(trials[node][-1].log(rig.clean_max))
         figures = report_delays(PART, rig)
         for node, found in trials.items():
             figures += summarised(PART, node, found, rig.clean_max)

@@ -29,7 +29,7 @@ def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Fig
                 while (trial := try_kill(rig, node)) is None:
                     missed += 1
                 trials[node].append(trial)
-                told(trial.line)
+                told(trial.log(rig.clean_max))
         figures = report_delays(PART, rig)
         note = "the watcher met the new device later than the controller did"
         figures.append(

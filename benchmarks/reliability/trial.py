@@ -20,6 +20,8 @@ GOAL_ZERO_MS, GOAL_BACK_S, GOAL_PEAK = 20.0, 2.0, 1.2
 PATIENCE_S, SAID_WITHIN_S = 8.0, 3.0
 # A sample that arrives later than this after its stamp was stamped by another clock.
 STAMP_TRUSTED_NS = 500 * MS
+# So many changes of force go into a trace.
+MOST_TURNS = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,7 @@ class Trial:
         said: a sentence that a node said about it; empty if there was none.
         alive: whether all other nodes went on.
         stale: outputs with force before the first one without, of a device that was away.
+        trace: what nodes said meanwhile, and when force came and went.
     """
 
     fault: str
@@ -68,6 +71,7 @@ class Trial:
     said: str
     alive: bool = True
     stale: int = 0
+    trace: str = ""
 
     @property
     def came_back(self) -> bool:
@@ -82,6 +86,17 @@ class Trial:
             f"{1e3 * self.heard_s:.1f}), back after {self.back_s:.2f} s, at most {self.peak:.3f} N"
             f"{'' if self.alive else ', ANOTHER NODE ENDED'}; {self.said or 'NOTHING SAID'}"
         )
+
+    def log(self, clean_max: float) -> str:
+        """Return all of it, with the trace where a limit is not kept.
+
+        Args:
+            clean_max: largest force of a clean run, N.
+        """
+        in_time = 1e3 * self.zero_s <= GOAL_ZERO_MS and self.back_s <= GOAL_BACK_S
+        gentle = self.peak <= GOAL_PEAK * clean_max and not self.stale
+        kept = in_time and gentle and self.said and self.alive
+        return self.line if kept else f"{self.line}\n{self.trace}"
 
 
 def observe(rig: Rig, fault: Fault, about: Callable[[str], bool], alive: bool = True) -> Trial:
@@ -106,7 +121,8 @@ def observe(rig: Rig, fault: Fault, about: Callable[[str], bool], alive: bool = 
     result, said = look(), _said(rig, fault.cause_ns, about)
     times = (result.zero_s, result.heard_s, result.back_s)
     going_on = alive and not rig.ended()
-    return Trial(fault.kind, *times, result.peak, said, going_on, result.stale)
+    trace = _trace(rig, fault)
+    return Trial(fault.kind, *times, result.peak, said, going_on, result.stale, trace)
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +195,23 @@ def _said(rig: Rig, since_ns: int, about: Callable[[str], bool]) -> str:
     except BenchError:
         return ""
     return found()[0]
+
+
+def _trace(rig: Rig, fault: Fault) -> str:
+    """Return what nodes said since a fault, and when force came and went, ms since it."""
+
+    def since(at_ns: int) -> str:
+        return f"{(at_ns - fault.cause_ns) / MS:10.1f} ms"
+
+    found = rig.samples(fault.since, *fault.topics)
+    on, arrived = pushing(found), found["arrived_ns"]
+    turned = [i + 1 for i in np.flatnonzero(on[1:] != on[:-1])]
+    lines = [(int(arrived[i]), "force" if on[i] else "no force") for i in turned[:MOST_TURNS]]
+    lines += [
+        (e["at_ns"], f"{e['node']}: {e['text']}") for e in rig.said(fault.cause_ns - 5000 * MS)
+    ]
+    lines.append((fault.released_ns, "the fault's end"))
+    return "\n".join(f"{since(at_ns)}  {text}" for at_ns, text in sorted(lines))
 
 
 def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) -> list[Figure]:

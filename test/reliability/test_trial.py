@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -173,6 +174,8 @@ GOOD = Trial("good", 0.012, 0.013, 0.5, 0.55, "the clock went back")
 def test_one_bad_trial_among_good_ones_breaks_its_limit(broken: str, bad: Trial) -> None:
     assert all(_kept([GOOD] * 9).values())
     assert not _kept([*[GOOD] * 9, bad])[broken]
+    assert "\n" not in GOOD.log(0.5)
+    assert replace(bad, trace="seen").log(0.5).endswith("\nseen")
 
 
 def test_a_ring_gives_back_what_was_put_into_it_since(tmp_path: Path) -> None:
