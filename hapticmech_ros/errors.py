@@ -69,6 +69,31 @@ class ClosureError(HapticMechError):
         super().__init__(f"{message} (closures {list(self.closures)}, residual {residual:.3e})")
 
 
+class InaccurateStepError(HapticMechError):
+    """A step of the mechanism whose energy account is off, in as many substeps as it may take.
+
+    Attributes:
+        joint: whose rate changes most.
+        off: energy that the step made from nothing, or lost if negative, J.
+        exchanged: energy that the step exchanged, J.
+        time: s, at which it began.
+    """
+
+    def __init__(self, joint: str, off: float, exchanged: float) -> None:
+        super().__init__(joint, off, exchanged)
+        self.joint = joint
+        self.off = off
+        self.exchanged = exchanged
+        self.time = 0.0
+
+    def __str__(self) -> str:
+        return (
+            f"the step at {self.time:.6g} s has an energy that is off by {self.off:.3g} J of "
+            f"{self.exchanged:.3g} J exchanged; the rate of joint {self.joint!r} changes most: a "
+            "shorter period, or more simulation.accuracy.max_substeps"
+        )
+
+
 class InvalidInputError(HapticMechError):
     """A value handed to the library, or received as a message, that breaks a rule."""
 

@@ -16,8 +16,9 @@ from benchmarks.reliability.rig import MS, Rig, pushing
 from benchmarks.reliability.sample import DEVICE, Samples
 
 GOAL_ZERO_MS, GOAL_BACK_S, GOAL_PEAK = 20.0, 2.0, 1.2
-# How long a fault is waited out, and what is said about it.
-PATIENCE_S, SAID_WITHIN_S = 8.0, 3.0
+# How long a fault is waited out, and what is said about it: a message that was lost is sent again
+# at a reliable publisher's next heartbeat, 3 s later.
+PATIENCE_S, SAID_WITHIN_S = 8.0, 8.0
 # A sample that arrives later than this after its stamp was stamped by another clock.
 STAMP_TRUSTED_NS = 500 * MS
 # So many changes of force go into a trace.

@@ -13,6 +13,7 @@ from hapticmech_ros.cli.console import console
 from hapticmech_ros.formats import LeftOut
 from hapticmech_ros.plan.scene_check import SceneCheck
 from hapticmech_ros.plan.scene_plan import ClosurePlan, ScenePlan
+from hapticmech_ros.plan.step_accuracy import StepAccuracy
 
 SHAPES_SHOWN = 60
 NUMBERS = {"rows", "times", "bytes"}
@@ -62,6 +63,8 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
         margin = f"{point.loop.periods} periods" if point.loop.periods >= 0 else "[yellow]none[/]"
         table.add_row(point.name, point.link, str(point.rank), str(point.count), felt, margin)
     console.print(table)
+    for name, text in _accuracy(check.accuracy):
+        console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
     for note in left.notes:
         console.print(f"not used: {note}", highlight=False, markup=False, soft_wrap=True)
     if left.shapes:
@@ -71,6 +74,22 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
         console.print(text, highlight=False, markup=False, soft_wrap=True)
     for warning in check.warnings:
         console.print(f"[yellow]warning:[/] {escape(warning)}", highlight=False, soft_wrap=True)
+
+
+def _accuracy(found: StepAccuracy) -> Iterator[tuple[str, str]]:
+    if found.failed:
+        return
+    yield (
+        "accuracy of steps",
+        f"over {found.duration_s:g} s, steps of a tenth change the operational point by"
+        f" {found.position_m:.1e} m and {found.rotation_rad:.1e} rad, the force by"
+        f" {found.force_n:.1e} N",
+    )
+    done_again = f"; {found.refined} steps done again in smaller ones" if found.refined else ""
+    yield (
+        "energy of steps",
+        f"off by {found.surplus_j:.1e} J of {found.exchanged_j:.1e} J exchanged{done_again}",
+    )
 
 
 def _lines(plan: ScenePlan) -> Iterator[tuple[str, str]]:

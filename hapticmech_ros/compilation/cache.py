@@ -39,6 +39,7 @@ _SOURCES = (
     "mechanism/kernels/step_kernels.py",
     "mechanism/kernels/implicit_kernels.py",
     "mechanism/kernels/settle_kernels.py",
+    "mechanism/kernels/energy_kernels.py",
     "mechanism/kernels/run_kernels.py",
     "mechanism/implicit.py",
     "contact/layout.py",

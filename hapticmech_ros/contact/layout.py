@@ -32,9 +32,9 @@ NOW, BEFORE, FOUND, COUNTS = 0, 1, 2, 3
 # Of the settings: how far ahead in a step depths are taken, the period, s, and the share of their
 # size by which shapes are apart that a period leaves alone.
 AHEAD, PERIOD, FAR_SHARE, SETTINGS = 0, 1, 2, 3
-# Of a report on a substep: sweeps done, how far rates are from the law, m/s, energy held, work on
-# the mechanism as it moves and as the integrator counts it, J; and the work since the period began.
-SWEEPS, OFF, HELD, WORK, COUNTED, TOTAL_WORK, REPORT_VALUES = 0, 1, 2, 3, 4, 5, 6
+# Of a report on a substep: sweeps done, how far rates are from the law, m/s, and energy held at its
+# end and at its start, J.
+SWEEPS, OFF, HELD, HELD_BEFORE, REPORT_VALUES = 0, 1, 2, 3, 4
 # Room for so many points at first; a scene where more touch gets more.
 FIRST_WORKSPACE = 16
 

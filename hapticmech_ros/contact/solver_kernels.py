@@ -21,17 +21,16 @@ from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.contact.layout import (
     AHEAD,
     COULOMB,
-    COUNTED,
     DAMPING,
     DISSIPATION,
     HELD,
+    HELD_BEFORE,
     JOINT_A,
     JOINT_B,
     OFF,
     SHAPE_A,
     STIFFNESS,
     SWEEPS,
-    WORK,
     Contacts,
 )
 from hapticmech_ros.contact.newton_kernels import (
@@ -140,7 +139,7 @@ def solve_points(
         impulse: (3 points,) first guess, N s; replaced by the solution.
         velocity: (3 points,) relative velocities with these impulses, m/s; replaced likewise.
         tolerance: of the impulses' effect, m/s.
-        report: (6,) its SWEEPS and OFF are filled.
+        report: (4,) its SWEEPS and OFF are filled.
         slopes: (3 points, 3 points) to work in.
     """
     n, size = scales.shape[0], impulse.size
@@ -247,16 +246,16 @@ def contact_forces(
         scales, apart, coupling, impulse, velocity, SHARE * largest + FLOOR, report, slopes
     )
     for c in range(n):
-        left = max(depths[c] - step * velocity[3 * c], 0.0)
-        report[HELD] += 0.5 * laws[owners[c], STIFFNESS] * left * left
+        left, stiffness = max(depths[c] - step * velocity[3 * c], 0.0), laws[owners[c], STIFFNESS]
+        before = max(points[c, 6], 0.0)
+        report[HELD] += 0.5 * stiffness * left * left
+        report[HELD_BEFORE] += 0.5 * stiffness * before * before
         for i in range(3):
             forces[c, i] = 0.0
         for d in range(3):
             k = 3 * c + d
             for i in range(3):
                 forces[c, i] += frames[c, d, i] * impulse[k] / step
-            report[WORK] += impulse[k] * (ahead * now[k] + (1.0 - ahead) * velocity[k])
-            report[COUNTED] += impulse[k] * ((1.0 - ahead) * now[k] + ahead * velocity[k])
 
 
 @inner

@@ -13,14 +13,11 @@ from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.contact.effect_kernels import contact_effects
 from hapticmech_ros.contact.layout import (
     BEFORE,
-    COUNTED,
     FAR_SHARE,
     FOUND,
     NOW,
     PERIOD,
     REPORT_VALUES,
-    TOTAL_WORK,
-    WORK,
     Contacts,
 )
 from hapticmech_ros.contact.near_kernels import near_pairs, needs_search, place_shapes
@@ -32,6 +29,7 @@ from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.run_kernels import (
+    INACCURATE,
     NEEDS_CARE,
     RATES_NOT_FINITE,
     begin_next,
@@ -81,7 +79,7 @@ def _untouched(
         return NEAR
     put(begun[: q0.size], q0)
     put(begun[q0.size :], v0)
-    work_in, lost, done = account[0], account[1], account[5]
+    work_in, lost, done, off = account[0], account[1], account[5], account[6]
     one, other, code, odd = first, unpack(end, model), SETTLED, False
     for step in range(substeps):
         odd = step % 2 == 1
@@ -99,13 +97,13 @@ def _untouched(
         if odd:
             put(end, start)
         return SETTLED
-    if code not in (SETTLED, NEEDS_CARE, NOT_DECIDED):
+    if code not in (SETTLED, NEEDS_CARE, INACCURATE, NOT_DECIDED):
         if odd:
             put(end, start)
         return code
     put(q0, begun[: q0.size])
     put(v0, begun[q0.size :])
-    account[0], account[1], account[5] = work_in, lost, done
+    account[0], account[1], account[5], account[6] = work_in, lost, done, off
     if substeps > 1:
         code = factor(model, q0, first)
         if code < 0:
@@ -198,8 +196,7 @@ def _substep(
         return MORE_WORKSPACE
     counts[NOW] = count
     for i in range(REPORT_VALUES):
-        if i != TOTAL_WORK:
-            report[i] = 0.0
+        report[i] = 0.0
     if count > 0:
         _guess(contacts, count)
         change, free = contacts.change, contacts.free
@@ -211,12 +208,11 @@ def _substep(
         contact_forces(model, first, contacts, later, v0, step, count)
         contact_effects(contacts, first.places, count)
         external = contacts.external[: links + external_count]
+        parts.settings[10] = links
     code = step_once(
         model, first, True, stage_space, last, parts, parts.held, external, stages, False
     )
-    if code == SETTLED:
-        parts.account[0] -= report[COUNTED]
-        report[TOTAL_WORK] += report[WORK]
+    parts.settings[10] = 0.0
     return code
 
 
@@ -244,7 +240,7 @@ def advance_period(
         end: (size,) packed terms, to fill at the end.
         scratch: (size,) packed terms of stages.
         work: (work,) see ``step_kernels.Work``; ``q0`` and ``v0`` are the start, ``state`` the end,
-            account 0, 1 and 5 add up.
+            account 0, 1, 5, 6 and 7 add up.
         contact_numbers: (integers,) of the contacts, whole ones.
         contact_values: (numbers,) the others; see ``layout.Contacts``.
         plan: (5,) number of substeps, number of stages, 1 where terms at the start are known, what
@@ -254,10 +250,10 @@ def advance_period(
     Returns:
         0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of
         the pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``counts[FOUND]``
-        points is missing, or NEEDS_CARE and NOT_DECIDED, of which ``run_kernels.advance`` tells
-        and where points and forces are those of this substep: ``q0`` and ``v0`` are its start
-        then, and ``start`` has the terms there unless it is NOT_DECIDED. Or how a substep failed.
-        Account 5 is the number of substeps done.
+        points is missing, or NEEDS_CARE, INACCURATE and NOT_DECIDED, of which
+        ``run_kernels.advance`` tells and where points and forces are those of this substep: ``q0``
+        and ``v0`` are its start then, and ``start`` has the terms there unless it is NOT_DECIDED.
+        Or how a substep failed. Account 5 is the number of substeps done.
     """
     model, parts = Model(numbers, values), Work(numbers, work)
     contacts = Contacts(contact_numbers, contact_values)
@@ -266,7 +262,6 @@ def advance_period(
     searched = plan[3] == SEARCHED
     if plan[3] == WHOLE:
         links = contacts.carriers.size
-        contacts.report[TOTAL_WORK] = 0.0
         external = contacts.external[links : links + external_count]
         code = _untouched(model, start, end, stage_space, parts, contacts, plan, external)
         if code != NEAR:

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hapticmech_ros.contact.layout import (
-    COUNTED,
     HELD,
+    HELD_BEFORE,
     NEEDS_SEARCH,
     NOW,
     SHAPE_A,
     SHAPE_B,
-    TOTAL_WORK,
-    WORK,
 )
 from hapticmech_ros.contact.memory import ContactMemory
 from hapticmech_ros.contact.step_kernels import (
@@ -40,7 +38,7 @@ from hapticmech_ros.mechanism.motion import (
     plan_of,
 )
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.mechanism.stepping import Stepper, Took, end_of, first_terms
+from hapticmech_ros.mechanism.stepping import Stepper, Took, end_of
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.hull import Polytope
@@ -54,13 +52,11 @@ class Touched(NamedTuple):
         stepped: the state, work and losses without those of contacts.
         touching: the points of the last substep.
         energy: J, held by contacts at the end.
-        work: J, of contacts on the mechanism.
     """
 
     stepped: Stepped
     touching: Touching
     energy: float
-    work: float
 
 
 class ContactStepper:
@@ -95,22 +91,37 @@ class ContactStepper:
         active_set = self._mechanism.active_set(start.active)
         took = self._call(active_set, start, external, self._substeps, WHOLE)
         if took.code == 0 and took.stepped is not None:
-            return self._touched(took.stepped, self._reported(TOTAL_WORK))
-        now, left, work_in, lost, work = start, self._substeps, 0.0, 0.0, 0.0
+            return self._touched(took.stepped)
+        now, left, ended = start, self._substeps, None
         while True:
             if took.code == NOT_DECIDED and not took.steps:
                 took = self._call(active_set.dense, now, external, 1, EACH)
             stepped, steps = took.stepped, took.steps
             if stepped is None:
                 # Of the dense factorisation nothing is undecided: the step needs care.
-                stepped, steps = self._careful(now, external), 1
-                work += self._reported(WORK)
-            work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
+                stepped, steps = self._alone(took.code, now, external), 1
+            ended = stepped if ended is None else stepped.after(ended)
             now, left = end_of(stepped, start), left - steps
             if not left:
-                stepped = stepped._replace(work_in=work_in, energy_lost=lost)
-                return self._touched(stepped, work + self._reported(TOTAL_WORK))
+                return self._touched(ended)
             took = self._call(active_set, now, external, left, EACH)
+
+    def energy_at(self, start: Start) -> float:
+        """Return what contacts hold at a state, J.
+
+        Args:
+            start: where.
+
+        Raises:
+            HapticMechError: as ``Simulator.step``.
+        """
+        self.memory.begin_with(None)
+        nothing = ExternalWrenches(np.zeros((len(self._mechanism.point_names), 6)))
+        self._push(nothing)
+        # The step itself is not used.
+        self._call(self._mechanism.active_set(start.active), start, nothing, 1, EACH)
+        contacts = self.memory.contacts
+        return float(contacts.report[HELD_BEFORE]) if contacts.counts[NOW] else 0.0
 
     def _push(self, external: ExternalWrenches) -> None:
         """Put wrenches on links behind those of contacts."""
@@ -131,7 +142,7 @@ class ContactStepper:
         stepper, plan = self._stepper, self._plan
         known = stepper.load(start, active_set, external)
         plan[0], plan[2], plan[3] = count, known is not None, phase
-        first, end = first_terms(known, active_set, count), np.empty(active_set.size)
+        first, end = active_set.first_terms(known, count), np.empty(active_set.size)
         constants, scratch, work = active_set.constants, active_set.scratch, stepper.work
         while True:
             code = advance_period(*constants, first, end, scratch, work, *self.memory.arrays, plan)
@@ -151,27 +162,21 @@ class ContactStepper:
             if margins[pair] >= 0.0:
                 found[pair] = nearest.search(poses[a], poses[b])
 
-    def _careful(self, start: Start, external: ExternalWrenches) -> Stepped:
+    def _alone(self, code: int, start: Start, external: ExternalWrenches) -> Stepped:
         """Do the substep that the kernel stopped before, contacts held."""
         contacts = self.memory.contacts
         if not contacts.counts[NOW]:
-            return self._stepper.careful_substep(start, external)
-        on_links = dict(external.on_links)
-        for link, row in zip(self.memory.links, contacts.external, strict=False):
-            on_links[link] = on_links[link] + row[4:] if link in on_links else row[4:].copy()
-        stepped = self._stepper.careful_substep(start, external._replace(on_links=on_links))
-        return stepped._replace(work_in=stepped.work_in - self._reported(COUNTED))
+            return self._stepper.alone(code, start, external)
+        rows = zip(self.memory.links, contacts.external, strict=False)
+        touching = {link: row[4:].copy() for link, row in rows}
+        return self._stepper.alone(code, start, external._replace(touching=touching))
 
-    def _touched(self, stepped: Stepped, work: float) -> Touched:
+    def _touched(self, stepped: Stepped) -> Touched:
         """Return a period's outcome with what is known of its last substep."""
         touching = self.memory.touching()
-        return Touched(
-            stepped, touching, self._reported(HELD) if touching.pairs.size else 0.0, work
-        )
-
-    def _reported(self, number: int) -> float:
-        """Return a number of the report: of the arrays there are now, which a call may replace."""
-        return float(self.memory.contacts.report[number])
+        # Of the arrays there are now, which a call may replace.
+        held = float(self.memory.contacts.report[HELD]) if touching.pairs.size else 0.0
+        return Touched(stepped, touching, held)
 
     def _searches(
         self, polytopes: tuple[Polytope | None, ...]

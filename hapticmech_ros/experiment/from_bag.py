@@ -21,6 +21,7 @@ from hapticmech_ros.mechanism.model import build_tree
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.energy_topics import ENERGY
+from hapticmech_ros.wire.layouts import ENERGY_NAMES
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
@@ -155,8 +156,7 @@ def _energies(
     series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int
 ) -> dict[str, Array]:
     stamps, rows = _cut(series[ENERGY], window)
-    names = ("kinetic", "potential", "work_in", "damping_loss", "latch_loss", "closure_error")
-    columns = {name: rows[:, index] for index, name in enumerate(names)}
+    columns = {name: rows[:, index] for index, name in enumerate(ENERGY_NAMES)}
     return {"energy_times": _seconds(stamps, start_ns), **columns}
 
 

@@ -82,6 +82,9 @@ class SessionRecorder:
             "damping_loss": mechanism.account.damping_loss + mechanism.account.contact_loss,
             "latch_loss": mechanism.account.latch_loss,
             "closure_error": mechanism.closure_error,
+            "surplus": mechanism.account.surplus,
+            "refined": mechanism.account.refined,
+            "inaccurate": mechanism.account.inaccurate,
             "joint_positions": mechanism.q,
         }
         for name, value in values.items():

@@ -14,6 +14,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.wire.layouts import ENERGY_NAMES
 
 Source = Literal["session", "graph"]
 
@@ -31,14 +32,7 @@ _GROUPS: dict[str, dict[str, int | None]] = {
     },
     "wrench_times": {"constraint_wrench": 6},
     "analysis_times": {"count": 0, "s": None, "expected_wrench": 6},
-    "energy_times": {
-        "kinetic": 0,
-        "potential": 0,
-        "work_in": 0,
-        "damping_loss": 0,
-        "latch_loss": 0,
-        "closure_error": 0,
-    },
+    "energy_times": dict.fromkeys(ENERGY_NAMES, 0),
     "joint_times": {"joint_positions": None},
 }
 _NEEDED = ("times", "wrench_times", "analysis_times")
@@ -69,6 +63,9 @@ class ExperimentRecord:
         energy_times: (e,)
         kinetic, potential, work_in, damping_loss, latch_loss: (e,) J, of the mechanism.
         closure_error: (e,) largest residual of the closed loops, m or rad.
+        surplus: (e,) J, what steps of the mechanism made from nothing, or lost if negative.
+        refined, inaccurate: (e,) numbers of steps that were done again in smaller ones or with
+            care, and of those that were still inaccurate.
         joint_times: (j,)
         joint_positions: (j, nq) q of the mechanism.
 
@@ -99,6 +96,9 @@ class ExperimentRecord:
     damping_loss: Array
     latch_loss: Array
     closure_error: Array
+    surplus: Array
+    refined: Array
+    inaccurate: Array
     joint_times: Array
     joint_positions: Array
 

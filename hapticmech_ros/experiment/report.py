@@ -50,7 +50,15 @@ def _error_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("rotation, rms / max", " / ".join(rotation)),
         ("closure error, max", _power(summary["closure_error_max_m_or_rad"], "m, rad")),
         ("energy balance error, max", _power(energy["balance_error_max_j"], "J")),
+        *_step_rows(energy),
     ]
+
+
+def _step_rows(energy: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return a row if steps of the mechanism stayed inaccurate; else none."""
+    if not energy.get("steps_inaccurate"):
+        return []
+    return [("steps beyond the stated accuracy", str(energy["steps_inaccurate"]))]
 
 
 def _coverage_rows(coverage: Mapping[str, Any]) -> list[tuple[str, str]]:

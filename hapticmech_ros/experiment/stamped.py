@@ -11,7 +11,12 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.layouts import unpack_device, unpack_energy, unpack_operational_model
+from hapticmech_ros.wire.layouts import (
+    ENERGY_NAMES,
+    unpack_device,
+    unpack_energy,
+    unpack_operational_model,
+)
 
 ARRAY_TYPE = "std_msgs/msg/Float64MultiArray"
 
@@ -97,13 +102,9 @@ def _pose_row(pose: pin.SE3) -> Array:
 
 
 def _energy(message: Any) -> tuple[int, tuple[float, ...]]:
-    """Return a row: kinetic, potential, work in, losses by damping and latching, closure error.
-
-    Energies are in J, the closure error in m or rad.
-    """
-    e = unpack_energy(message.data)
-    losses = (e.damping_loss, e.latch_loss, e.closure_error)
-    return e.stamp_ns, (e.kinetic, e.potential, e.work_in, *losses)
+    """Return a row: ``ENERGY_NAMES``."""
+    energy = unpack_energy(message.data)
+    return energy.stamp_ns, tuple(getattr(energy, name) for name in ENERGY_NAMES)
 
 
 _READERS = {

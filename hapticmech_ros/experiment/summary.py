@@ -175,6 +175,9 @@ def _energy(record: ExperimentRecord) -> Json:
         "work_in_j": float(record.work_in[-1] - record.work_in[0]),
         "damping_loss_j": float(record.damping_loss[-1] - record.damping_loss[0]),
         "latch_loss_j": float(record.latch_loss[-1] - record.latch_loss[0]),
+        "surplus_j": float(record.surplus[-1] - record.surplus[0]),
+        "steps_refined": int(record.refined[-1]),
+        "steps_inaccurate": int(record.inaccurate[-1]),
     }
 
 

@@ -10,6 +10,7 @@ closes.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.branch import Branch, branch_along
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing
+from hapticmech_ros.mechanism.energy_balance import Balance
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import ExternalWrenches, HeldMotion, Rates, Start, Stepped
 from hapticmech_ros.mechanism.projection import project, refuse_flipped, refuse_open
@@ -33,8 +35,6 @@ LARGEST_PART = 5e-3
 # and of what was exchanged; or so many times.
 ACCOUNT_TOLERANCE = 1e-9
 HALVINGS = 3
-# Rounding of an energy, as a share of it.
-_ROUNDING = 1e-14
 
 
 class _Stage(NamedTuple):
@@ -135,7 +135,11 @@ class BranchMotion:
 
 
 def careful_step(
-    mechanism: Mechanism, start: Start, external: ExternalWrenches, step: float
+    mechanism: Mechanism,
+    start: Start,
+    external: ExternalWrenches,
+    step: float,
+    balance_of: Callable[[Stepped], Balance],
 ) -> Stepped | None:
     """Return the state after a step; None where no branch takes up any of the motion.
 
@@ -144,6 +148,7 @@ def careful_step(
         start: of the step.
         external: constant during the step.
         step: s.
+        balance_of: returns the energy account of such a step.
 
     Raises:
         ClosureError: a closed loop came apart, or turned to its other branch.
@@ -153,17 +158,13 @@ def careful_step(
         return None
     first = motion.at(start.q, start.v)
     parts = max(1, math.ceil(motion.span / LARGEST_PART))
-    before = mechanism.energy(start.q, start.v)
     best, least = None, math.inf
     for _ in range(HALVINGS + 1):
         stepped = _in_parts(mechanism, motion, first, step, parts)
-        after = mechanism.energy(stepped.q, stepped.v)
-        off = abs(sum(after) - sum(before) - stepped.work_in + stepped.energy_lost)
-        if off < least:
-            best, least = stepped, off
-        exchanged = before[0] + after[0] + abs(stepped.work_in) + abs(stepped.energy_lost)
-        rounding = _ROUNDING * (abs(sum(before)) + abs(sum(after)))
-        if off <= ACCOUNT_TOLERANCE * exchanged + rounding:
+        balance = balance_of(stepped)
+        if best is None or balance.judged < least:
+            best, least = stepped, balance.judged
+        if balance.is_within(ACCOUNT_TOLERANCE):
             break
         parts *= 2
     if best is not None:
@@ -176,26 +177,30 @@ def _in_parts(
     mechanism: Mechanism, motion: BranchMotion, first: _Stage, step: float, parts: int
 ) -> Stepped:
     """Return the state after a step that is done in parts."""
-    stage, work_in, lost = first, 0.0, 0.0
+    stage, exchanged = first, np.zeros(3)
     for _ in range(parts):
-        stage, done, taken = _part(mechanism, motion, stage, step / parts)
-        work_in, lost = work_in + done, lost + taken
-    return Stepped(stage.q, stage.v, stage.closing.error, stage.closing, work_in, lost)
+        stage, done = _part(mechanism, motion, stage, step / parts)
+        exchanged += done
+    work_in, lost, by_contacts = exchanged.tolist()
+    q, v, closing = stage.q, stage.v, stage.closing
+    return Stepped(q, v, closing.error, closing, work_in, lost, contact_work=by_contacts)
 
 
 def _part(
     mechanism: Mechanism, motion: BranchMotion, first: _Stage, step: float
-) -> tuple[_Stage, float, float]:
-    """Return the end of a step by the classical rule of order 4, work done, and energy lost, J."""
+) -> tuple[_Stage, Array]:
+    """Return the end of a step by the classical rule of order 4, and what was exchanged (3,), J.
+
+    That is work done, energy lost, and work by contacts.
+    """
     scheme, stage = SCHEMES["rk4"], first
     turned, gained = np.zeros(first.v.size), np.zeros(first.v.size)
-    work_in = lost = 0.0
+    exchanged = np.zeros(3)
     for weight, fraction in zip(scheme.weights, (*scheme.fractions, 0.0), strict=True):
         turn = mechanism.local_rates(first.q, stage.q, stage.v)
         turned += weight * turn
         gained += weight * stage.rates.acceleration
-        work_in += weight * step * stage.rates.power_in
-        lost += weight * step * stage.rates.power_lost
+        exchanged += weight * step * np.array(stage.rates[1:])
         if fraction > 0.0:
             reached = fraction * step
             stage = motion.at(
@@ -203,4 +208,4 @@ def _part(
                 first.v + reached * stage.rates.acceleration,
             )
     end = motion.at(mechanism.integrate(first.q, step * turned), first.v + step * gained)
-    return end, work_in, lost
+    return end, exchanged

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.errors import HapticMechError, InaccurateStepError
 from hapticmech_ros.mechanism.lapack import dpotrf
 from hapticmech_ros.mechanism.model import TreeModel
 
@@ -71,6 +71,19 @@ def diverged(tree: TreeModel, moved: Array, step: float) -> HapticMechError:
         f"the step diverged: joint {joint!r} moved by {moved[rate]:.3g} rad or m in {step:.3g} s; "
         "a shorter period or more substeps are needed"
     )
+
+
+def inaccurate(tree: TreeModel, change: Array, off: float, exchanged: float) -> InaccurateStepError:
+    """Return the error of a step whose energy account is off by too much.
+
+    Args:
+        tree: the mechanism's.
+        change: (nv,) of the rates, rad/s or m/s.
+        off: J, by which it is.
+        exchanged: J, energy that the step exchanged.
+    """
+    rate = int(np.argmax(np.abs(change)))
+    return InaccurateStepError(tree.joint_names[_joint_of(tree, rate)], off, exchanged)
 
 
 def _joint_of(tree: TreeModel, rate: int) -> int:

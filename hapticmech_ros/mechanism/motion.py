@@ -15,6 +15,7 @@ from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene.mechanism import Simulation
 
 NOTHING: Mapping[str, Array] = MappingProxyType({})
@@ -45,11 +46,13 @@ class ExternalWrenches(NamedTuple):
         wrenches: (points, 6) at the operational points, world axes, N and N m.
         on_links: further wrenches (6,) by name of the link, at its frame's origin, likewise.
         in_joints: (nv,) further joint forces, N m or N; None for none.
+        touching: wrenches on links as ``on_links``, those of contacts.
     """
 
     wrenches: Array
     on_links: Mapping[str, Array] = NOTHING
     in_joints: Array | None = None
+    touching: Mapping[str, Array] = NOTHING
 
 
 class Stepped(NamedTuple):
@@ -59,8 +62,12 @@ class Stepped(NamedTuple):
         q, v: the state (nq,), (nv,), arrays of its own.
         error: largest residual of the active closures, m or rad.
         closing: terms at q.
-        work_in: work by wrenches and joint forces, J.
+        work_in: work by wrenches and joint forces, without that of contacts, J.
         energy_lost: in damping, friction and stops, J.
+        surplus: energy beyond that account, J: what steps made from nothing, or lost if negative.
+        refined: steps that were done again in smaller ones, or with care.
+        inaccurate: of these the ones whose account is still off by more than the tolerance.
+        contact_work: work by contacts, J.
     """
 
     q: Array
@@ -69,6 +76,21 @@ class Stepped(NamedTuple):
     closing: Closing
     work_in: float
     energy_lost: float
+    surplus: float = 0.0
+    refined: int = 0
+    inaccurate: int = 0
+    contact_work: float = 0.0
+
+    def after(self, before: Stepped) -> Stepped:
+        """Return this with what the steps before it did added to the accounts."""
+        return self._replace(
+            work_in=before.work_in + self.work_in,
+            energy_lost=before.energy_lost + self.energy_lost,
+            surplus=before.surplus + self.surplus,
+            refined=before.refined + self.refined,
+            inaccurate=before.inaccurate + self.inaccurate,
+            contact_work=before.contact_work + self.contact_work,
+        )
 
 
 class Plan(NamedTuple):
@@ -79,27 +101,44 @@ class Plan(NamedTuple):
         period: s.
         substeps: steps of the integrator in a period.
         baumgarte_rate: a of T4 (docs/derivations.md), 1/s; 0 where states are projected instead.
+        tolerance: by which share of what it exchanges a step's energy account may be off; 0 where
+            steps are not watched.
+        max_substeps: in which a step is done again at most.
     """
 
     integrator: str
     period: float
     substeps: int = 1
     baumgarte_rate: float = 0.0
+    tolerance: float = 0.0
+    max_substeps: int = 1
 
 
 def plan_of(simulation: Simulation) -> Plan:
     """Return how a scene's simulation steps through a period."""
     pulled = simulation.stabilisation == "baumgarte"
     rate = simulation.baumgarte_rate if pulled else 0.0
-    return Plan(simulation.integrator, simulation.period, simulation.substeps, rate)
+    accuracy = simulation.accuracy
+    tolerance = accuracy.tolerance
+    if tolerance is None:
+        tolerance = SCHEMES[simulation.integrator].tolerance
+    return Plan(
+        simulation.integrator,
+        simulation.period,
+        simulation.substeps,
+        rate,
+        0.0 if pulled else tolerance,
+        accuracy.max_substeps,
+    )
 
 
 class Rates(NamedTuple):
-    """What the equations of motion give at a state: v̇ (nv,), rad/s² or m/s²; two powers, W."""
+    """What the equations of motion give at a state: v̇ (nv,), rad/s² or m/s²; three powers, W."""
 
     acceleration: Array
     power_in: float
     power_lost: float
+    contact_power: float = 0.0
 
 
 class HeldMotion:
@@ -130,11 +169,12 @@ class HeldMotion:
         if not math.isfinite(v @ v):
             raise not_finite("rates", v)
         terms = self._evaluate(q, v)
+        touch = self._on_links(q, self._external.touching, np.zeros(v.size))
         force = self._force(q, terms)
         power_in = float((force + terms.effort) @ v)
         power_lost = -float(terms.dissipative_force @ v)
-        acceleration, _ = self._pulled(terms, v).acceleration(force)
-        return Rates(acceleration, power_in, power_lost)
+        acceleration, _ = self._pulled(terms, v).acceleration(force + touch)
+        return Rates(acceleration, power_in, power_lost, float(touch @ v))
 
     @property
     def first(self) -> Evaluation:
@@ -151,10 +191,14 @@ class HeldMotion:
         return self._first
 
     def _force(self, q: Array, terms: Evaluation) -> Array:
-        wrenches, on_links, in_joints = self._external
+        wrenches, on_links, in_joints, _ = self._external
         force = np.zeros(terms.bias_force.size) if in_joints is None else in_joints.copy()
         for point, wrench in zip(terms.points, wrenches, strict=True):
             force += wrench @ point.jacobian
+        return self._on_links(q, on_links, force)
+
+    def _on_links(self, q: Array, on_links: Mapping[str, Array], force: Array) -> Array:
+        """Return joint forces with those of wrenches on links added, in place."""
         for link, wrench in on_links.items():
             force += wrench @ self._mechanism.link_jacobian(q, link)
         return force

@@ -16,6 +16,7 @@ Work done and energy lost are integrated with the same weights.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from hapticmech_ros.mechanism.implicit import REACHED, WEIGHTS
@@ -30,6 +31,9 @@ class Scheme(NamedTuple):
         late: positions move with the rates at the step's end, not with the sum of θ̇.
         corrected: θ̇ of later stages is J_r(θ)⁻¹ v rather than v.
         implicit: stages are those of :mod:`~hapticmech_ros.mechanism.implicit`.
+        tolerance: of a step's energy account, see :mod:`~hapticmech_ros.mechanism.energy_balance`,
+            if the scene names none; infinite for a rule of order 1, whose own error in a step from
+            rest is of the size of what is exchanged: it is counted, and steps are left as they are.
     """
 
     weights: tuple[float, ...]
@@ -37,16 +41,18 @@ class Scheme(NamedTuple):
     late: bool = False
     corrected: bool = False
     implicit: bool = False
+    tolerance: float = 1e-6
 
 
 SCHEMES: dict[str, Scheme] = {
     "rk4": Scheme((1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.5, 0.5, 1.0), corrected=True),
-    "rk2": Scheme((0.0, 1.0), (0.5,)),
-    "semi_implicit_euler": Scheme((1.0,), (), late=True),
+    "rk2": Scheme((0.0, 1.0), (0.5,), tolerance=1e-4),
+    "semi_implicit_euler": Scheme((1.0,), (), late=True, tolerance=math.inf),
     "linearly_implicit": Scheme(
         tuple(WEIGHTS.tolist()),
         tuple(REACHED.sum(axis=1).tolist()[1:]),
         corrected=True,
         implicit=True,
+        tolerance=1e-5,
     ),
 }

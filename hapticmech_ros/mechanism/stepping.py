@@ -5,30 +5,29 @@ Where branches of the motion cross, or nearly do, the kernel stops, and the step
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import NamedTuple, cast
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.errors import HapticMechError, InaccurateStepError
 from hapticmech_ros.mechanism.careful import careful_step
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.constraint_space import Closing, factored, failure
-from hapticmech_ros.mechanism.inertia import diverged
+from hapticmech_ros.mechanism.constraint_space import Closing, factored
+from hapticmech_ros.mechanism.energy_balance import NO_BALANCE, Balance, judged
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
-from hapticmech_ros.mechanism.kernels.data import ERROR
-from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE
+from hapticmech_ros.mechanism.kernels.energy_kernels import BALANCE, judge
 from hapticmech_ros.mechanism.kernels.implicit_kernels import springs_size
 from hapticmech_ros.mechanism.kernels.run_kernels import (
     EVERYTHING,
     NEEDS_CARE,
-    RATES_NOT_FINITE,
     UNCHECKED,
     advance,
 )
-from hapticmech_ros.mechanism.kernels.settle_kernels import FLIPPED, JUMPED, OPEN, SETTLED
+from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import PARTS, Work, work_size
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
@@ -37,10 +36,9 @@ from hapticmech_ros.mechanism.motion import (
     Start,
     Stepped,
     check_external,
-    not_finite,
 )
-from hapticmech_ros.mechanism.projection import came_apart, flipped, jumped
 from hapticmech_ros.mechanism.schemes import SCHEMES
+from hapticmech_ros.mechanism.step_errors import step_error
 from hapticmech_ros.mechanism.tolerances import (
     BAUMGARTE_FAILURE,
     PROJECTION_FAILURE,
@@ -50,6 +48,7 @@ from hapticmech_ros.mechanism.tolerances import (
 
 _NO_SAMPLES = np.zeros((0, 0))
 _NO_PUSHES = np.zeros((0, 10))
+SingleStep = Callable[[Start, ExternalWrenches], Stepped]
 
 
 class Took(NamedTuple):
@@ -73,13 +72,13 @@ class Stepper:
         springs: of implicit rules; see ``implicit_kernels.Springs``.
         stages: of the rule.
         implicit: 1 for an implicit rule.
-        heeded: what of singular positions ends a run; see ``run_kernels``.
     """
 
     def __init__(self, mechanism: Mechanism, plan: Plan) -> None:
         self._mechanism = mechanism
         self._plan = plan
-        self._step = plan.period / plan.substeps
+        # Of the steps that are done now; see _refined.
+        self._step, self._tolerance = plan.period / plan.substeps, plan.tolerance
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
         scheme = SCHEMES[plan.integrator]
         self.springs = np.zeros(springs_size(nv) if scheme.implicit else 0)
@@ -92,14 +91,13 @@ class Stepper:
         self._pulled = pulled = plan.baumgarte_rate > 0.0
         most_open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
         fractions = (PROJECTION_TOLERANCE, ROUNDING_TOLERANCE, PROJECTION_FAILURE)
-        parts.settings[:2] = self._step, scheme.late
+        parts.settings[1] = scheme.late
         parts.settings[2:5] = np.array(fractions) * mechanism.length
         parts.settings[5:7] = plan.baumgarte_rate, most_open * mechanism.length
         parts.settings[7] = scheme.corrected and nq != nv
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
         parts.scheme[: len(scheme.fractions), 1] = scheme.fractions
         self.stages, self.implicit = len(scheme.weights), int(scheme.implicit)
-        self.heeded = UNCHECKED if pulled else EVERYTHING
 
     def advance(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Return the state after a period with wrenches held; see ``Simulator.step``."""
@@ -125,8 +123,14 @@ class Stepper:
             ClosureError: a closed loop came apart, jumped, or turned to its other branch.
         """
         check_external(external, len(self._mechanism.point_names), self._mechanism.nv)
-        total, apart = periods * self._plan.substeps, every * self._plan.substeps
-        now, done, work_in, lost = start, 0, 0.0, 0.0
+        substeps = self._plan.substeps
+        return self._steps(start, external, periods * substeps, samples, every * substeps)
+
+    def _steps(
+        self, start: Start, external: ExternalWrenches, total: int, samples: Array, apart: int
+    ) -> Stepped:
+        """Do steps of the length that is set; fill a sample after every ``apart`` of them."""
+        now, done, ended = start, 0, None
         while True:
             # After a step that was done alone there may be some before the next sample.
             since = done % apart if apart else 0
@@ -135,35 +139,126 @@ class Stepper:
             active_set = self._mechanism.active_set(now.active)
             code, steps, stepped = self._call(active_set, now, external, count, rows, apart)
             if stepped is not None:
-                if steps == total:
-                    return stepped
-                work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
+                ended = stepped if ended is None else stepped.after(ended)
                 now = end_of(stepped, start)
             if steps < count:
-                stepped = self._alone(code, now, external)
-                work_in, lost = work_in + stepped.work_in, lost + stepped.energy_lost
+                try:
+                    stepped = self.alone(code, now, external)
+                except InaccurateStepError as error:
+                    error.time += (done + steps) * self._step
+                    raise
+                ended = stepped if ended is None else stepped.after(ended)
                 now = end_of(stepped, start)
                 steps, since = steps + 1, 1
             done += steps
             if apart and since and done % apart == 0:
                 samples[done // apart - 1] = np.concatenate((now.q, now.v))
-            if done == total and stepped is not None:
-                return stepped._replace(work_in=work_in, energy_lost=lost)
+            if done == total and ended is not None:
+                return ended
 
-    def _alone(self, code: int, start: Start, external: ExternalWrenches) -> Stepped:
-        """Do the step that the kernel stopped before."""
+    def alone(self, code: int, start: Start, external: ExternalWrenches) -> Stepped:
+        """Do the step that the kernel stopped before.
+
+        Args:
+            code: why; see ``run_kernels.advance``.
+            start: of the step.
+            external: from outside.
+
+        Returns:
+            The state after it.
+
+        Raises:
+            HapticMechError: as ``Simulator.step``.
+        """
         if code == NOT_DECIDED:
             dense = self._mechanism.active_set(start.active).dense
-            took = self._call(dense, start, external, 1, _NO_SAMPLES, 0)
-            if took.stepped is not None:
-                return took.stepped
-        return self.careful_substep(start, external)
+            code, _, stepped = self._call(dense, start, external, 1, _NO_SAMPLES, 0)
+            if stepped is not None:
+                return stepped
+        single = self._careful_substep if code == NEEDS_CARE else self._substep
+        if self._tolerance == 0.0:
+            return single(start, external)
+        stepped, balance = self._refined(start, external, single)
+        return judged(self._mechanism.tree, start, stepped, balance, self._tolerance)
 
-    def careful_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
+    def _refined(
+        self, start: Start, external: ExternalWrenches, single: SingleStep
+    ) -> tuple[Stepped, Balance]:
+        """Do a step in smaller ones, until its energy account is within the tolerance.
+
+        Args:
+            start: of the step.
+            external: from outside.
+            single: does it in one.
+
+        Returns:
+            The one whose account is off by least, and its account.
+
+        Raises:
+            HapticMechError: it fails however small the steps are, as it does in one.
+        """
+        best, least, failed, count = None, NO_BALANCE, None, 1
+        while count <= self._plan.max_substeps and not least.is_within(self._tolerance):
+            try:
+                stepped = self._divided(start, external, single, count)
+                balance = self._balance(start, stepped, external, bool(self.implicit))
+            except HapticMechError as error:
+                failed = failed or error
+            else:
+                if balance.judged < least.judged:
+                    best, least = stepped, balance
+            count *= 2
+        if best is None:
+            raise cast(HapticMechError, failed)
+        return best, least
+
+    def _divided(
+        self, start: Start, external: ExternalWrenches, single: SingleStep, count: int
+    ) -> Stepped:
+        """Do a step in so many smaller ones, whatever their energy accounts are."""
+        step, tolerance = self._step, self._tolerance
+        self._step, self._tolerance = step / count, 0.0
+        try:
+            if count == 1:
+                return single(start, external)
+            return self._steps(start, external, count, _NO_SAMPLES, 0)
+        finally:
+            self._step, self._tolerance = step, tolerance
+
+    def _balance(
+        self, start: Start, stepped: Stepped, external: ExternalWrenches, damps: bool
+    ) -> Balance:
+        """Return the energy account of a step; see ``energy_kernels.put_balance``."""
+        # At a singular position a sparse factorisation is not decided.
+        closing, parts, found = stepped.closing.dense, self.parts, np.empty(BALANCE)
+        known = self.load(start, closing.active_set, external)
+        if known is None:
+            known = factored(self._mechanism.tree, closing.active_set, start.q).packed
+        parts.q[:], parts.v[:] = stepped.q, stepped.v
+        judge(
+            *closing.active_set.constants,
+            known,
+            closing.packed,
+            self.work,
+            self.on_links(external),
+            damps,
+            stepped.work_in + stepped.contact_work,
+            stepped.energy_lost,
+            found,
+        )
+        return Balance(*found.tolist())
+
+    def _careful_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Return the state after a step: with care, as where branches of the motion cross."""
         if not self._pulled:
             known = start.closing if start.terms is None else start.terms.closing
-            led = careful_step(self._mechanism, start._replace(closing=known), external, self._step)
+            led = careful_step(
+                self._mechanism,
+                start._replace(closing=known),
+                external,
+                self._step,
+                lambda stepped: self._balance(start, stepped, external, False),
+            )
             if led is not None:
                 return led
         return self._substep(start, external)
@@ -195,7 +290,7 @@ class Stepper:
         known = self.load(start, active_set, external, heeded)
         counts[0], counts[1], counts[4] = count, apart, known is not None
         end = np.empty(active_set.size)
-        first = first_terms(known, active_set, count)
+        first = active_set.first_terms(known, count)
         code = advance(
             *active_set.constants,
             first,
@@ -229,17 +324,31 @@ class Stepper:
         parts.v0[:] = start.v
         parts.wrenches[:] = external.wrenches
         parts.held[:] = 0.0 if external.in_joints is None else external.in_joints
-        # States that are pulled are off the closures anyway: no step needs care.
-        parts.settings[8] = UNCHECKED if self._pulled else heeded
-        account = parts.account
-        account[0] = account[1] = account[5] = 0.0
+        parts.settings[10] = len(external.touching)
+        self.prepare(heeded)
         return _known(start, active_set)
+
+    def prepare(self, heeded: int = EVERYTHING) -> None:
+        """Set what the kernel's steps heed, and begin their account.
+
+        Args:
+            heeded: see ``run_kernels``.
+        """
+        parts = self.parts
+        # States that are pulled are off the closures anyway: no step needs care.
+        checked = heeded == EVERYTHING and not self._pulled
+        parts.settings[0] = self._step
+        parts.settings[8] = EVERYTHING if checked else UNCHECKED
+        parts.settings[9] = self._tolerance if checked else 0.0
+        account = parts.account
+        account[:2] = account[5:] = 0.0
 
     def took(self, code: int, active_set: ActiveSet, active: Active, end: Array) -> Took:
         """Return what a kernel did.
 
         Args:
-            code: that it returned; a positive one that is no failure of ``settle`` ended it early.
+            code: that it returned; a positive one that is no failure of ``settle`` ended it early,
+                and so does a failure, if steps are refined.
             active_set: the closures.
             active: which they are.
             end: (size,) packed terms at the end.
@@ -248,11 +357,12 @@ class Stepper:
             HapticMechError: a step failed.
         """
         parts = self.parts
-        work_in, lost, _, stepped, moved, steps = parts.account.tolist()
-        done = int(steps)
-        if code not in (SETTLED, NOT_DECIDED) and code < NEEDS_CARE:
-            raise self._failure(code, end, active, stepped, moved)
-        if done == 0:
+        work, lost, *_, done, surplus, by_contacts = parts.account.tolist()
+        failed = code not in (SETTLED, NOT_DECIDED) and code < NEEDS_CARE
+        # Smaller steps may go where this one cannot.
+        if failed and not parts.settings[9] > 0.0:
+            raise step_error(self._mechanism, parts, code, end, active)
+        if not done:
             return Took(code, 0, None)
         if code == SETTLED:
             q, v = parts.q.copy(), parts.v.copy()
@@ -260,46 +370,18 @@ class Stepper:
         else:
             q, v = parts.q0.copy(), parts.v0.copy()
             closing = factored(self._mechanism.tree, active_set, q)
-        return Took(code, done, Stepped(q, v, closing.error, closing, work_in, lost))
-
-    def _failure(
-        self, code: int, packed: Array, active: Active, stepped: float, moved: float
-    ) -> HapticMechError:
-        """Return the error of a step that the kernel could not end."""
-        mechanism, parts, worst = self._mechanism, self.parts, float(packed.item(ERROR))
-        names = mechanism.names_of(active)
-        if code == OPEN:
-            return came_apart(worst, names)
-        if code == JUMPED:
-            return jumped(moved / stepped, names)
-        if code == FLIPPED:
-            turned = [i for i, on in enumerate(active) if on and self._turned(i)]
-            return flipped(worst, [mechanism.closures[i].name for i in turned[:1]] or names)
-        if code == RATES_NOT_FINITE:
-            return not_finite("rates", parts.v)
-        if code == NOT_FINITE:
-            return not_finite("state", parts.q)
-        return self._diverged() or failure(code, mechanism.tree)
-
-    def _diverged(self) -> HapticMechError | None:
-        """Return the error of a step that went astray, if its start has what its stages lack."""
-        mechanism, parts = self._mechanism, self.parts
-        none = tuple(False for _ in mechanism.closures)
-        try:
-            mechanism.closing_terms(parts.q0, none)
-        except HapticMechError:
-            return None
-        return diverged(mechanism.tree, mechanism.difference(parts.q0, parts.q), self._step)
-
-    def _turned(self, index: int) -> bool:
-        return self._mechanism.on_wrong_branch(index, self.parts.q)
+        stepped = Stepped(
+            *(q, v, closing.error, closing, work - by_contacts, lost, surplus),
+            contact_work=by_contacts,
+        )
+        return Took(code, int(done), stepped)
 
     def on_links(self, external: ExternalWrenches) -> Array:
         """Return (n, 10) wrenches on links; see ``motion_kernels.add_link_forces``."""
-        if not external.on_links:
+        if not (external.on_links or external.touching):
             return _NO_PUSHES
         mechanism, rows = self._mechanism, []
-        for link, wrench in external.on_links.items():
+        for link, wrench in (*external.touching.items(), *external.on_links.items()):
             joint, placement = mechanism.link_place(link)
             rows.append(np.concatenate(([joint], placement.translation, wrench)))
         return np.array(rows, dtype=float)
@@ -311,19 +393,6 @@ def _known(start: Start, active_set: ActiveSet) -> Array | None:
     if closing is None:
         return None
     return closing.packed if closing.active_set is active_set else None
-
-
-def first_terms(known: Array | None, active_set: ActiveSet, steps: int) -> Array:
-    """Return the packed terms (size,) that a kernel begins with: known, or to be filled.
-
-    Args:
-        known: (size,) or None; it is copied for many steps, which change it.
-        active_set: the closures.
-        steps: that the kernel does.
-    """
-    if known is None:
-        return np.empty(active_set.size)
-    return known if steps == 1 else known.copy()
 
 
 def end_of(stepped: Stepped, start: Start) -> Start:

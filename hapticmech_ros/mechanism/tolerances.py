@@ -18,6 +18,8 @@ PASSING = 1e-4
 # Next to a singular position, below the first share, a branch is found by interpolation between
 # points of which none has less than the second one.
 SINGULAR, DETERMINED = 1e-3, 3e-4
+# Rounding of an energy, as a share of it.
+ENERGY_ROUNDING = 1e-14
 # Off the closures by a residual δ (relative to the mechanism's length), as the inner stages of a
 # step are, rows that depend on each other on the closures differ by the order of δ: 0.2 δ was
 # measured on duplicated spatial loops. Singular values below this many δ say nothing; the cap keeps

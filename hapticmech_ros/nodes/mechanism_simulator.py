@@ -192,6 +192,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             "kinetic_energy_j": f"{energy.kinetic:.6g}",
             "potential_energy_j": f"{energy.potential:.6g}",
             "energy_balance_j": f"{energy.balance:.9g}",
+            "energy_surplus_j": f"{self._state.account.surplus:.3e}",
+            "steps_refined": str(self._state.account.refined),
+            "steps_inaccurate": str(self._state.account.inaccurate),
             "overtaken_commands": str(sum(port.order.overtaken for port in self._ports)),
         }
         now = self.now_ns()

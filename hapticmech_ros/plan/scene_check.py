@@ -15,6 +15,7 @@ from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.plan.loop_check import connection_warning
+from hapticmech_ros.plan.step_accuracy import StepAccuracy, step_accuracy
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator
 
@@ -25,6 +26,8 @@ NEAR_SINGULAR = 1e-2
 FAR = 1e-3
 # Explicit rules are stable for k T² / m up to about 7.7 (rk4) and 4 (rk2, semi-implicit Euler).
 STIFF = 4.0
+# In scene lengths, from which shorter steps make a difference that can be felt.
+COARSE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +64,7 @@ class SceneCheck:
         rank: of all active closures.
         mobility: nv - rank.
         points: operational points.
+        accuracy: of the mechanism's steps.
         warnings: to the author.
     """
 
@@ -73,6 +77,7 @@ class SceneCheck:
     rank: int
     mobility: int
     points: tuple[PointCheck, ...]
+    accuracy: StepAccuracy
     warnings: tuple[str, ...]
 
 
@@ -87,7 +92,7 @@ def check_scene(scene: Scene) -> SceneCheck:
     mechanism, state = simulator.mechanism, simulator.initial_state()
     rows = redundancy(mechanism, state.q, state.active)
     followed = {one.name: len(one.redundant) for one in rows.closures}
-    points = tuple(_points(simulator, state))
+    points, accuracy = tuple(_points(simulator, state)), step_accuracy(scene)
     return SceneCheck(
         scene=scene.name,
         links=len(scene.links),
@@ -101,7 +106,12 @@ def check_scene(scene: Scene) -> SceneCheck:
         rank=rows.rank,
         mobility=rows.mobility,
         points=points,
-        warnings=(*_warnings(simulator, state, rows), *_loops(points, scene)),
+        accuracy=accuracy,
+        warnings=(
+            *_warnings(simulator, state, rows),
+            *_loops(points, scene),
+            *_accuracy(accuracy, mechanism.length),
+        ),
     )
 
 
@@ -128,6 +138,19 @@ def _loops(points: Sequence[PointCheck], scene: Scene) -> Iterator[str]:
             yield warning
     if over := connection_warning(scene, scene.controller):
         yield over
+
+
+def _accuracy(found: StepAccuracy, length: float) -> Iterator[str]:
+    """Yield warnings about steps that are too long."""
+    if found.failed:
+        yield f"the scene's experiment ends early: {found.failed}"
+    if found.inaccurate:
+        yield f"{found.inaccurate} steps of the experiment are inaccurate: shorten the period"
+    if found.position_m > COARSE * length:
+        yield (
+            f"steps of a tenth move the operational point by {found.position_m:.2g} m in the"
+            " scene's experiment: shorten the period, or add substeps"
+        )
 
 
 def _warnings(simulator: Simulator, state: MechanismState, rows: Redundancy) -> Iterator[str]:

@@ -195,6 +195,19 @@ class InitialState(Part):
     v: dict[Name, Coordinates] = Field(default_factory=dict)
 
 
+class Accuracy(Part):
+    """How exact a step's energy account has to be, and what it may cost.
+
+    Attributes:
+        tolerance: share of the energy that a step exchanges by which its account may be off; the
+            integrator's own if left out, 0 for steps that are not watched.
+        max_substeps: a step that is off by more is done again in 2, 4, ... up to so many.
+    """
+
+    tolerance: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)] | None = None
+    max_substeps: Annotated[int, Field(strict=True, ge=1, le=1024)] = 32
+
+
 class Simulation(Part):
     """Fixed step in s, the integrator that takes it, and what keeps the loops closed.
 
@@ -205,6 +218,7 @@ class Simulation(Part):
         stabilisation: ``projection`` puts the state back on the closures after each step;
             ``baumgarte`` pulls it back by forces.
         baumgarte_rate: 1/s, at which errors then decay.
+        accuracy: of each step.
     """
 
     period: Annotated[Positive, Field(le=0.1)] = 0.001
@@ -212,3 +226,4 @@ class Simulation(Part):
     substeps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 1
     stabilisation: Literal["projection", "baumgarte"] = "projection"
     baumgarte_rate: Positive = 20.0
+    accuracy: Accuracy = Accuracy()

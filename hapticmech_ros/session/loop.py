@@ -192,11 +192,11 @@ class SessionLoop:
             "given": np.zeros(ANSWER.size),
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),
-            "totals": np.zeros(7),
+            "totals": np.zeros(10),
             "began_state": state,
             "began_q": np.zeros(mechanism.nq),
             "began_v": np.zeros(mechanism.nv),
-            "began_totals": np.zeros(7),
+            "began_totals": np.zeros(10),
         }
         data = session_data(sizes, parts)
         side.account, side.queue = data.controller, data.told
@@ -227,9 +227,9 @@ class SessionLoop:
             self._packed = np.zeros((4, active_set.size))
         data.q[:] = state.q
         data.v[:] = state.v
-        account = state.account
-        data.totals[:4] = state.time, account.work_in, account.damping_loss, state.closure_error
-        data.totals[5:] = account.contact_loss, account.contact_energy
+        a = state.account
+        data.totals[:4] = state.time, a.work_in, a.damping_loss, state.closure_error
+        data.totals[5:] = a.contact_loss, a.contact_energy, a.surplus, a.refined, a.inaccurate
         if self._contacts is not None:
             self._contacts.begin_with(state.touching)
         closing = self.simulator.closing(state)
@@ -275,7 +275,7 @@ class SessionLoop:
         if self._contacts is not None:
             contacts = self._contacts.arrays
         clock[TICKS], clock[PHASES] = ticks, phases
-        stepper.parts.settings[8] = stepper.heeded
+        stepper.prepare()
         if phases & DEVICE:
             self._device_state = None
         if phases & MECHANISM:

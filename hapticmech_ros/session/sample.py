@@ -27,7 +27,7 @@ class LeftState(NamedTuple):
 
     Attributes:
         known: the last state before that was known as such.
-        totals: (7,) see :class:`~hapticmech_ros.session.data.SessionData`.
+        totals: (10,) see :class:`~hapticmech_ros.session.data.SessionData`.
         q, v: configuration (nq,) and rates (nv,).
         touching: points of contact; None in a scene without.
     """
@@ -41,7 +41,8 @@ class LeftState(NamedTuple):
     def state(self) -> MechanismState:
         """Return the state; q and v can be written no more."""
         before, account = self.known, self.known.account
-        time, work_in, lost, error, _, *in_contact = self.totals.tolist()
+        time, work_in, lost, error, _, in_contact, held, surplus, *counts = self.totals.tolist()
+        refined, inaccurate = map(int, counts)
         self.q.flags.writeable = self.v.flags.writeable = False
         return MechanismState(
             time,
@@ -49,7 +50,16 @@ class LeftState(NamedTuple):
             self.v,
             before.active,
             error,
-            EnergyAccount(work_in, lost, account.latch_loss, *in_contact),
+            EnergyAccount(
+                work_in,
+                lost,
+                account.latch_loss,
+                in_contact,
+                held,
+                surplus,
+                refined,
+                inaccurate,
+            ),
             self.touching,
             before.released,
         )

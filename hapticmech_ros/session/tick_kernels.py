@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local_whole, put
-from hapticmech_ros.contact.layout import HELD, NOW, TOTAL_WORK, Contacts
+from hapticmech_ros.contact.layout import HELD, NOW, Contacts
 from hapticmech_ros.contact.memory_kernels import keep, restore
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period
 from hapticmech_ros.control.account_kernels import (
@@ -207,7 +207,7 @@ def move_mechanism(
     for i in range(6):
         pushed[index, i] = wrenches[1, i] + data.external[i]
     parts.held[:] = 0.0
-    account[0] = account[1] = account[5] = 0.0
+    account[0] = account[1] = account[5] = account[6] = account[7] = 0.0
     at, plan = clock[AT], local_whole(5)
     first, last, stages, touches = packed[at], packed[1 - at], packed[3], contact_numbers.size > 0
     contacts = Contacts(contact_numbers, contact_values)
@@ -231,13 +231,13 @@ def move_mechanism(
     put(data.q, parts.q)
     put(data.v, parts.v)
     totals[0] += data.times[0]
-    totals[1] += account[0]
+    totals[1] += account[0] - account[7]
     totals[2] += account[1]
+    totals[7] += account[6]
     totals[3] = unpack(packed[1 - at], Model(numbers, values)).tail[0]
     if touches:
-        report = contacts.report
-        held = report[HELD] if contacts.counts[NOW] > 0 else 0.0
-        totals[5] += totals[6] - held - report[TOTAL_WORK]
+        held = contacts.report[HELD] if contacts.counts[NOW] > 0 else 0.0
+        totals[5] += totals[6] - held - account[7]
         totals[6] = held
     return True
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InaccurateStepError, InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing
@@ -73,8 +73,12 @@ class Simulator:
         """
         q, v = consistent_initial_state(self.mechanism)
         active = self.mechanism.initially_active
-        error = self.mechanism.closing_terms(q, active).error
-        return MechanismState(0.0, _frozen(q), _frozen(v), active, error)
+        closing = self.mechanism.closing_terms(q, active)
+        account = EnergyAccount()
+        if self._contacts is not None:
+            held = self._contacts.energy_at(Start(q, v, active, closing=closing))
+            account = EnergyAccount(contact_energy=held)
+        return MechanismState(0.0, _frozen(q), _frozen(v), active, closing.error, account)
 
     def set_operational_point(self, point: OperationalPoint) -> None:
         """Put an operational point elsewhere from now on; see that method of :class:`Mechanism`."""
@@ -108,15 +112,22 @@ class Simulator:
 
         Raises:
             ClosureError: a closed loop came apart, jumped, or turned to its other branch.
+            InaccurateStepError: the step's energy account is off by a tenth of what it exchanged,
+                in as many substeps as ``simulation.accuracy`` allows.
             InvalidInputError: the state is no longer finite, an unknown link, or joint forces of
                 another size or not finite.
         """
-        external = ExternalWrenches(wrenches, on_links, joint_forces)
-        if self._contacts is None:
-            stepped = self.stepper.advance(self._start(state), external)
-            return self.latch(self._ended(state, stepped, 1))
-        touched = self._contacts.advance(self._start(state), external, state.touching)
-        return self.latch(self._ended(state, touched.stepped, 1, touched))
+        external, touched = ExternalWrenches(wrenches, on_links, joint_forces), None
+        try:
+            if self._contacts is None:
+                stepped = self.stepper.advance(self._start(state), external)
+            else:
+                touched = self._contacts.advance(self._start(state), external, state.touching)
+                stepped = touched.stepped
+        except InaccurateStepError as error:
+            error.time += state.time
+            raise
+        return self.latch(self._ended(state, stepped, 1, touched))
 
     def run(
         self, state: MechanismState, steps: int, wrenches: Array | None = None, every: int = 1
@@ -153,9 +164,13 @@ class Simulator:
         samples[0] = np.concatenate((state.q, state.v))
         end = state
         if steps:
-            stepped = self.stepper.run(
-                self._start(state), ExternalWrenches(wrenches), steps, samples[1:], every
-            )
+            try:
+                stepped = self.stepper.run(
+                    self._start(state), ExternalWrenches(wrenches), steps, samples[1:], every
+                )
+            except InaccurateStepError as error:
+                error.time += state.time
+                raise
             end = self._ended(state, stepped, steps)
         time = state.time + self.period * every * np.arange(count + 1)
         return Trajectory(time, samples[:, :nq], samples[:, nq:], end)
@@ -210,17 +225,20 @@ class Simulator:
             steps: how many.
             touched: of a step with contacts.
         """
-        q, v, error, closing, work_in, lost = stepped
+        q, v, error, closing, work_in, lost, surplus, refined, inaccurate, by_contacts = stepped
         before, touching, in_contact, held = state.account, None, state.account.contact_loss, 0.0
         if touched is not None:
             touching, held = touched.touching, touched.energy
-            in_contact += before.contact_energy - held - touched.work
+            in_contact += before.contact_energy - held - by_contacts
         account = EnergyAccount(
             before.work_in + work_in,
             before.damping_loss + lost,
             before.latch_loss,
             in_contact,
             held,
+            before.surplus + surplus,
+            before.refined + refined,
+            before.inaccurate + inaccurate,
         )
         time = state.time + steps * self.period
         q, v, released = _frozen(q), _frozen(v), state.released

@@ -22,6 +22,10 @@ class EnergyAccount:
         latch_loss: when loops latched.
         contact_loss: in contacts, by friction, damping and impact.
         contact_energy: held by contacts now, as by springs.
+        surplus: what steps made from nothing, or lost if negative: errors of the integration.
+        refined: number of steps that were done again in smaller ones, or with care.
+        inaccurate: number of these whose account was still off by more than the scene's tolerance;
+            what they made from nothing was taken out of the motion.
     """
 
     work_in: float = 0.0
@@ -29,6 +33,9 @@ class EnergyAccount:
     latch_loss: float = 0.0
     contact_loss: float = 0.0
     contact_energy: float = 0.0
+    surplus: float = 0.0
+    refined: int = 0
+    inaccurate: int = 0
 
 
 @dataclass(frozen=True, slots=True)

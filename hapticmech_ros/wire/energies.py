@@ -22,4 +22,7 @@ def energy_of(mechanism: Mechanism, state: MechanismState, time_ns: int) -> Ener
         account.damping_loss + account.contact_loss,
         account.latch_loss,
         state.closure_error,
+        account.surplus,
+        account.refined,
+        account.inaccurate,
     )

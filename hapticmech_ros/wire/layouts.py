@@ -80,8 +80,10 @@ ENERGY_FIELDS = Layout(
             ("kinetic", "potential", "work_in", "damping_loss", "latch_loss", "closure_error"),
             Field(1),
         ),
+        **dict.fromkeys(("surplus", "refined", "inaccurate"), Field(1)),
     }
 )
+ENERGY_NAMES = tuple(ENERGY_FIELDS)[1:]
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +111,10 @@ class OperationalModelMessage:
 
 @dataclass(frozen=True, slots=True)
 class Energy:
-    """A decoded ``energy`` message: time (ns); energies in J; closure error in m or rad."""
+    """A decoded ``energy`` message: time (ns); energies in J; closure error in m or rad.
+
+    The last three are as in :class:`~hapticmech_ros.simulation.EnergyAccount`.
+    """
 
     stamp_ns: int
     kinetic: float
@@ -118,6 +123,9 @@ class Energy:
     damping_loss: float
     latch_loss: float
     closure_error: float
+    surplus: float = 0.0
+    refined: float = 0.0
+    inaccurate: float = 0.0
 
     @property
     def balance(self) -> float:
@@ -200,18 +208,9 @@ def unpack_operational_model(data: object) -> OperationalModelMessage:
 
 
 def pack_energy(energy: Energy) -> Array:
-    """Return the message's data (8,)."""
-    return np.array(
-        (
-            *seconds_of(energy.stamp_ns),
-            energy.kinetic,
-            energy.potential,
-            energy.work_in,
-            energy.damping_loss,
-            energy.latch_loss,
-            energy.closure_error,
-        )
-    )
+    """Return the message's data (11,)."""
+    values = (getattr(energy, name) for name in ENERGY_NAMES)
+    return np.array((*seconds_of(energy.stamp_ns), *values))
 
 
 def unpack_energy(data: object) -> Energy:

@@ -17,6 +17,7 @@ from hapticmech_ros.experiment import ExperimentRecord, run_session
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.session import Sample, Session
 from hapticmech_ros.wire.layouts import (
+    ENERGY_NAMES,
     DeviceSample,
     Energy,
     OperationalModelMessage,
@@ -119,7 +120,7 @@ def _messages(scene: Scene, samples: list[tuple[Sample, tuple[float, float]]]) -
     names = [link.joint.name for link in scene.links]
     for index, (sample, (kinetic, potential)) in enumerate(samples):
         t = EPOCH_NS + round(sample.time * 1e9)
-        state, account = sample.mechanism, sample.mechanism.account
+        state = sample.mechanism
         measured = DeviceMeasurement(
             sample.device.measured_pose, sample.device.measured_twist, sample.hand_wrench
         )
@@ -144,6 +145,7 @@ def _messages(scene: Scene, samples: list[tuple[Sample, tuple[float, float]]]) -
         if index % VIEW_EVERY == 0:
             part = wrench(t, sample.output.joint_constraint)
             yield "controller/joint_constraint_cf", wrenches, t, part
+            account = state.account
             energy = Energy(
                 t,
                 kinetic,
@@ -152,6 +154,9 @@ def _messages(scene: Scene, samples: list[tuple[Sample, tuple[float, float]]]) -
                 account.damping_loss,
                 account.latch_loss,
                 state.closure_error,
+                account.surplus,
+                account.refined,
+                account.inaccurate,
             )
             yield "mechanism/energy", arrays, t, array(pack_energy(energy))
 
@@ -185,9 +190,7 @@ def handmade() -> Callable[..., ExperimentRecord]:
             "joint_times": times,
             "joint_positions": np.tile((1.9, -1.2, -1.84741566, 0.61326591), (n, 1)),
         }
-        for name in ("kinetic", "potential", "work_in", "damping_loss", "latch_loss"):
-            fields[name] = np.zeros(times[::10].size)
-        fields["closure_error"] = np.zeros(times[::10].size)
+        fields |= {name: np.zeros(times[::10].size) for name in ENERGY_NAMES}
         return ExperimentRecord(**{**fields, **changes})
 
     return make

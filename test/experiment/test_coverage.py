@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.experiment.coverage import coverage
+from hapticmech_ros.wire.layouts import ENERGY_NAMES
 
 
 def wrenches(times):
@@ -51,7 +52,6 @@ def test_the_slowest_stretch_is_found_though_no_pause_is_long(handmade):
 
 def test_no_energy_at_all(handmade):
     none = np.zeros(0)
-    names = ("kinetic", "potential", "work_in", "damping_loss", "latch_loss", "closure_error")
-    found = coverage(handmade(energy_times=none, **dict.fromkeys(names, none)))
+    found = coverage(handmade(energy_times=none, **dict.fromkeys(ENERGY_NAMES, none)))
     assert found["complete"] is False
     assert found["groups"]["energy"]["first_s"] is None

@@ -5,6 +5,7 @@ import pytest
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.record import first_push
+from hapticmech_ros.wire.layouts import ENERGY_NAMES
 
 
 def test_arrays_are_copies_and_read_only(handmade):
@@ -41,10 +42,9 @@ def test_refuses(handmade, changes, message):
 
 def test_may_lack_energies_and_joints(handmade):
     none = np.zeros(0)
-    names = ("kinetic", "potential", "work_in", "damping_loss", "latch_loss", "closure_error")
     record = handmade(
         energy_times=none,
-        **dict.fromkeys(names, none),
+        **dict.fromkeys(ENERGY_NAMES, none),
         joint_times=none,
         joint_positions=np.zeros((0, 4)),
     )

@@ -7,6 +7,7 @@ import pytest
 
 from hapticmech_ros.experiment import GraphHealth, NodeHealth, summarise
 from hapticmech_ros.experiment.summary import count_changes
+from hapticmech_ros.wire.layouts import ENERGY_NAMES
 
 
 def turned(n, angle):
@@ -164,8 +165,8 @@ def test_rate_of_a_graph(handmade, scene):
 
 def test_is_json_even_where_nothing_is_known(handmade, scene):
     none = np.zeros(0)
-    names = ("kinetic", "potential", "work_in", "damping_loss", "latch_loss", "closure_error")
-    record = handmade(source="graph", energy_times=none, **dict.fromkeys(names, none))
+    energies = dict.fromkeys(ENERGY_NAMES, none)
+    record = handmade(source="graph", energy_times=none, **energies)
     summary = summarise(record, scene)
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert summary["energy"]["balance_error_max_j"] is None

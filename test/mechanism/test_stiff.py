@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from benchmarks.accuracy import cases
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InaccurateStepError, InvalidInputError
 from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED, WEIGHTS
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene import scene_from_document
@@ -191,8 +191,11 @@ def test_what_is_much_faster_than_the_step_dies_out(joint):
     assert abs(states[-1].q[0]) < (1e-5 if "stiffness" in joint else 0.31)
     assert abs(states[-1].v[0]) < 1e-3
     blown = simulated(bar(v=5.0, **joint), 1e-2, integrator="rk4")
-    with pytest.raises(InvalidInputError, match="finite"):
+    with pytest.raises(InaccurateStepError, match="joint1"):
         run(blown, 1.0)
+    unwatched = {"integrator": "rk4", "accuracy": {"tolerance": 0.0}}
+    with pytest.raises(InvalidInputError, match="finite"):
+        run(simulated(bar(v=5.0, **joint), 1e-2, **unwatched), 1.0)
 
 
 def test_friction_holds_a_bar_against_a_push():

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.contact.effect_kernels import contact_effects
-from hapticmech_ros.contact.layout import HELD, TOTAL_WORK, WORK, Contacts
+from hapticmech_ros.contact.layout import HELD, Contacts
 from hapticmech_ros.contact.near_kernels import near_pairs, place_shapes
 from hapticmech_ros.contact.solver_kernels import contact_forces
 from hapticmech_ros.contact.step_kernels import SLACK, STEPS_AHEAD
@@ -37,7 +37,7 @@ class ContactLoop:
         stepper = ContactStepper(Mechanism(scene))
         self._arrays, self._links = stepper.memory.arrays, stepper.memory.links
         self.contacts = Contacts(*self._arrays)
-        self.loss = self._held = 0.0
+        self.held = 0.0
         self.forces = np.zeros((0, 3))
 
     def step(self, state, wrenches):
@@ -62,10 +62,7 @@ class ContactLoop:
             contact_effects(contacts, places, count)
             rows = contacts.external[: len(self._links), 4:]
             external = {link: row.copy() for link, row in zip(self._links, rows, strict=True)}
-        held, work = contacts.report[HELD], contacts.report[WORK]
-        self.loss += self._held - held - work
-        self._held, self.forces = held, contacts.forces[:count].copy()
-        assert contacts.report[TOTAL_WORK] == 0.0
+        self.held, self.forces = float(contacts.report[HELD]), contacts.forces[:count].copy()
         return self.alone.step(state, wrenches, external)
 
     def _kinematics(self, q):

@@ -44,3 +44,14 @@ class ActiveSet:
     def scratch(self) -> Array:
         """A packed array (size,) for terms that are not kept."""
         return np.empty(self.size)
+
+    def first_terms(self, known: Array | None, steps: int) -> Array:
+        """Return the packed terms (size,) that a kernel begins with: known, or to be filled.
+
+        Args:
+            known: (size,) or None; it is copied for many steps, which change it.
+            steps: that the kernel does.
+        """
+        if known is None:
+            return np.empty(self.size)
+        return known if steps == 1 else known.copy()

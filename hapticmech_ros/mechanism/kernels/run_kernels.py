@@ -5,8 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.mechanism.kernels.data import Data, unpack
+from hapticmech_ros.mechanism.kernels.energy_kernels import (
+    BALANCE,
+    EXCHANGED,
+    JUDGED,
+    OFF,
+    ROUNDING,
+    pushed_energy,
+    put_balance,
+)
 from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR, factor
 from hapticmech_ros.mechanism.kernels.implicit_kernels import aim_implicitly, linearise
 from hapticmech_ros.mechanism.kernels.model import Model
@@ -23,6 +32,8 @@ from hapticmech_ros.mechanism.tolerances import NEAR, PASSING
 # A run ended before a step that starts at, lands on, or would leave a singular position, or has a
 # stage next to one.
 NEEDS_CARE = 10
+# Before a step whose energy account would be off by more than is allowed.
+INACCURATE = 11
 # What a step heeds of that: nothing, or all of it.
 UNCHECKED, EVERYTHING = 0, 1
 # A failure in a stage rather than at the end: rates that are not finite.
@@ -149,7 +160,7 @@ def step_once(
         limit = _care_limit(parts)
         if first.tail[2] < limit:
             return NEEDS_CARE
-    work_in, lost = account[0], account[1]
+    work_in, lost, by_contacts = account[0], account[1], account[7]
     code = _advance(
         model,
         first,
@@ -165,11 +176,37 @@ def step_once(
     )
     if heeded and code == SETTLED and _lands_near(first, last, limit):
         code = NEEDS_CARE
+    if code == SETTLED and parts.settings[9] > 0.0:
+        gained, taken = account[0] - work_in, account[1] - lost
+        code = _watched(model, first, last, parts, external, implicit, gained, taken)
     if code == SETTLED:
         account[5] += 1.0
     else:
-        account[0], account[1] = work_in, lost
+        account[0], account[1], account[7] = work_in, lost, by_contacts
     return code
+
+
+@inner
+def _watched(
+    model: Model,
+    first: Data,
+    last: Data,
+    parts: Work,
+    external: Array,
+    implicit: bool,
+    work_in: float,
+    lost: float,
+) -> int:
+    """Return SETTLED, or INACCURATE for a step whose energy account is off by too much."""
+    account, tolerance, found = parts.account, parts.settings[9], local(BALANCE)
+    put_balance(model, first, last, parts, implicit, work_in, lost, found)
+    judged, most = found[JUDGED], tolerance * found[EXCHANGED] + found[ROUNDING]
+    if not judged <= most:
+        most += tolerance * pushed_energy(model, first, parts, external)
+        if not judged <= most:
+            return INACCURATE
+    account[6] += found[OFF]
+    return SETTLED
 
 
 @kernel(
@@ -198,7 +235,7 @@ def advance(
         end: (size,) packed terms, to fill at the end.
         scratch: (size,) packed terms of stages.
         work: (work,) see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, account
-            0, 1 and 5 add up.
+            0, 1, 5, 6 and 7 add up.
         spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
         samples: (samples, nq + nv) to fill.
@@ -207,9 +244,10 @@ def advance(
 
     Returns:
         0; NEEDS_CARE before a step that starts at, lands on, or would leave a singular position, or
-        has a stage next to one, where ``q0`` and ``v0`` are its start and no terms are left; or how
-        the step failed, see ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. Account 5 is
-        the number of steps done.
+        has a stage next to one, and INACCURATE before one whose energy account would be off by too
+        much, where ``q0`` and ``v0`` are its start and no terms are left; or how the step failed,
+        see ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. Account 5 is the number of
+        steps done.
     """
     model, parts = Model(numbers, values), Work(numbers, work)
     steps, every, stages, implicit, known = plan[0], plan[1], plan[2], plan[3] != 0, plan[4] != 0

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import Part, Structure, inner, structure
+from hapticmech_ros.compilation import Part, Structure, inner, local, structure
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
 from hapticmech_ros.mechanism.kernels.coupling_kernels import gear_speed
 from hapticmech_ros.mechanism.kernels.data import Data
@@ -23,6 +23,7 @@ from hapticmech_ros.mechanism.kernels.motion_kernels import (
     move_joints,
 )
 from hapticmech_ros.mechanism.kernels.pair_kernels import pair_power
+from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 
 
@@ -31,15 +32,18 @@ class Work(Structure):
     """What a step works on; its numbers are those of the mechanism's model.
 
     Attributes:
-        settings: (9,) step (s); 1 where positions move with the rates at the step's end; φ at which
-            the projection stops, up to which it may stop when φ halves no more, and beyond which a
-            step may have been a jump (m); Baumgarte's rate a (1/s), 0 for the projection; φ beyond
-            which a loop has come apart (m); 1 where θ̇ differs from v at later stages; and what
-            of singular positions ends a run, see ``run_kernels``.
+        settings: (11,) step (s); 1 where positions move with the rates at the step's end; φ at
+            which the projection stops, up to which it may stop when φ halves no more, and beyond
+            which a step may have been a jump (m); Baumgarte's rate a (1/s), 0 for the projection; φ
+            beyond which a loop has come apart (m); 1 where θ̇ differs from v at later stages; what
+            of singular positions ends a run, see ``run_kernels``; by which share of what it
+            exchanges a step's energy account may be off, 0 where nobody looks; and how many of the
+            wrenches on links are those of contacts, which come first.
         scheme: (4, 2) per stage its weight, and the fraction of the step at which the next one is.
-        account: (6,) work done and energy lost since the run began (J), |φ| of the round before,
+        account: (8,) work done and energy lost since the run began (J), |φ| of the round before,
             in the mass metric how far the step went, if it may have been a jump, and the
-            projection; and the number of steps done.
+            projection; the number of steps done; by how much the energy accounts of all steps
+            are off, J; and the part of the work that contacts did, J.
         q0: (nq,) configuration at the start.
         v0: (nv,) rates at the start.
         state: (nq + nv,) q and v.
@@ -110,18 +114,28 @@ def find_rates(
         closure_bias(model, data, motions, bias)
         if parts.settings[5] > 0.0:
             _pull(model, data, parts, bias)
-    v, held, effort, account = parts.v, parts.held, model.effort, parts.account
+    v, held, effort, settings = parts.v, parts.held, model.effort, parts.settings
     element_forces(model, data, parts.q, v, passive, dissipative)
+    force, touch, touching = local(nv), local(nv), int(settings[10])
     for c in range(nv):
-        result[c] = held[c] + effort[c]
+        result[c], touch[c] = held[c] + effort[c], 0.0
     add_point_forces(model, data, parts.wrenches, result)
-    if external.shape[0] > 0:
-        add_link_forces(model, data, external, result)
-    step = weight * parts.settings[0]
+    if touching > 0:
+        add_link_forces(model, data, external[:touching], touch)
+    if external.shape[0] > touching:
+        add_link_forces(model, data, external[touching:], result)
     for c in range(nv):
-        account[0] += step * (result[c] * v[c])
-        account[1] -= step * (dissipative[c] * v[c])
+        result[c] += touch[c]
+        force[c] = result[c]
+    lost = dot(dissipative[:nv], v)
     accelerate(model, data, bias_force, passive, bias, result)
+    # Positions of the rule that is late move with the rates at its end.
+    account, step, late = parts.account, weight * settings[0], settings[1] * settings[0]
+    account[1] -= step * lost
+    for c in range(nv):
+        moved = step * (v[c] + late * result[c])
+        account[0] += moved * force[c]
+        account[7] += moved * touch[c]
 
 
 @inner

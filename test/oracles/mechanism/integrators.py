@@ -105,7 +105,9 @@ def semi_implicit_euler(
     new_v = v + period * rates.acceleration
     change = period * new_v
     new_q = np.asarray(pin.integrate(model, q, change))
-    return Advance(new_q, new_v, change, period * rates.power_in, period * rates.power_lost)
+    # Forces from outside act over the way that there is: with the new velocity.
+    work_in = period * motion(q, new_v).power_in if np.isfinite(new_v).all() else np.nan
+    return Advance(new_q, new_v, change, work_in, period * rates.power_lost)
 
 
 class Springs:

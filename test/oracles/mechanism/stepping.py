@@ -9,6 +9,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.energy_balance import Balance
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
@@ -22,7 +23,7 @@ from hapticmech_ros.mechanism.motion import (
 )
 from hapticmech_ros.mechanism.projection import Projected, came_apart, project, refuse_flipped
 from hapticmech_ros.mechanism.stepping import Stepper, end_of
-from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE, NEAR, PASSING
+from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE, ENERGY_ROUNDING, NEAR, PASSING
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.simulation.latching import Latches
@@ -61,7 +62,7 @@ class ReadableStepper(Stepper):
     def __init__(self, mechanism: ReadableMechanism, plan: Plan) -> None:
         self._mechanism = mechanism
         self._plan = plan
-        self._step = plan.period / plan.substeps
+        self._step, self._tolerance = plan.period / plan.substeps, 0.0
         self._pulled = plan.baumgarte_rate > 0.0
 
     def run(
@@ -71,7 +72,7 @@ class ReadableStepper(Stepper):
         check_external(external, len(self._mechanism.point_names), self._mechanism.nv)
         work_in, energy_lost, substeps = 0.0, 0.0, self._plan.substeps
         for step in range(1, periods * substeps + 1):
-            stepped = self.careful_substep(start, external)
+            stepped = self._careful_substep(start, external)
             work_in += stepped.work_in
             energy_lost += stepped.energy_lost
             start = end_of(stepped, start)
@@ -79,7 +80,7 @@ class ReadableStepper(Stepper):
                 samples[step // (every * substeps) - 1] = np.concatenate((stepped.q, stepped.v))
         return stepped._replace(work_in=work_in, energy_lost=energy_lost)
 
-    def careful_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
+    def _careful_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Do a step; with care if its start, end or a stage is next to a singular position."""
         if self._pulled:
             return self._substep(start, external)
@@ -93,7 +94,19 @@ class ReadableStepper(Stepper):
             moved = ended.resolved > closing.resolved or ended.rank < closing.rank
             if not (moved or motion.least < limit or ended.least < limit):
                 return stepped
-        return super().careful_substep(start, external)
+        return super()._careful_substep(start, external)
+
+    def _balance(
+        self, start: Start, stepped: Stepped, external: ExternalWrenches, damps: bool
+    ) -> Balance:
+        """Return the energy account of a step, by Pinocchio's energies."""
+        moved, stood = self._mechanism.energy(start.q, start.v)
+        moves, stands = self._mechanism.energy(stepped.q, stepped.v)
+        work_in, lost = stepped.work_in, stepped.energy_lost
+        off = (moves - moved) + (stands - stood) - work_in + lost
+        exchanged = moved + moves + abs(stands - stood) + abs(work_in) + abs(lost)
+        rounding = ENERGY_ROUNDING * (abs(stood) + abs(stands))
+        return Balance(off, abs(off), max(off, 0.0), exchanged, rounding, moves)
 
     def _substep(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Do a step of the integrator, and bring it onto the closures."""
@@ -133,6 +146,10 @@ class ReadableSimulator(Simulator):
 
 class _Unable:
     """Stands for steps with contacts, which kernels do alone."""
+
+    def energy_at(self, _: object) -> float:
+        """Return nothing."""
+        return 0.0
 
     def advance(self, *_: object) -> NoReturn:
         """Take no step.

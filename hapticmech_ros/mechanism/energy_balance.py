@@ -1,0 +1,67 @@
+"""By how much the energy account of a step is off."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from hapticmech_ros.mechanism.inertia import inaccurate
+from hapticmech_ros.mechanism.model import TreeModel
+from hapticmech_ros.mechanism.motion import Start, Stepped
+
+# A step that is off by this share of what it exchanged, however it is divided, is an error.
+FAILURE = 0.1
+
+
+class Balance(NamedTuple):
+    """Energy account of a step, J; see ``energy_kernels.put_balance``.
+
+    Attributes:
+        off: energy at the end less that at the start and the work done, plus losses: 0 is exact.
+        judged: what of that is held against a tolerance.
+        made: what was made from nothing.
+        exchanged: kinetic energy at both ends, change of the potential one, work and losses, and
+            what the step's forces would give to a free mechanism at rest.
+        rounding: of the potential energies.
+        kinetic: at the end.
+    """
+
+    off: float
+    judged: float
+    made: float
+    exchanged: float
+    rounding: float
+    kinetic: float
+
+    def is_within(self, tolerance: float) -> bool:
+        """Return whether the step is off by no more than a share of what was exchanged."""
+        return self.judged <= tolerance * self.exchanged + self.rounding
+
+
+# Of no step.
+NO_BALANCE = Balance(math.inf, math.inf, math.inf, 0.0, 0.0, 0.0)
+
+
+def judged(
+    tree: TreeModel, start: Start, stepped: Stepped, balance: Balance, tolerance: float
+) -> Stepped:
+    """Return a step with its account; without what it made from nothing, if that is too much.
+
+    Args:
+        tree: the mechanism's.
+        start: of the step.
+        stepped: what it did.
+        balance: its account.
+        tolerance: share of what it exchanged by which it may be off.
+
+    Raises:
+        InaccurateStepError: it is off by a tenth of what it exchanged.
+    """
+    if balance.is_within(tolerance):
+        return stepped._replace(surplus=balance.off, refined=1)
+    if balance.judged > FAILURE * balance.exchanged:
+        raise inaccurate(tree, stepped.v - start.v, balance.off, balance.exchanged)
+    taken = min(balance.made, balance.kinetic)
+    share = math.sqrt(1.0 - taken / balance.kinetic) if taken > 0.0 else 1.0
+    surplus = balance.off - taken
+    return stepped._replace(v=share * stepped.v, surplus=surplus, refined=1, inaccurate=1)

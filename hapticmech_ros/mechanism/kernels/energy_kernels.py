@@ -1,0 +1,159 @@
+"""Energies at a state, from what a factorisation there has filled, and the account of a step."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.mechanism.kernels.data import Data, unpack
+from hapticmech_ros.mechanism.kernels.element_kernels import (
+    LOWER,
+    PULL,
+    REST,
+    REST_LENGTH,
+    STIFFNESS,
+    STOP,
+    UPPER,
+)
+from hapticmech_ros.mechanism.kernels.metric_kernels import lift, to_metric
+from hapticmech_ros.mechanism.kernels.model import Model
+from hapticmech_ros.mechanism.kernels.motion_kernels import (
+    add_link_forces,
+    add_point_forces,
+    move_joints,
+)
+from hapticmech_ros.mechanism.kernels.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.step_kernels import Work
+from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
+from hapticmech_ros.mechanism.tolerances import ENERGY_ROUNDING
+
+# Of an account of a step.
+OFF, JUDGED, MADE, EXCHANGED, ROUNDING, KINETIC, BALANCE = range(7)
+
+
+@inner
+def kinetic_energy(model: Model, data: Data, v: Array) -> float:
+    """Return ½ vᵀ D v, J, at rates v (nv,)."""
+    lifted = model.result[: model.nv]
+    for c in range(lifted.size):
+        lifted[c] = v[c]
+    lift(model, data, lifted)
+    return 0.5 * dot(lifted, lifted)
+
+
+@inner
+def potential_energy(model: Model, data: Data, q: Array) -> float:
+    """Return the energy, J, of weights, springs and stops at q (nq,)."""
+    gravity, bodies, total = model.gravity, data.bodies, 0.0
+    for joint in range(1, bodies.shape[0]):
+        for i in range(3):
+            total -= gravity[i] * bodies[joint, 1 + i]
+    for row in range(model.elements.shape[0]):
+        values, position = model.element_values[row], q[model.elements[row, 1]]
+        stretch = position - values[REST]
+        entered = max(values[LOWER] - position, position - values[UPPER], 0.0)
+        total += 0.5 * (values[STIFFNESS] * stretch * stretch + values[STOP] * entered * entered)
+    for row in range(model.springs.shape[0]):
+        values = model.spring_values[row]
+        a, b = data.poses[model.springs[row, 0]], data.poses[model.springs[row, 1]]
+        x, y, z = a[9] - b[9], a[10] - b[10], a[11] - b[11]
+        stretch = math.sqrt(x * x + y * y + z * z) - values[REST_LENGTH]
+        total += 0.5 * values[PULL] * stretch * stretch
+    return float(total)
+
+
+@inner
+def put_balance(
+    model: Model,
+    first: Data,
+    last: Data,
+    parts: Work,
+    damps: bool,
+    work_in: float,
+    lost: float,
+    out: Array,
+) -> None:
+    """Fill ``out`` (6,) with the account of the step from ``parts.q0`` to ``parts.q``, J.
+
+    By how much it is off: energy at the end less that at the start and the work done, plus losses.
+    What of that is held against a tolerance, and what was made from nothing: both are energy beyond
+    the work done for a rule that ``damps`` what is faster than its step, and integrates no losses
+    of that; else ``off`` either way, and if positive. What was exchanged: kinetic energy at both
+    ends, change of the potential one, work and losses. Rounding of the potential energies. The
+    kinetic energy at the end.
+    """
+    moved, stood = kinetic_energy(model, first, parts.v0), potential_energy(model, first, parts.q0)
+    moves, stands = kinetic_energy(model, last, parts.v), potential_energy(model, last, parts.q)
+    gained = (moves - moved) + (stands - stood) - work_in
+    out[OFF] = gained + lost
+    out[MADE] = max(gained if damps else gained + lost, 0.0)
+    out[JUDGED] = out[MADE] if damps else abs(gained + lost)
+    if not np.isfinite(gained + lost):
+        out[JUDGED] = np.inf
+    out[EXCHANGED] = moved + moves + abs(stands - stood) + abs(work_in) + abs(lost)
+    out[ROUNDING] = ENERGY_ROUNDING * (abs(stood) + abs(stands))
+    out[KINETIC] = moves
+
+
+@inner
+def pushed_energy(model: Model, first: Data, parts: Work, external: Array) -> float:
+    """Return ½ h² (fᵀD⁻¹f + bᵀD⁻¹b), J: what the step's forces would give to a free mechanism.
+
+    From rest, with f from outside and b of gravity and inertia. Where forces balance, a mechanism
+    at rest exchanges nothing but rounding, and this is the scale of what can be felt.
+    """
+    nv, result, bias, motions = model.nv, model.result, model.forces[2], model.motions
+    force = result[:nv]
+    for c in range(nv):
+        force[c] = parts.held[c] + model.effort[c]
+    add_point_forces(model, first, parts.wrenches, result)
+    if external.shape[0] > 0:
+        add_link_forces(model, first, external, result)
+    to_metric(model, first, force)
+    total = dot(force, force)
+    move_joints(model, first, parts.v0, motions)
+    bias_force_of(model, first, motions, bias)
+    put(force, bias[:nv])
+    to_metric(model, first, force)
+    step = parts.settings[0]
+    return float(0.5 * step * step * (total + dot(force, force)))
+
+
+@kernel(
+    "void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[:,::1],"
+    " boolean, float64, float64, float64[::1])",
+    linked=True,
+)
+def judge(
+    numbers: Array,
+    values: Array,
+    start: Array,
+    end: Array,
+    work: Array,
+    external: Array,
+    damps: bool,
+    work_in: float,
+    lost: float,
+    out: Array,
+) -> None:
+    """Fill ``out`` (6,) with the account of a step that was done elsewhere, see ``put_balance``.
+
+    Args:
+        numbers: (integers,) constants of the mechanism, whole ones.
+        values: (numbers,) the others; see ``model.pack``.
+        start: (size,) packed terms at the start.
+        end: (size,) packed terms at the end.
+        work: (work,) see ``step_kernels.Work``: with q0 and v0, q and v, and what acts.
+        external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
+        damps: see ``put_balance``.
+        work_in: J, done in the step.
+        lost: J, in damping, friction and stops.
+        out: (6,) to fill; what was exchanged with ``pushed_energy``.
+    """
+    model, parts = Model(numbers, values), Work(numbers, work)
+    first = unpack(start, model)
+    put_balance(model, first, unpack(end, model), parts, damps, work_in, lost, out)
+    out[EXCHANGED] += pushed_energy(model, first, parts, external)

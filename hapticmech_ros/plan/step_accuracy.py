@@ -1,0 +1,81 @@
+"""How far the mechanism's steps are from ten times shorter ones, over a scene's experiment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.session import Session
+from hapticmech_ros.session.run import Run
+from hapticmech_ros.simulation.state import EnergyAccount
+
+# Steps that are compared are shorter by this.
+FINER = 10
+
+
+@dataclass(frozen=True, slots=True)
+class StepAccuracy:
+    """What ten times shorter steps change, and the energy account of the scene's own.
+
+    Attributes:
+        duration_s: of the experiment.
+        position_m: largest difference of the operational point's position.
+        rotation_rad: of its orientation.
+        force_n: of the force on the hand.
+        surplus_j: energy that steps made from nothing, or lost if negative.
+        exchanged_j: work done on the mechanism, and losses.
+        refined: steps that were done again in smaller ones, or with care.
+        inaccurate: of these, how many were off by more than the tolerance all the same.
+        failed: why one of the two ended early; empty if neither did.
+    """
+
+    duration_s: float
+    position_m: float = 0.0
+    rotation_rad: float = 0.0
+    force_n: float = 0.0
+    surplus_j: float = 0.0
+    exchanged_j: float = 0.0
+    refined: int = 0
+    inaccurate: int = 0
+    failed: str = ""
+
+
+def step_accuracy(scene: Scene) -> StepAccuracy:
+    """Run the scene's experiment at its own step and at a tenth of it, and return the difference.
+
+    Device, hand and controllers keep their periods: only the mechanism's steps differ.
+    """
+    own, step = scene.simulation, scene.simulation.substeps * FINER
+    finer = scene.model_copy(update={"simulation": own.model_copy(update={"substeps": step})})
+    duration = scene.experiment.duration
+    ticks = max(1, round((scene.hand.start_delay + duration) / own.period))
+    try:
+        coarse, account = _run(scene, ticks)
+        fine, _ = _run(finer, ticks)
+    except HapticMechError as error:
+        return StepAccuracy(duration, failed=str(error))
+    one, other = coarse["quaternion"], fine["quaternion"]
+    # A quaternion and its negative are one orientation.
+    chord = np.minimum(np.linalg.norm(one - other, axis=1), np.linalg.norm(one + other, axis=1))
+    away = coarse["position"] - fine["position"]
+    force = coarse["on_hand"][:, :3] - fine["on_hand"][:, :3]
+    lost = account.damping_loss + account.latch_loss + abs(account.contact_loss)
+    return StepAccuracy(
+        duration,
+        float(np.linalg.norm(away, axis=1).max()),
+        float(4.0 * np.arcsin(0.5 * chord).max()),
+        float(np.linalg.norm(force, axis=1).max()),
+        account.surplus,
+        abs(account.work_in) + lost,
+        account.refined,
+        account.inaccurate,
+    )
+
+
+def _run(scene: Scene, ticks: int) -> tuple[Run, EnergyAccount]:
+    session = Session(scene)
+    rows = session.run(ticks)
+    return rows, session.mechanism.account

@@ -1,0 +1,105 @@
+"""Steps whose energy account is off: refined, counted, and above a limit refused."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import Session, Simulator, load_scene
+from hapticmech_ros.errors import ClosureError, InaccurateStepError
+from oracles.planar_linkages import chain, elbow, five_bar, five_bar_bent, pin_end, relative_angles
+from oracles.running import simulator, total_energy, unaccounted, with_start
+
+
+def watched(scene, **accuracy):
+    """Return a scene whose steps are watched like this."""
+    step = scene.simulation
+    changed = step.accuracy.model_copy(update=accuracy)
+    return scene.model_copy(update={"simulation": step.model_copy(update={"accuracy": changed})})
+
+
+def pushed_down(force, **accuracy):
+    """Return simulator and states of the scissor lift, its platform pushed down (N)."""
+    scene = watched(load_scene("scissor_lift"), **accuracy)
+    simulation = scene.simulation.model_copy(update={"integrator": "rk2"})
+    sim = Simulator(scene.model_copy(update={"simulation": simulation}))
+    wrenches = np.zeros((len(sim.mechanism.point_names), 6))
+    wrenches[sim.mechanism.point_names.index("platform_rim"), 1] = -force
+    states = [sim.initial_state()]
+    for _ in range(600):
+        states.append(sim.step(states[-1], wrenches))
+    return sim, states
+
+
+@pytest.mark.parametrize("force", [20.0, 50.0])
+def test_a_lift_pushed_to_its_stops_makes_no_energy(force):
+    """Without a watch the account is off by 4 % of what is exchanged, or more than all of it."""
+    sim, states = pushed_down(force)
+    account = states[-1].account
+    exchanged = abs(account.work_in) + account.damping_loss
+    off = unaccounted(sim, states)
+    assert off[-1] == pytest.approx(account.surplus, abs=1e-9 * exchanged)
+    assert off.max() < 1e-3 * exchanged
+    assert account.refined > 0
+    unwatched, before = pushed_down(force, tolerance=0.0)
+    assert np.abs(unaccounted(unwatched, before)).max() > 0.03 * exchanged
+
+
+def nearly_crossing(epsilon, period):
+    """Return a turning parallelogram next to the line, one crank longer by ``epsilon`` (m)."""
+    lengths, masses = np.array([1.0, 2.0, 1.0 + epsilon]), np.array([1.0, 2.0, 0.7])
+    document = pin_end(chain(lengths, masses, masses * lengths**2 / 12.0), np.array([2.0, 0.0]))
+    angle, pivot = -0.0513, np.array([2.0, 0.0])
+    tip = np.array([np.cos(angle), np.sin(angle)])
+    both = [[angle, *elbow(tip, 2.0, lengths[2], pivot, side)] for side in (1, -1)]
+    absolute = np.array(min(both, key=lambda found: abs(np.sin(found[1]))))
+    return simulator(
+        with_start(document, relative_angles(absolute), np.array([5.0, -5.0, 5.0])), period
+    )
+
+
+@pytest.mark.parametrize("period", [1e-3, 1e-4])
+@pytest.mark.parametrize("epsilon", 10.0 ** np.arange(-12.0, -2.0))
+def test_branches_that_nearly_cross_make_no_energy(epsilon, period):
+    sim = nearly_crossing(epsilon, period)
+    state, nothing = sim.initial_state(), np.zeros((len(sim.mechanism.point_names), 6))
+    start = total_energy(sim, state)
+    for _ in range(round(0.04 / period)):
+        state = sim.step(state, nothing)
+        assert total_energy(sim, state) < start * (1.0 + 1e-5)
+    lost = 1.0 - total_energy(sim, state) / start
+    assert lost < 1e-4 or state.account.inaccurate
+
+
+def test_what_cannot_be_refined_is_an_error_that_names_a_joint():
+    lengths, masses = np.array([1.0, 0.5]), np.array([1.0, 0.3])
+    document = chain(lengths, masses, masses * lengths**2 / 12.0)
+    document["links"][1]["joint"] |= {"stiffness": 1e11, "rest": 0.0}
+    sim = simulator(with_start(document, np.array([0.3, 1e-6])))
+    with pytest.raises(InaccurateStepError, match=r"step at 0.* s .* joint") as raised:
+        sim.run(sim.initial_state(), 100)
+    assert raised.value.joint == document["links"][1]["joint"]["name"]
+    assert abs(raised.value.off) > 0.1 * raised.value.exchanged
+    stepped = sim.run(sim.initial_state(), round(raised.value.time / sim.period)).end
+    with pytest.raises(InaccurateStepError, match=str(raised.value).split(" has ")[0]):
+        sim.step(stepped, np.zeros((len(sim.mechanism.point_names), 6)))
+
+
+def test_a_loop_that_springs_tear_open_says_so():
+    """Smaller steps are tried before that: the error is that of the whole step."""
+    document = with_start(five_bar(), five_bar_bent(1.9, 0.6))
+    for link in document["links"]:
+        link["joint"] |= {"stiffness": 1e8, "rest": 0.0}
+    sim = simulator(document)
+    with pytest.raises(ClosureError, match="came apart"):
+        sim.run(sim.initial_state(), 100)
+
+
+def test_a_session_has_the_account_of_its_mechanism():
+    session = Session(load_scene("five_bar"))
+    before = total_energy(session.simulator, session.mechanism)
+    session.run(500)
+    after, account = session.mechanism, session.mechanism.account
+    off = total_energy(session.simulator, after) - before - account.work_in + account.damping_loss
+    assert off == pytest.approx(account.surplus, abs=1e-15)
+    assert 0.0 < abs(off) < 1e-4 * (abs(account.work_in) + account.damping_loss)
+    assert account.refined < 5
+    assert account.inaccurate == 0
