@@ -231,6 +231,7 @@ def pairs() -> tuple[Pair, ...]:
         ),
         Pair("point nobody holds", two_link, two_link.changed("two_link + point", second_point)),
         Pair("damping (used)", _undamped(five_bar), five_bar),
+        Pair("steps watched (used)", _unwatched(five_bar), five_bar),
         Pair("locked joint", five_bar, five_bar.changed("five_bar + locked link", _locked_link)),
         Pair("spring of stiffness 0", five_bar, five_bar.changed("five_bar + spring", _slack)),
         Pair("stops never met", two_link, two_link.changed("two_link + stops", _stops)),
@@ -250,6 +251,13 @@ def _undamped(variant: Variant) -> Variant:
             link["joint"]["damping"] = 0.0
 
     return variant.changed(f"{variant.name}, no damping", take_away)
+
+
+def _unwatched(variant: Variant) -> Variant:
+    def leave_alone(document: Document) -> None:
+        document["simulation"]["accuracy"] = {"tolerance": 0.0}
+
+    return variant.changed(f"{variant.name}, no watch", leave_alone)
 
 
 def _open_pin(document: Document) -> None:
