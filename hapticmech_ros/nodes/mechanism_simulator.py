@@ -18,6 +18,7 @@ from hapticmech_ros.nodes.closure_services import offer_closures
 from hapticmech_ros.nodes.contact_port import ContactPort
 from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
 from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.messages import WORLD, set_stamp
 from hapticmech_ros.nodes.operational_points import OperationalPoints
 from hapticmech_ros.nodes.parameters import MechanismParameters
@@ -27,7 +28,7 @@ from hapticmech_ros.nodes.refuge import Refuge
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.simulation import MechanismState, Simulator
-from hapticmech_ros.times import nanoseconds
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energies import energy_of
 from hapticmech_ros.wire.energy_topics import ENERGY
@@ -68,6 +69,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._on_links: dict[str, Array] = {}
         self._refuge = Refuge(self._state, self.period_s)
         self._ticks = self._sampled_ns = 0
+        self._inaccurate_ns = NEVER
         self._joints = JointState(name=list(coordinate_names(self._mechanism)))
         self._joints.header.frame_id = WORLD
         self._layout = StateLayout(self._mechanism)
@@ -119,6 +121,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._commands = np.zeros_like(self._commands)
         self._external = self._calm
         self._on_links = {}
+        self._inaccurate_ns = NEVER
 
     def deactivate(self) -> None:
         """Come to rest: on activation the mechanism goes on from here."""
@@ -202,12 +205,25 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         figures["fault"] = fault
         if not fault and self._refuge.resting:
             fault = f"begins anew, {self.failures.last}"
+        if not fault and now - self._inaccurate_ns < NANOSECONDS:
+            fault = self._inaccuracy()
         well = not fault
         return well, fault or f"closed loops: {closed}", figures
 
     def _move(self) -> None:
-        wrenches = self._commands + self._external
+        wrenches, before = self._commands + self._external, self._state.account.inaccurate
         self._state = self._simulator.step(self._state, wrenches, self._on_links)
+        if self._state.account.inaccurate > before:
+            now = self.now_ns()
+            # Once, where many come one after the other.
+            if now - self._inaccurate_ns >= NANOSECONDS:
+                self.node.get_logger().warning(self._inaccuracy())
+            self._inaccurate_ns = now
+
+    def _inaccuracy(self) -> str:
+        account = self._state.account
+        off = f"energy is off by {account.surplus:.3g} J"
+        return f"inaccurate steps, {account.inaccurate} so far: {off}"
 
     def _commanded(self, deadline_ns: int) -> Array:
         """Return the wrench (points, 6) by the controllers that acts until a deadline."""

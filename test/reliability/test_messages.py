@@ -162,6 +162,24 @@ def test_a_push_that_a_mechanism_cannot_bear_is_forgotten_and_the_graph_comes_ba
     assert graph.seen.not_finite == 0
 
 
+def test_steps_that_stay_inaccurate_are_told(graph):
+    """A push that makes it whirl by tens of radians a step."""
+    mechanism, log = graph.actor(MECHANISM), graph.hosts[MECHANISM].log.lines
+    assert mechanism.status()[0]
+    said = len(log)
+    push(graph, HELD, 1e6)
+    graph.run(0.02)
+    well, sentence, figures = mechanism.status()
+    assert not well
+    assert "inaccurate steps" in sentence
+    assert int(figures["steps_inaccurate"]) > 0
+    assert int(figures["steps_refined"]) > int(figures["steps_inaccurate"])
+    told = [line for line in log[said:] if "inaccurate steps" in line[1]]
+    assert len(told) == 1
+    assert told[0][0] == "warning"
+    assert mechanism.failures.count == 0
+
+
 def test_a_mechanism_that_fails_again_at_once_begins_where_the_scene_does(fragile):
     graph = fragile
     mechanism = graph.actor(MECHANISM)
