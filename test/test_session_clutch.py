@@ -1,4 +1,4 @@
-"""The clutch slips while device and mechanism come to one velocity, and balances the hand."""
+"""The clutch slips while device and mechanism come to one velocity; forces act at once."""
 
 import numpy as np
 import pytest
@@ -78,6 +78,22 @@ def test_a_hand_that_presses_against_a_constraint_is_caught_with_little_more_tha
     # No moment without it, and the same rest as before.
     assert caught.min() > 0.8 * pressing
     assert np.abs(caught[-100:] - pressing).max() < 0.01 * pressing
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.01, 0.05])
+def test_who_engages_anew_in_motion_feels_what_is_felt_without_an_interruption(delay):
+    """Whatever the connection's delay; springs before forces would let both sides run apart."""
+    scene = load_scene("five_bar")
+    if delay > 0.0:
+        connection = scene.connection.model_copy(update={"delay": delay})
+        scene = scene.model_copy(update={"connection": connection})
+    uninterrupted = np.linalg.norm(Session(scene).run(3500)["on_hand"][:, :3], axis=1).max()
+    for start in (800, 1400, 2000, 2300):
+        session = Session(scene)
+        session.run(start)
+        session._clutch = None
+        caught = np.linalg.norm(session.run(1200)["on_hand"][:, :3], axis=1)
+        assert 0.5 * uninterrupted < caught.max() < 1.1 * uninterrupted
 
 
 def test_a_clutch_that_has_slipped_lets_all_through_whatever_the_first_ramp_was():

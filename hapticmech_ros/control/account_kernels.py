@@ -18,7 +18,6 @@ from __future__ import annotations
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.control.kernels import (
-    BALANCES,
     CHANNELS,
     DAMPING,
     ENGAGED,
@@ -29,6 +28,7 @@ from hapticmech_ros.control.kernels import (
     STIFFNESS,
     TORQUE_LIMIT,
     answer_measurements,
+    force_let_through,
     let_through,
 )
 from hapticmech_ros.control.kernels import INERTIA as DEVICE_INERTIA
@@ -168,27 +168,26 @@ def model_answer(
 ) -> None:
     """Say how an answer depends on the device: G, K and B, as far as the device closes them.
 
-    G = ramp ((1 + C6) Λ_d X - 1 + (1 - β) Π) - (1 - ramp) Π at a start, K = ramp k P_c,
-    B = ramp b P_c.
+    G = s ((1 + C6) Λ_d X - 1) + r (1 - β) Π, K = r k P_c, B = r b P_c; s = 1 at a start, else r.
 
     Args:
         settings: (59,) of the controllers.
         operational_model: (139,) operational model.
-        ramp: share that is let through.
+        ramp: r, the share of springs and dampers that is let through.
         locality: (3,) see :func:`answer_sample`.
         answer: to fill.
     """
     task, inertia = settings[:DEVICE_INERTIA], settings[DEVICE_INERTIA:STIFFNESS]
     joint = settings[JOINT:CHANNELS]
-    moved, kept = ramp * (1.0 + settings[RAMP - 1]), ramp * (1.0 - joint[0])
-    kept -= (1.0 - ramp) * settings[BALANCES]
+    through = force_let_through(settings, ramp)
+    moved, kept = through * (1.0 + settings[RAMP - 1]), ramp * (1.0 - joint[0])
     for i in range(6):
         for j in range(6):
             at, within = 6 * i + j, task[i] * task[j]
             felt = moved * (inertia[i] * operational_model[X + at])
             gain = felt + kept * operational_model[SHARE + at]
             if i == j:
-                gain -= ramp
+                gain -= through
             projector = ramp * within * operational_model[P_C + at]
             answer[FORCE_GAIN + at] = within * gain * locality[0]
             answer[SPRING_GAIN + at] = joint[1] * projector * locality[1]

@@ -29,7 +29,7 @@ from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.document import Scene
 
-_GAINS, _RAMP = SETTINGS.slice("task", "c6"), SETTINGS.slice("ramp", "balances")
+_GAINS, _RAMP = SETTINGS.slice("task", "c6"), SETTINGS.slice("ramp", "carries")
 _LIMITS = SETTINGS.slice("force_limit", "torque_limit")
 _ENGAGED = SETTINGS.slice("engaged_at", "turn")
 _TWIST, _CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
@@ -53,9 +53,10 @@ class ControlArchitecture:
     - takes arrays that it does not change, and returns wrenches (6, 6), rows as in
       :class:`ControlOutput`: the first acts on the hand, the second on the mechanism, the account
       reads the error in the last one;
-    - keeps the limits (:func:`~hapticmech_ros.saturation.limited`) and the ramp of a new engagement
-      (:meth:`Clutch.ramp`, and :meth:`Clutch.balances` if it is to resist from the start), and adds
-      what is carried on from another grasp (:meth:`joined`);
+    - keeps the limits (:func:`~hapticmech_ros.saturation.limited`) and the ramps of a new
+      engagement (:meth:`Clutch.ramp` for springs and dampers, :meth:`Clutch.force_ramp` for what
+      follows from measured forces), and adds what is carried on from another grasp
+      (:meth:`joined`);
     - calls :meth:`apply_gains_at` before it looks at ``gains``, which :meth:`tune` changes.
 
     docs/feel.md has an example.
@@ -124,7 +125,7 @@ class ControlArchitecture:
             turn = pin.Quaternion(quaternion_of(clutch.turn))
             # So that no turn is exactly none.
             turn.normalize()
-            self._settings[_RAMP] = clutch.duration, float(clutch.carried is None)
+            self._settings[_RAMP] = clutch.duration, float(clutch.carried is not None)
             place = (clutch.time,), clutch.displacement, turn.coeffs()
             self._settings[_ENGAGED] = np.concatenate(place)
         return self._settings

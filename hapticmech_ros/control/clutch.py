@@ -5,14 +5,19 @@ the operational point relative to the device at that moment, axes of the world s
 so that rendering starts without an error of position, and it is computed anew after every
 interruption.
 
-The wrench comes in over a ramp, with share r of it let through. Meanwhile the clutch slips: only r³
-of the difference in velocity becomes an error of position, so that damping brings both to one
-velocity before the springs act. What the device applies instead, with share 1 - r, is
+Springs and dampers come in over a ramp, with share r of them let through. Meanwhile the clutch
+slips: only r³ of the difference in velocity becomes an error of position, so that damping brings
+both to one velocity before the springs act.
 
-- at a start the wrench -Π F_h by which the joints balance what the hand pushes with now. A hand
-  that presses against a joint constraint while rendering is interrupted would otherwise be let go,
-  and be caught with twice its force by a spring that it loads suddenly;
-- after the operational point was put elsewhere, the wrench of that moment, carried on.
+At a start the force channel acts at once, F_h on the mechanism and the device's answer to it: what
+follows from measured forces has no bump to be spread, and with both sides accelerating alike no
+spring is needed to keep them together. In Λ_d (X F_h + ẍ_0) - F_h + r (1 - β) Π F_h the joints
+balance the hand's whole push along their constraints until their spring carries it. A hand that
+presses against a joint constraint while rendering is interrupted would otherwise be let go, and be
+caught with twice its force by a spring that it loads suddenly.
+
+After the operational point was put elsewhere, the wrench of that moment is carried on and fades,
+with share 1 - r, as everything of the new place comes in.
 """
 
 from __future__ import annotations
@@ -57,7 +62,7 @@ class Clutch:
         return pin.SE3(device.rotation @ self.turn, device.translation + self.displacement)
 
     def ramp(self, time: float) -> float:
-        """Return the share r of the wrench that is let through at ``time`` (s): 0 to 1."""
+        """Return the share r of springs and dampers that is let through at ``time`` (s): 0 to 1."""
         if self.duration <= 0.0:
             return 1.0
         return float(np.clip((time - self.time) / self.duration, 0.0, 1.0))
@@ -66,9 +71,9 @@ class Clutch:
         """Return what is left (6,) of ``carried`` at ``time`` (s), N and N m; None for nothing."""
         return None if self.carried is None else (1.0 - self.ramp(time)) * self.carried
 
-    def balances(self, time: float) -> float:
-        """Return the share 0 to 1 of -Π F_h that the device applies at ``time`` (s)."""
-        return 1.0 - self.ramp(time) if self.carried is None else 0.0
+    def force_ramp(self, time: float) -> float:
+        """Return the share of the force channel that is let through at ``time`` (s): 0 to 1."""
+        return 1.0 if self.carried is None else self.ramp(time)
 
     def with_slip(self, time: float, device: pin.SE3, device_twist: Array, twist: Array) -> Clutch:
         """Return the clutch with its offset slipped until ``time``; itself, once it is closed.

@@ -20,8 +20,8 @@ from hapticmech_ros.saturation_kernels import limit
 INERTIA, STIFFNESS, DAMPING, HELD_STIFFNESS, HELD_DAMPING, JOINT, CHANNELS = SETTINGS.starts(
     *("inertia", "stiffness", "damping", "held_stiffness", "held_damping", "feedforward", "c1")
 )
-RAMP, BALANCES, FORCE_LIMIT, TORQUE_LIMIT, ENGAGED, TIE = SETTINGS.starts(
-    "ramp", "balances", "force_limit", "torque_limit", "engaged_at", "displacement"
+RAMP, CARRIES, FORCE_LIMIT, TORQUE_LIMIT, ENGAGED, TIE = SETTINGS.starts(
+    "ramp", "carries", "force_limit", "torque_limit", "engaged_at", "displacement"
 )
 DEVICE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
 RATE, PUSH = DEVICE_SAMPLE.starts("twist", "hand_wrench")
@@ -46,15 +46,26 @@ def scale_within(wrench: Array, force_limit: float, torque_limit: float) -> None
 
 @inner
 def let_through(time: float, start: float, duration: float) -> float:
-    """Return the share of the wrench at ``time`` (s): see :meth:`Clutch.ramp`."""
+    """Return the share of springs and dampers at ``time`` (s): see :meth:`Clutch.ramp`."""
     if duration <= 0.0:
         return 1.0
     return min(max((time - start) / duration, 0.0), 1.0)
 
 
 @inner
-def parts(settings: Array, device: Array, operational_model: Array, out: Array) -> None:
-    """Fill rows 1 to 4 of ``out`` (6, 6), without ramp and limits, given e in row 5."""
+def force_let_through(settings: Array, ramp: float) -> float:
+    """Return the share of the force channel: see :meth:`Clutch.force_ramp`."""
+    return 1.0 if settings[CARRIES] == 0.0 else ramp
+
+
+@inner
+def parts(
+    settings: Array, device: Array, operational_model: Array, ramp: float, out: Array
+) -> None:
+    """Fill rows 1 to 4 of ``out`` (6, 6), without the device's limits, given e in row 5.
+
+    ``ramp`` is the share of springs and dampers that is let through.
+    """
     task, inertia = settings[:INERTIA], settings[INERTIA:STIFFNESS]
     stiffness, damping = settings[STIFFNESS:DAMPING], settings[DAMPING:HELD_STIFFNESS]
     held_stiffness = settings[HELD_STIFFNESS:HELD_DAMPING]
@@ -66,6 +77,7 @@ def parts(settings: Array, device: Array, operational_model: Array, out: Array) 
     x, p_c = shaped(operational_model[X:], (6, 6)), shaped(operational_model[P_C:], (6, 6))
     share, free = shaped(operational_model[SHARE:], (6, 6)), operational_model[FREE : FREE + 6]
     twist, contact = operational_model[TWIST : TWIST + 6], operational_model[CONTACT : CONTACT + 6]
+    through = force_let_through(settings, ramp)
     room = shaped(local(30), (5, 6))
     push, pull, coupling, drive, held = room[0], room[1], room[2], room[3], room[4]
     error = out[5]
@@ -81,26 +93,15 @@ def parts(settings: Array, device: Array, operational_model: Array, out: Array) 
     for i in range(6):
         hand, touch = task[i] * device[PUSH + i], task[i] * contact[i]
         motion = inertia[i] * (dot(x[i], drive) + free[i])
-        out[1, i] = c3 * hand + c5 * touch + c1 * coupling[i]
-        out[2, i] = task[i] * (motion - push[i] + (1.0 - beta) * dot(share[i], push))
+        joined = ramp * (1.0 - beta) * dot(share[i], push)
+        out[1, i] = through * (c3 * hand + c5 * touch) + ramp * (c1 * coupling[i])
+        out[2, i] = task[i] * (through * (motion - push[i]) + joined)
         out[3, i] = -dot(p_c[i], pull)
         in_range = c4 * (held[i] - dot(share[i], held))
-        out[4, i] = c2 * touch - in_range
+        out[4, i] = through * (c2 * touch) - ramp * in_range
     scale_within(out[3], force_limit, torque_limit)
-
-
-@inner
-def balance_hand(
-    settings: Array, device: Array, operational_model: Array, share: float, wrench: Array
-) -> None:
-    """Add to the joint constraint's wrench a share of -Π F_h: see :mod:`.clutch`."""
-    share *= settings[BALANCES]
-    hand, balanced = local(6), shaped(operational_model[SHARE:], (6, 6))
     for i in range(6):
-        hand[i] = settings[i] * device[PUSH + i]
-    for i in range(6):
-        wrench[i] -= share * (settings[i] * dot(balanced[i], hand))
-    scale_within(wrench, settings[JOINT + 3], settings[JOINT + 4])
+        out[3, i] *= ramp
 
 
 @inner
@@ -110,13 +111,8 @@ def answer_measurements(
     """Fill a control period's wrenches; see :func:`control_wrenches`."""
     place, twist = operational_model[PLACE:TWIST], operational_model[TWIST : TWIST + 6]
     tied_error(settings[TIE:], device[:7], place, twist, ahead, out[5])
-    parts(settings, device, operational_model, out)
     ramp = let_through(time, settings[ENGAGED], settings[RAMP])
-    for row in range(1, 5):
-        for i in range(6):
-            out[row, i] *= ramp
-    if ramp < 1.0:
-        balance_hand(settings, device, operational_model, 1.0 - ramp, out[3])
+    parts(settings, device, operational_model, ramp, out)
     for i in range(6):
         out[0, i] = out[2, i] + out[3, i] + out[4, i]
     for row in range(2):

@@ -12,8 +12,8 @@ ONE, SIX, SQUARE = Field(1), Field(6), Field(36)
 SAMPLE = Field(DEVICE_SAMPLE.size)
 # What fixes the controllers: 1 in the scene's task space, else 0; diagonal of Λ_d; diagonals of C's
 # stiffness and damping, and of these as C acts on the device; β, k, b, force and torque limit of
-# the joint constraint; C1 to C6; duration of the clutch's ramp, s, and 1 if the joints' -Π F_h
-# is applied meanwhile, else 0; force and torque limit of the device; and of the clutch its time, s,
+# the joint constraint; C1 to C6; duration of the clutch's ramp, s, and 1 if a wrench is carried on
+# from another grasp, else 0; force and torque limit of the device; and of the clutch its time, s,
 # its displacement, m, and its turn, a quaternion of length 1.
 SETTINGS = Layout(
     {
@@ -22,7 +22,7 @@ SETTINGS = Layout(
         **dict.fromkeys(("feedforward", "joint_stiffness", "joint_damping"), ONE),
         **dict.fromkeys(("joint_force_limit", "joint_torque_limit"), ONE),
         **dict.fromkeys(("c1", "c2", "c3", "c4", "c5", "c6"), ONE),
-        **dict.fromkeys(("ramp", "balances", "force_limit", "torque_limit", "engaged_at"), ONE),
+        **dict.fromkeys(("ramp", "carries", "force_limit", "torque_limit", "engaged_at"), ONE),
         "displacement": Field(3),
         "turn": Field(4),
     }

@@ -91,7 +91,7 @@ class Controller(Part):
     """Gains of the three controllers of Fig. 3, and how they come in.
 
     Attributes:
-        engagement_ramp: s, over which the wrench comes in when rendering starts.
+        engagement_ramp: s, over which springs and dampers come in when rendering starts.
         grasp_ramp: s, over which it passes from one grasp to another.
         gain_ramp: s, over which gains pass to others while they render.
     """

@@ -63,21 +63,26 @@ def test_the_parts_add_up_to_the_device_s_wrench():
     assert np.abs(total - out.device).max() < 1e-15
 
 
-def test_at_the_moment_of_engagement_the_joints_balance_the_hand_and_nothing_else_acts():
-    push, shift = 0.1 * PLANE, 1e-4 * PLANE
+@pytest.mark.parametrize("beta", [0.0, 1.0])
+def test_at_the_moment_of_engagement_forces_act_and_springs_do_not(beta):
+    """The device accelerates as the operational point: the joints balance the rest of the push."""
+    push, contact, shift = 0.1 * PLANE, 0.03 * PLANE, 1e-4 * PLANE
+    constraint = {"feedforward": beta}
 
     def at(time):
-        return compute("five_bar", time=time, push=push, shift=shift, duration=0.1)
+        gains = {"duration": 0.1, "joint_constraint": constraint}
+        return compute("five_bar", time=time, push=push, contact=contact, shift=shift, **gains)
 
-    _, found, start = at(0.0)
-    balanced = found.wrench_projector @ push
-    assert np.abs(start.device + balanced).max() < 1e-15
-    assert np.linalg.norm(balanced) > 0.01
-    assert np.array_equal(start.joint_constraint, start.device)
-    assert np.array_equal(start.mechanism, np.zeros(6))
+    control, found, start = at(0.0)
+    moved = found.inverse_inertia @ (push + contact) + found.free_acceleration
+    expected = PLANE * (control.device_inertia @ moved) - push
+    assert np.abs(start.device - expected).max() < 1e-15
+    assert np.array_equal(start.joint_constraint, np.zeros(6))
+    assert np.array_equal(start.mechanism, push)
     (_, _, half), (_, _, full) = at(0.05), at(0.1)
-    assert np.abs(2.0 * half.device + balanced - full.device).max() < 1e-14
-    assert np.abs(2.0 * half.mechanism - full.mechanism).max() < 1e-14
+    assert np.linalg.norm(full.device - start.device) > 0.01
+    assert np.abs(2.0 * half.device - start.device - full.device).max() < 1e-14
+    assert np.abs(2.0 * half.mechanism - start.mechanism - full.mechanism).max() < 1e-14
 
 
 def test_a_planar_scene_gets_no_wrench_out_of_its_plane():

@@ -47,9 +47,16 @@ def test_the_ramp_goes_from_zero_to_one_and_stays():
     clutch = engage(2.0, pin.SE3.Identity(), pin.SE3.Identity(), 0.5)
     times = (1.0, 2.0, 2.25, 2.5, 9.0)
     assert [clutch.ramp(time) for time in times] == [0.0, 0.0, 0.5, 1.0, 1.0]
-    assert [clutch.balances(time) for time in times] == [1.0, 1.0, 0.5, 0.0, 0.0]
     at_once = engage(2.0, pin.SE3.Identity(), pin.SE3.Identity())
-    assert (at_once.ramp(2.0), at_once.balances(2.0)) == (1.0, 0.0)
+    assert at_once.ramp(2.0) == 1.0
+
+
+def test_forces_act_at_once_at_a_start_and_come_in_with_the_ramp_at_another_grasp():
+    start = engage(2.0, pin.SE3.Identity(), pin.SE3.Identity(), 0.5)
+    grasp = engage(2.0, pin.SE3.Identity(), pin.SE3.Identity(), 0.5, np.ones(6))
+    times = (1.0, 2.0, 2.25, 2.5, 9.0)
+    assert [start.force_ramp(time) for time in times] == [1.0] * 5
+    assert [grasp.force_ramp(time) for time in times] == [0.0, 0.0, 0.5, 1.0, 1.0]
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -56,17 +56,16 @@ def local_model(
     """Return how a control's answer depends on the device, as let through at ``time`` (s)."""
     joint, force = control.gains.joint_constraint, control.gains.force_channel
     ramp = clutch.ramp(time)
-    through = ramp * np.outer(control.task, control.task)
+    within = np.outer(control.task, control.task)
     gain = spring = damper = NO_MODEL.force
     if force.local:
         x, share = model.inverse_inertia, model.wrench_projector
         feedback = force.device_feedback
-        gain = force_gain(control.device_inertia, x, share, joint.feedforward, feedback)
-        gain = through * gain
-        task = np.outer(control.task, control.task)
-        gain -= clutch.balances(time) * task * share
+        balanced = force_gain(control.device_inertia, x, share, 1.0, feedback)
+        rest = ramp * (1.0 - joint.feedforward) * share
+        gain = within * (clutch.force_ramp(time) * balanced + rest)
     if joint.local:
-        projector = through * model.constraint_projector
+        projector = ramp * within * model.constraint_projector
         spring, damper = joint.stiffness * projector, joint.damping * projector
     return LocalModel(gain, spring, damper)
 

@@ -58,34 +58,38 @@ class ReadableControl(ControlArchitecture):
         hand = task * device.hand_wrench
         contact = task * point.contact_wrench
         force = gains.force_channel
-        impedance = task * impedance_wrench(
+        share, push = model.wrench_projector, hand + force.contact * contact
+        joint = gains.joint_constraint
+        ramp, through = clutch.ramp(time), clutch.force_ramp(time)
+        balanced = impedance_wrench(
             self.device_inertia,
             model.inverse_inertia,
-            model.wrench_projector,
+            share,
             model.free_acceleration,
-            hand + force.contact * contact,
-            gains.joint_constraint.feedforward,
+            push,
+            1.0,
             np.zeros(6),
             force.device_feedback * hand,
         )
-        constraint = joint_constraint_wrench(
-            gains.joint_constraint, model.constraint_projector, error, error_rate
-        )
-        share = model.wrench_projector
-        channels = channel_wrenches(self.channels, share, error, error_rate, hand, contact)
-        ramp, joint = clutch.ramp(time), gains.joint_constraint
-        constraint = ramp * constraint - clutch.balances(time) * task * (share @ hand)
+        rest = (1.0 - joint.feedforward) * (share @ push)
+        impedance = task * (through * balanced + ramp * rest)
+        constraint = joint_constraint_wrench(joint, model.constraint_projector, error, error_rate)
         excess = max(
             np.linalg.norm(constraint[:3]) / joint.force_limit,
             np.linalg.norm(constraint[3:]) / joint.torque_limit,
         )
-        constraint /= max(excess, 1.0)
-        total = ramp * (impedance + channels.device) + constraint
+        constraint *= ramp / max(excess, 1.0)
+        none = np.zeros(6)
+        springs = channel_wrenches(self.channels, share, error, error_rate, none, none)
+        forces = channel_wrenches(self.channels, share, none, none, hand, contact)
+        channel = through * forces.device + ramp * springs.device
+        told = through * forces.mechanism + ramp * springs.mechanism
+        total = impedance + constraint + channel
         return ControlOutput(
             device=self.joined(time, clutch, limited(total, *self.limits)),
-            mechanism=limited(ramp * channels.mechanism, *self.limits),
-            impedance=ramp * impedance,
+            mechanism=limited(told, *self.limits),
+            impedance=impedance,
             joint_constraint=constraint,
-            four_channel=ramp * channels.device,
+            four_channel=channel,
             error=error,
         )
