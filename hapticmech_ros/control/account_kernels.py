@@ -20,7 +20,6 @@ from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.control.kernels import (
     CHANNELS,
     DAMPING,
-    ENGAGED,
     FORCE_LIMIT,
     HELD_STIFFNESS,
     JOINT,
@@ -28,6 +27,7 @@ from hapticmech_ros.control.kernels import (
     STIFFNESS,
     TORQUE_LIMIT,
     answer_measurements,
+    brake,
     force_let_through,
     let_through,
 )
@@ -164,22 +164,25 @@ def predict(account: Array, queue: Array, operational_model: Array, predicted: A
 
 @inner
 def model_answer(
-    settings: Array, operational_model: Array, ramp: float, locality: Array, answer: Array
+    settings: Array, operational_model: Array, time: float, locality: Array, answer: Array
 ) -> None:
     """Say how an answer depends on the device: G, K and B, as far as the device closes them.
 
-    G = s ((1 + C6) Λ_d X - 1) + r (1 - β) Π, K = r k P_c, B = r b P_c; s = 1 at a start, else r.
+    G = s ((1 + C6) Λ_d X - 1) + r (1 - β) Π, K = r k P_c, B = r_b b P_c; s = 1 at a start, else r;
+    shares r and r_b as :meth:`Clutch.ramp` and :meth:`Clutch.brake`.
 
     Args:
         settings: (59,) of the controllers.
         operational_model: (139,) operational model.
-        ramp: r, the share of springs and dampers that is let through.
+        time: s.
         locality: (3,) see :func:`answer_sample`.
         answer: to fill.
     """
     task, inertia = settings[:DEVICE_INERTIA], settings[DEVICE_INERTIA:STIFFNESS]
     joint = settings[JOINT:CHANNELS]
-    through = force_let_through(settings, ramp)
+    ramp, through = let_through(settings, time), force_let_through(settings, time)
+    spring = ramp * joint[1]
+    damper = brake(settings, time, inertia[0], joint[2]) * joint[2]
     moved, kept = through * (1.0 + settings[RAMP - 1]), ramp * (1.0 - joint[0])
     for i in range(6):
         for j in range(6):
@@ -188,10 +191,10 @@ def model_answer(
             gain = felt + kept * operational_model[SHARE + at]
             if i == j:
                 gain -= through
-            projector = ramp * within * operational_model[P_C + at]
+            projector = within * operational_model[P_C + at]
             answer[FORCE_GAIN + at] = within * gain * locality[0]
-            answer[SPRING_GAIN + at] = joint[1] * projector * locality[1]
-            answer[DAMPER_GAIN + at] = joint[2] * projector * locality[1]
+            answer[SPRING_GAIN + at] = spring * projector * locality[1]
+            answer[DAMPER_GAIN + at] = damper * projector * locality[1]
     answer[MODELLED] = 1.0
 
 
@@ -219,8 +222,7 @@ def conclude(
     )
     answer[MODELLED] = 0.0
     if locality[2] != 0.0 and (locality[0] != 0.0 or locality[1] != 0.0):
-        ramp = let_through(time, settings[ENGAGED], settings[RAMP])
-        model_answer(settings, operational_model, ramp, locality, answer)
+        model_answer(settings, operational_model, time, locality, answer)
     answer[IS_ANSWER], answer[GIVEN_THEN] = 1.0, account[GIVEN]
     put(answer[ANSWERED : ANSWERED + SAMPLE_SIZE], device)
 
@@ -392,8 +394,7 @@ def command_mechanism(account: Array, queue: Array, answer: Array, wrenches: Arr
         account: (account,) of the controller, changed; see ``loop_layout``.
         queue: (d, 6) commands to the mechanism that do not act yet, N and N m.
         answer: (answer,) the last one; see ``loop_layout``.
-        wrenches: (2, 6) to fill: what is sent, and what acts from now on, N and N m, world axes at
-            the operational point.
+        wrenches: (2, 6) to fill: what is sent, and what acts from now on, N and N m, world axes.
     """
     passive_wrench(account, answer, wrenches[0])
     queue_wrench(account, queue, wrenches[0], wrenches[1])

@@ -5,10 +5,6 @@ the operational point relative to the device at that moment, axes of the world s
 so that rendering starts without an error of position, and it is computed anew after every
 interruption.
 
-Springs and dampers come in over a ramp, with share r of them let through. Meanwhile the clutch
-slips: only r³ of the difference in velocity becomes an error of position, so that damping brings
-both to one velocity before the springs act.
-
 At a start the force channel acts at once, F_h on the mechanism and the device's answer to it: what
 follows from measured forces has no bump to be spread, and with both sides accelerating alike no
 spring is needed to keep them together. In Λ_d (X F_h + ẍ_0) - F_h + r (1 - β) Π F_h the joints
@@ -16,8 +12,14 @@ balance the hand's whole push along their constraints until their spring carries
 presses against a joint constraint while rendering is interrupted would otherwise be let go, and be
 caught with twice its force by a spring that it loads suddenly.
 
+In the first half of the ramp dampers bring both sides to one velocity. With the push balanced they
+act on the device's own inertia m: the share min(1, 1.2 m / (b t)) of a damper b, with the time t
+that is left, brakes by 1.2 m v / t, little more than is needed. In the second half springs come in,
+with a share r that rises from 0 to 1. Until then the clutch slips: only r³ of the difference in
+velocity becomes an error of position.
+
 After the operational point was put elsewhere, the wrench of that moment is carried on and fades,
-with share 1 - r, as everything of the new place comes in.
+with share 1 - r, as everything of the new place comes in, over the whole ramp.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.loop_layout import BRAKE
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,14 +65,29 @@ class Clutch:
         return pin.SE3(device.rotation @ self.turn, device.translation + self.displacement)
 
     def ramp(self, time: float) -> float:
-        """Return the share r of springs and dampers that is let through at ``time`` (s): 0 to 1."""
+        """Return the share r of springs that is let through at ``time`` (s): 0 to 1."""
         if self.duration <= 0.0:
             return 1.0
-        return float(np.clip((time - self.time) / self.duration, 0.0, 1.0))
+        begun = 0.0 if self.carried is not None else 0.5
+        return float(
+            np.clip(((time - self.time) / self.duration - begun) / (1.0 - begun), 0.0, 1.0)
+        )
 
     def faded(self, time: float) -> Array | None:
         """Return what is left (6,) of ``carried`` at ``time`` (s), N and N m; None for nothing."""
         return None if self.carried is None else (1.0 - self.ramp(time)) * self.carried
+
+    def brake(self, time: float, rate: float) -> float:
+        """Return the share 0 to 1 of a damper that is let through at ``time`` (s).
+
+        Args:
+            time: s.
+            rate: b / m, 1/s, of the damper on the device's inertia.
+        """
+        if self.carried is not None:
+            return self.ramp(time)
+        left = self.time + 0.5 * self.duration - time
+        return 1.0 if left <= 0.0 or rate * left <= BRAKE else BRAKE / (rate * left)
 
     def force_ramp(self, time: float) -> float:
         """Return the share of the force channel that is let through at ``time`` (s): 0 to 1."""

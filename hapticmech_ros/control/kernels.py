@@ -11,7 +11,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, shaped
-from hapticmech_ros.control.loop_layout import SETTINGS
+from hapticmech_ros.control.loop_layout import BRAKE, SETTINGS
 from hapticmech_ros.control.pose_kernels import tied_error
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
@@ -45,27 +45,39 @@ def scale_within(wrench: Array, force_limit: float, torque_limit: float) -> None
 
 
 @inner
-def let_through(time: float, start: float, duration: float) -> float:
-    """Return the share of springs and dampers at ``time`` (s): see :meth:`Clutch.ramp`."""
+def let_through(settings: Array, time: float) -> float:
+    """Return the share of springs at ``time`` (s): see :meth:`Clutch.ramp`."""
+    duration, begun = settings[RAMP], settings[ENGAGED]
     if duration <= 0.0:
         return 1.0
-    return min(max((time - start) / duration, 0.0), 1.0)
+    if settings[CARRIES] == 0.0:
+        duration *= 0.5
+        begun += duration
+    return min(max((time - begun) / duration, 0.0), 1.0)
 
 
 @inner
-def force_let_through(settings: Array, ramp: float) -> float:
+def brake(settings: Array, time: float, mass: float, damping: float) -> float:
+    """Return the share of a damper on a mass at ``time`` (s): see :meth:`Clutch.brake`."""
+    if settings[CARRIES] != 0.0:
+        return float(let_through(settings, time))
+    left = settings[ENGAGED] + 0.5 * settings[RAMP] - time
+    if left <= 0.0 or damping * left <= BRAKE * mass:
+        return 1.0
+    return float(BRAKE * mass / (damping * left))
+
+
+@inner
+def force_let_through(settings: Array, time: float) -> float:
     """Return the share of the force channel: see :meth:`Clutch.force_ramp`."""
-    return 1.0 if settings[CARRIES] == 0.0 else ramp
+    return 1.0 if settings[CARRIES] == 0.0 else let_through(settings, time)
 
 
 @inner
 def parts(
-    settings: Array, device: Array, operational_model: Array, ramp: float, out: Array
+    settings: Array, device: Array, operational_model: Array, time: float, out: Array
 ) -> None:
-    """Fill rows 1 to 4 of ``out`` (6, 6), without the device's limits, given e in row 5.
-
-    ``ramp`` is the share of springs and dampers that is let through.
-    """
+    """Fill rows 1 to 4 of ``out`` (6, 6), without the device's limits, given e in row 5."""
     task, inertia = settings[:INERTIA], settings[INERTIA:STIFFNESS]
     stiffness, damping = settings[STIFFNESS:DAMPING], settings[DAMPING:HELD_STIFFNESS]
     held_stiffness = settings[HELD_STIFFNESS:HELD_DAMPING]
@@ -77,7 +89,8 @@ def parts(
     x, p_c = shaped(operational_model[X:], (6, 6)), shaped(operational_model[P_C:], (6, 6))
     share, free = shaped(operational_model[SHARE:], (6, 6)), operational_model[FREE : FREE + 6]
     twist, contact = operational_model[TWIST : TWIST + 6], operational_model[CONTACT : CONTACT + 6]
-    through = force_let_through(settings, ramp)
+    ramp, through = let_through(settings, time), force_let_through(settings, time)
+    damper *= brake(settings, time, inertia[0], damper)
     room = shaped(local(30), (5, 6))
     push, pull, coupling, drive, held = room[0], room[1], room[2], room[3], room[4]
     error = out[5]
@@ -87,21 +100,22 @@ def parts(
         hand = task[i] * device[PUSH + i]
         push[i] = hand + c2 * (task[i] * contact[i])
         drive[i] = push[i] + c6 * hand
-        pull[i] = spring * error[i] + damper * rate
-        coupling[i] = stiffness[i] * error[i] + damping[i] * rate
-        held[i] = held_stiffness[i] * error[i] + held_damping[i] * rate
+        pull[i] = ramp * spring * error[i] + damper * rate
+        slow = brake(settings, time, inertia[i], damping[i]) * damping[i]
+        coupling[i] = ramp * stiffness[i] * error[i] + slow * rate
+        slow = brake(settings, time, inertia[i], held_damping[i]) * held_damping[i]
+        held[i] = ramp * held_stiffness[i] * error[i] + slow * rate
     for i in range(6):
         hand, touch = task[i] * device[PUSH + i], task[i] * contact[i]
         motion = inertia[i] * (dot(x[i], drive) + free[i])
         joined = ramp * (1.0 - beta) * dot(share[i], push)
-        out[1, i] = through * (c3 * hand + c5 * touch) + ramp * (c1 * coupling[i])
+        out[1, i] = through * (c3 * hand + c5 * touch) + c1 * coupling[i]
         out[2, i] = task[i] * (through * (motion - push[i]) + joined)
         out[3, i] = -dot(p_c[i], pull)
         in_range = c4 * (held[i] - dot(share[i], held))
-        out[4, i] = through * (c2 * touch) - ramp * in_range
-    scale_within(out[3], force_limit, torque_limit)
-    for i in range(6):
-        out[3, i] *= ramp
+        out[4, i] = through * (c2 * touch) - in_range
+    if through > 0.0:
+        scale_within(out[3], through * force_limit, through * torque_limit)
 
 
 @inner
@@ -111,8 +125,7 @@ def answer_measurements(
     """Fill a control period's wrenches; see :func:`control_wrenches`."""
     place, twist = operational_model[PLACE:TWIST], operational_model[TWIST : TWIST + 6]
     tied_error(settings[TIE:], device[:7], place, twist, ahead, out[5])
-    ramp = let_through(time, settings[ENGAGED], settings[RAMP])
-    parts(settings, device, operational_model, ramp, out)
+    parts(settings, device, operational_model, time, out)
     for i in range(6):
         out[0, i] = out[2, i] + out[3, i] + out[4, i]
     for row in range(2):

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from hapticmech_ros.layout import DEVICE_SAMPLE, TWIST, WRENCH, Field, Layout
 
+# By so much more than evenly a damper brakes in what is left of its time, at a start.
+BRAKE = 1.2
 ONE, SIX, SQUARE = Field(1), Field(6), Field(36)
 SAMPLE = Field(DEVICE_SAMPLE.size)
 # What fixes the controllers: 1 in the scene's task space, else 0; diagonal of Λ_d; diagonals of C's

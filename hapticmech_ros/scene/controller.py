@@ -91,7 +91,7 @@ class Controller(Part):
     """Gains of the three controllers of Fig. 3, and how they come in.
 
     Attributes:
-        engagement_ramp: s, over which springs and dampers come in when rendering starts.
+        engagement_ramp: s, over which dampers, then springs come in when rendering starts.
         grasp_ramp: s, over which it passes from one grasp to another.
         gain_ramp: s, over which gains pass to others while they render.
     """
@@ -100,7 +100,7 @@ class Controller(Part):
     position_channel: PositionChannelGains = PositionChannelGains()
     force_channel: ForceChannelGains = ForceChannelGains()
     passivity: Passivity = Passivity()
-    engagement_ramp: NonNegative = 0.25
+    engagement_ramp: NonNegative = 0.5
     grasp_ramp: NonNegative = 0.25
     gain_ramp: NonNegative = 0.3
 

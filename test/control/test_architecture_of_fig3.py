@@ -79,7 +79,9 @@ def test_at_the_moment_of_engagement_forces_act_and_springs_do_not(beta):
     assert np.abs(start.device - expected).max() < 1e-15
     assert np.array_equal(start.joint_constraint, np.zeros(6))
     assert np.array_equal(start.mechanism, push)
-    (_, _, half), (_, _, full) = at(0.05), at(0.1)
+    # Nothing moves: springs come in over the second half.
+    (_, _, half), (_, _, full) = at(0.075), at(0.1)
+    assert np.array_equal(at(0.05)[2].device, start.device)
     assert np.linalg.norm(full.device - start.device) > 0.01
     assert np.abs(2.0 * half.device - start.device - full.device).max() < 1e-14
     assert np.abs(2.0 * half.mechanism - start.mechanism - full.mechanism).max() < 1e-14

@@ -45,8 +45,8 @@ def test_world_axes_are_shared(seed):
 
 def test_the_ramp_goes_from_zero_to_one_and_stays():
     clutch = engage(2.0, pin.SE3.Identity(), pin.SE3.Identity(), 0.5)
-    times = (1.0, 2.0, 2.25, 2.5, 9.0)
-    assert [clutch.ramp(time) for time in times] == [0.0, 0.0, 0.5, 1.0, 1.0]
+    times = (1.0, 2.0, 2.25, 2.375, 2.5, 9.0)
+    assert [clutch.ramp(time) for time in times] == [0.0, 0.0, 0.0, 0.5, 1.0, 1.0]
     at_once = engage(2.0, pin.SE3.Identity(), pin.SE3.Identity())
     assert at_once.ramp(2.0) == 1.0
 
@@ -56,7 +56,24 @@ def test_forces_act_at_once_at_a_start_and_come_in_with_the_ramp_at_another_gras
     grasp = engage(2.0, pin.SE3.Identity(), pin.SE3.Identity(), 0.5, np.ones(6))
     times = (1.0, 2.0, 2.25, 2.5, 9.0)
     assert [start.force_ramp(time) for time in times] == [1.0] * 5
-    assert [grasp.force_ramp(time) for time in times] == [0.0, 0.0, 0.5, 1.0, 1.0]
+    for share in (grasp.force_ramp, grasp.ramp, lambda time: grasp.brake(time, 100.0)):
+        assert [share(time) for time in times] == [0.0, 0.0, 0.5, 1.0, 1.0]
+
+
+@pytest.mark.parametrize("rate", [20.0, 130.0, 1e4])
+def test_dampers_stop_a_mass_in_half_the_ramp_without_a_peak(rate):
+    """1.2 m v / t: of v̇ = -1.2 v / t, t left, comes v = v0 (t / T)^1.2, then a free decay."""
+    clutch, v = engage(0.0, pin.SE3.Identity(), pin.SE3.Identity(), 0.5), 1.0
+    step, slowed = 1e-5, []
+    for number in range(50_000):
+        share = clutch.brake(number * step, rate)
+        assert 0.0 < share <= 1.0
+        slowed.append(rate * share * v)
+        v *= np.exp(-rate * share * step)
+    assert max(slowed) < 1.2 / 0.25 * 1.001
+    half = clutch.brake(0.25, rate)
+    assert half == 1.0
+    assert v < 0.05
 
 
 @pytest.mark.parametrize("seed", range(5))

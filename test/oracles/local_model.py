@@ -65,8 +65,9 @@ def local_model(
         rest = ramp * (1.0 - joint.feedforward) * share
         gain = within * (clutch.force_ramp(time) * balanced + rest)
     if joint.local:
-        projector = ramp * within * model.constraint_projector
-        spring, damper = joint.stiffness * projector, joint.damping * projector
+        projector = within * model.constraint_projector
+        slowed = clutch.brake(time, joint.damping / control.device_inertia[0, 0])
+        spring, damper = ramp * joint.stiffness * projector, slowed * joint.damping * projector
     return LocalModel(gain, spring, damper)
 
 

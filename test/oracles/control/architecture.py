@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from hapticmech_ros.arrays import Array
@@ -73,17 +75,23 @@ class ReadableControl(ControlArchitecture):
         )
         rest = (1.0 - joint.feedforward) * (share @ push)
         impedance = task * (through * balanced + ramp * rest)
-        constraint = joint_constraint_wrench(joint, model.constraint_projector, error, error_rate)
-        excess = max(
-            np.linalg.norm(constraint[:3]) / joint.force_limit,
-            np.linalg.norm(constraint[3:]) / joint.torque_limit,
+        mass = np.diag(self.device_inertia)
+        share_of_damper = clutch.brake(time, joint.damping / mass[0])
+        constraint = joint_constraint_wrench(
+            joint, model.constraint_projector, ramp * error, share_of_damper * error_rate
         )
-        constraint *= ramp / max(excess, 1.0)
+        linear, angular = np.linalg.norm(constraint[:3]), np.linalg.norm(constraint[3:])
+        excess = max(linear / joint.force_limit, angular / joint.torque_limit)
+        constraint /= max(excess / through, 1.0) if through > 0.0 else 1.0
         none = np.zeros(6)
-        springs = channel_wrenches(self.channels, share, error, error_rate, none, none)
+        slowed = copy(self.channels)
+        slowed.damping = self._slowed(time, clutch, slowed.damping)
+        slowed.held_damping = self._slowed(time, clutch, slowed.held_damping)
+        springs = channel_wrenches(slowed, share, ramp * error, none, none, none)
+        dampers = channel_wrenches(slowed, share, none, error_rate, none, none)
         forces = channel_wrenches(self.channels, share, none, none, hand, contact)
-        channel = through * forces.device + ramp * springs.device
-        told = through * forces.mechanism + ramp * springs.mechanism
+        channel = through * forces.device + springs.device + dampers.device
+        told = through * forces.mechanism + springs.mechanism + dampers.mechanism
         total = impedance + constraint + channel
         return ControlOutput(
             device=self.joined(time, clutch, limited(total, *self.limits)),
@@ -93,3 +101,8 @@ class ReadableControl(ControlArchitecture):
             four_channel=channel,
             error=error,
         )
+
+    def _slowed(self, time: float, clutch: Clutch, damping: Array) -> Array:
+        """Return what a clutch lets through of a diagonal damping (6,)."""
+        mass = np.diag(self.device_inertia)
+        return np.array([b * clutch.brake(time, b / m) for b, m in zip(damping, mass, strict=True)])
