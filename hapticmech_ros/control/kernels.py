@@ -53,7 +53,7 @@ def let_through(settings: Array, time: float) -> float:
     if settings[CARRIES] == 0.0:
         duration *= 0.5
         begun += duration
-    return min(max((time - begun) / duration, 0.0), 1.0)
+    return float(min(max((time - begun) / duration, 0.0), 1.0))
 
 
 @inner
