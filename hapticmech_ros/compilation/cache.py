@@ -49,6 +49,7 @@ _SOURCES = (
     "contact/near_kernels.py",
     "contact/rate_kernels.py",
     "contact/newton_kernels.py",
+    "contact/impact_kernels.py",
     "contact/solver_kernels.py",
     "contact/effect_kernels.py",
     "contact/memory_kernels.py",

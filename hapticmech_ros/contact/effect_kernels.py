@@ -11,14 +11,14 @@ from hapticmech_ros.mechanism.kernels.small_matrices import cross
 
 @inner
 def contact_effects(contacts: Contacts, places: Array, count: int) -> None:
-    """Fill ``joint_force``, ``origins`` and the links' rows of ``external``.
+    """Fill ``step_force``, ``origins`` and the links' rows of ``external``.
 
     Args:
         contacts: with so many points and the forces there.
         places: (joints, 12) poses of the joints at the step's start.
         count: number of points.
     """
-    moment, force, axes, moves = local(3), contacts.joint_force, contacts.axes, contacts.moves
+    moment, force, axes, moves = local(3), contacts.step_force, contacts.axes, contacts.moves
     points, forces, owners = contacts.points, contacts.forces, contacts.owners
     pairs, poses, origins = contacts.pairs, contacts.poses, contacts.origins
     for j in range(force.size):

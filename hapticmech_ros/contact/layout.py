@@ -27,11 +27,13 @@ PUSH_VALUES = 10
 SHAPE_A, SHAPE_B, JOINT_A, JOINT_B, NEEDS_SEARCH = 0, 1, 2, 3, 4
 # Columns of a pair's law: k, N/m; d, N s/m; μ; χ, s/m.
 STIFFNESS, DAMPING, COULOMB, DISSIPATION = 0, 1, 2, 3
-# Of the counts: points in the last substep, in the one before, and those the workspace lacked.
-NOW, BEFORE, FOUND, COUNTS = 0, 1, 2, 3
-# Of the settings: how far ahead in a step depths are taken, the period, s, and the share of their
-# size by which shapes are apart that a period leaves alone.
-AHEAD, PERIOD, FAR_SHARE, SETTINGS = 0, 1, 2, 3
+# Of the counts: points in the last substep, in the one before, those the workspace lacked, and how
+# many parts a substep has to be divided into.
+NOW, BEFORE, FOUND, DIVISION, COUNTS = 0, 1, 2, 3, 4
+# Of the settings: how far ahead in a step depths are taken, the period, s, the share of their size
+# by which shapes are apart that a period leaves alone, and 1 for a step that is part of a divided
+# one.
+AHEAD, PERIOD, FAR_SHARE, IS_PART, SETTINGS = 0, 1, 2, 3, 4
 # Of a report on a substep: sweeps done, how far rates are from the law, m/s, and energy held at its
 # end and at its start, J.
 SWEEPS, OFF, HELD, HELD_BEFORE, REPORT_VALUES = 0, 1, 2, 3, 4
@@ -49,7 +51,7 @@ class Contacts(Structure):
         faces: (f, 2) first corner and number of corners, of all polytopes.
         corners: (c,) vertices, in order around each face.
         carriers: (l,) joint that carries each link.
-        counts: (3,) of points; see ``NOW``.
+        counts: (4,) of points; see ``NOW``.
         owners: (4 p,) pair of each point.
         owners_before: (4 p,) in the substep before.
         shape_values: (s, 20) pose in the joint, radius, half-length, middle and half-lengths of a
@@ -60,7 +62,8 @@ class Contacts(Structure):
         moves: (j, nv) 1 where a rate moves a joint, 0 elsewhere.
         acts: (l, p) 1 where a pair's force acts on a link, -1 where its reaction does.
         link_origins: (l, 3) of the links' frames in their joints, m.
-        settings: (3,) 1/2, or 0 where positions move by h v⁺; period, s; share for far shapes.
+        settings: (4,) 1/2, or 0 where positions move by h v⁺; period, s; share for far shapes; 1
+            for a part of a step.
         axes: (nv, 6) joint axes at the substep's start, as twists about the world's origin.
         poses: (s, 12) of shapes there, in the world: axes, then origin, m.
         boxes: (s, 7) half-lengths and middle of a bounding box along the world's axes, and how far
@@ -73,9 +76,12 @@ class Contacts(Structure):
         forces_before: (4 p, 3) likewise.
         origins: (4 p, 3) of the frames of shapes a, m, world.
         free: (nv,) rates at the substep's end without contacts.
-        change: (nv,) half of how far the substep goes.
+        change: (nv,) how far the substep goes without contacts.
         q: (nq,) where that leads.
-        joint_force: (nv,) Σ J_cᵀ λ, N m or N.
+        stiff: (nv,) by how much accelerations at the substep's start would give other rates.
+        joint_force: (nv,) mean of Σ J_cᵀ λ over the period so far, zero in what is left of it, N m
+            or N.
+        step_force: (nv,) Σ J_cᵀ λ of the substep.
         report: (6,) see ``HELD``.
         begun: (nq + nv,) state at the period's start.
         external: (l + links, 10) what contacts do to links, then what else pushes on them.
@@ -125,6 +131,8 @@ class Contacts(Structure):
     kept_counts, kept_owners = Part(35, 1, whole=True), Part(36, 1, whole=True)
     kept_points, kept_forces, kept_origins = Part(37, 2), Part(38, 2), Part(39, 2)
     kept_joint_force, kept_report = Part(40, 1), Part(41, 1)
+    step_force = Part(42, 1)
+    stiff = Part(43, 1)
 
 
 PARTS = {name: part for name, part in vars(Contacts).items() if isinstance(part, Part)}

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.contact.layout import FOUND, NOW, OFF, PARTS, SWEEPS, Contacts
+from hapticmech_ros.contact.layout import DIVISION, FOUND, NOW, OFF, PARTS, SWEEPS, Contacts
 from hapticmech_ros.contact.model_arrays import contacts_of, shape_model, with_workspace
 from hapticmech_ros.contact.touching import Touching, nothing_touching
 from hapticmech_ros.mechanism.mechanism import Mechanism
@@ -43,7 +44,7 @@ class ContactMemory:
                 shapes,
                 mechanism.active_set(mechanism.initially_active).model,
                 {link: (joint, pose.translation) for link, (joint, pose) in places.items()},
-                (ahead, plan.period, FAR),
+                (ahead, plan.period, FAR, 0.0),
             )
         )
         self._nothing = nothing_touching(mechanism.nv)
@@ -53,6 +54,7 @@ class ContactMemory:
         """Make points and forces those of a period, if they are not."""
         contacts, known = self.contacts, self._last
         self._last = None
+        contacts.joint_force[:] = 0.0 if touching is None else touching.joint_force
         if touching is None or not touching.pairs.size:
             contacts.counts[NOW] = 0
         elif touching is not known:
@@ -64,7 +66,6 @@ class ContactMemory:
             contacts.points[:count, 6] = touching.depths
             contacts.forces[:count] = touching.forces
             contacts.origins[:count] = touching.origins
-            contacts.joint_force[:] = touching.joint_force
             contacts.report[[SWEEPS, OFF]] = touching.sweeps, touching.residual
 
     def touching(self) -> Touching:
@@ -72,7 +73,9 @@ class ContactMemory:
         contacts = self.contacts
         count = int(contacts.counts[NOW])
         if not count:
-            return self._nothing
+            # Of an impact that was over before the period was.
+            felt = contacts.joint_force
+            return replace(self._nothing, joint_force=felt.copy()) if felt.any() else self._nothing
         points = contacts.points[:count].copy()
         report = contacts.report.tolist()
         self._last = Touching(
@@ -85,6 +88,7 @@ class ContactMemory:
             contacts.joint_force.copy(),
             int(report[SWEEPS]),
             report[OFF],
+            int(contacts.counts[DIVISION]),
         )
         return self._last
 

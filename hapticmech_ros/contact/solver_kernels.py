@@ -9,7 +9,7 @@ G = J D⁻¹ P Jᵀ with the closures taken out, and the law there is
 v_n is positive where surfaces part. Newton's rule solves for all points at once. Where that does
 not end, sweeps over the points, there and back, solve for one after the other before the next try:
 sweeps alone take hundreds where many points hold a body, and Newton's rule may start too far off.
-T14 to T19 of docs/derivations.md.
+T14 to T19 of docs/derivations.md. Points that impact have another law: see ``impact_kernels``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,13 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.compilation import inner, kernel, local, local_whole, put, shaped
+from hapticmech_ros.contact.impact_kernels import (
+    fill_across,
+    fill_impact_scales,
+    find_impacts,
+    parts_of,
+)
 from hapticmech_ros.contact.layout import (
     AHEAD,
     COULOMB,
@@ -25,6 +31,7 @@ from hapticmech_ros.contact.layout import (
     DISSIPATION,
     HELD,
     HELD_BEFORE,
+    IS_PART,
     JOINT_A,
     JOINT_B,
     OFF,
@@ -34,7 +41,6 @@ from hapticmech_ros.contact.layout import (
     Contacts,
 )
 from hapticmech_ros.contact.newton_kernels import (
-    ACROSS,
     FRICTION,
     GIVE,
     OWN,
@@ -56,6 +62,9 @@ LEAST_GIVE = 1e-9
 MOST_SWEEPS = 40
 # Sweeps end once rates are as the law says to this share of the largest one, or m/s.
 SHARE, FLOOR = 1e-8, 1e-13
+# Of points that impact rates are solved for to this share, and ways by so many rounds at most: what
+# is wrong there is energy.
+EXACT, MOST_TURNS = 1e-10, 12
 
 
 @inner
@@ -186,10 +195,72 @@ def _fill_scales(
     k, stiffness = 3 * c, law[STIFFNESS]
     damping = law[DAMPING] + law[DISSIPATION] * stiffness * max(depth, 0.0)
     resistance = max(damping, stiffness * step)
-    p, q, r = coupling[k + 1, k + 1], coupling[k + 1, k + 2], coupling[k + 2, k + 2]
     scales[c, OWN], scales[c, GIVE] = coupling[k, k], 1.0 / (step * resistance)
     scales[c, PUSH], scales[c, FRICTION] = stiffness * depth / resistance, law[COULOMB]
-    scales[c, ACROSS] = 0.5 * (p + r) + np.sqrt(0.25 * (p - r) * (p - r) + q * q)
+    fill_across(c, coupling, scales)
+
+
+@inner
+def _solve(
+    contacts: Contacts,
+    apart: Array,
+    now: Array,
+    depths: Array,
+    coupling: Array,
+    slopes: Array,
+    impacts: Array,
+    reached: bool,
+    step: float,
+    impulse: Array,
+    velocity: Array,
+) -> None:
+    """Solve for all impulses; where points that impact are reached, about the ways they go.
+
+    Args:
+        contacts: with ``owners`` and ``laws``; ``report`` is filled.
+        apart: (3 n,) rates of the points at the step's end without contacts, m/s.
+        now: (3 n,) at its start, m/s.
+        depths: (n,) at its start, m, as :func:`_depth` says.
+        coupling: (3 n, 3 n) what impulses do to rates, 1/kg.
+        slopes: (3 n, 3 n) to work in.
+        impacts: (n,) 1 for a point that impacts.
+        reached: whether one of these is reached in the step.
+        step: h, s.
+        impulse: (3 n,) first guess, N s; replaced by the solution.
+        velocity: (3 n,) to fill, m/s.
+    """
+    n, largest = depths.size, 0.0
+    laws, owners, report = contacts.laws, contacts.owners, contacts.report
+    scales, ways = shaped(local(n * SCALE_VALUES), (n, SCALE_VALUES)), local(n)
+    for i in range(3 * n):
+        largest = max(largest, abs(apart[i]))
+        velocity[i] = apart[i]
+    tolerance = (EXACT if reached else SHARE) * largest + FLOOR
+    for turn in range(MOST_TURNS if reached else 1):
+        away, longest = 0.0, 0.0
+        for c in range(n):
+            law = laws[owners[c]]
+            if impacts[c] == 0:
+                _fill_scales(c, law, depths[c], step, coupling, scales)
+                continue
+            way = -0.5 * step * (now[3 * c] + velocity[3 * c])
+            away, longest = max(away, abs(way - ways[c])), max(longest, abs(way))
+            ways[c] = way
+            fill_impact_scales(c, law, depths[c], way, now[3 * c], step, coupling, scales)
+        if turn > 0 and away <= EXACT * longest:
+            break
+        put_velocity(apart, coupling, impulse, velocity)
+        solve_points(scales, apart, coupling, impulse, velocity, tolerance, report, slopes)
+
+
+@inner
+def _depth(contacts: Contacts, c: int, rate: float, step: float, impacts: bool) -> float:
+    """Return a point's depth, m, that its law is about: where its way in the step begins.
+
+    At rest that is h / 2 ahead of the motion, where positions move by the mean of both rates.
+    """
+    ahead = contacts.settings[AHEAD] - (0.5 if impacts else 0.0)
+    return float(contacts.points[c, 6] - ahead * step * rate)
 
 
 @inner
@@ -201,8 +272,10 @@ def contact_forces(
     rates: Array,
     step: float,
     n: int,
-) -> None:
+) -> int:
     """Replace ``forces`` of the first n points, first guesses, by the solution; fill ``report``.
+
+    Returns 1, or into how many parts the step has to be divided before: forces are not found then.
 
     Args:
         model: the mechanism's.
@@ -220,13 +293,14 @@ def contact_forces(
     coupling = shaped(workspace[size * nv :], (size, size))
     slopes = shaped(workspace[size * (nv + size) :], (size, size))
     now, velocity, impulse, apart = local(3 * n), local(3 * n), local(3 * n), local(3 * n)
+    trial, tried, stiff = local(3 * n), local(3 * n), local(3 * n)
     points, owners, forces = contacts.points, contacts.owners, contacts.forces
     for c in range(n):
         contact_frame(points[c], frames[c])
         _fill_rows(contacts, later, rates, step, c, frames[c], rows, apart)
         for d in range(3):
             row, k = rows[3 * c + d], 3 * c + d
-            now[k] = dot(row, rates)
+            now[k], stiff[k] = dot(row, rates), dot(row, contacts.stiff)
             impulse[k] = step * dot(frames[c, d], forces[c])
             to_metric(model, data, row)
             free_part(model, data, row)
@@ -234,28 +308,37 @@ def contact_forces(
         for j in range(i + 1):
             coupling[i, j] = dot_rows(rows, i, j)
             coupling[j, i] = coupling[i, j]
-    scales, depths, largest = shaped(local(n * SCALE_VALUES), (n, SCALE_VALUES)), local(n), 0.0
-    laws, report, ahead = contacts.laws, contacts.report, contacts.settings[AHEAD]
+    laws, report, impacts, depths = contacts.laws, contacts.report, local_whole(n), local(n)
     for c in range(n):
-        depths[c] = points[c, 6] - ahead * step * now[3 * c]
-        _fill_scales(c, laws[owners[c]], depths[c], step, coupling, scales)
-    for i in range(3 * n):
-        largest = max(largest, abs(apart[i]))
-    put_velocity(apart, coupling, impulse, velocity)
-    solve_points(
-        scales, apart, coupling, impulse, velocity, SHARE * largest + FLOOR, report, slopes
-    )
-    for c in range(n):
-        left, stiffness = max(depths[c] - step * velocity[3 * c], 0.0), laws[owners[c], STIFFNESS]
         before = max(points[c, 6], 0.0)
+        report[HELD_BEFORE] += 0.5 * laws[owners[c], STIFFNESS] * before * before
+        depths[c] = _depth(contacts, c, now[3 * c], step, True)
+    put(trial, impulse)
+    for i in range(3 * n):
+        stiff[i] += apart[i]
+    fastest = find_impacts(contacts, stiff, now, depths, coupling, trial, tried, step, impacts)
+    parts = parts_of(fastest)
+    if parts > 1 and contacts.settings[IS_PART] == 0.0:
+        return parts
+    for c in range(n):
+        if impacts[c] == 0:
+            depths[c] = _depth(contacts, c, now[3 * c], step, False)
+    _solve(
+        contacts, apart, now, depths, coupling, slopes, impacts, fastest > 0.0, step, impulse,
+        velocity,
+    )  # fmt: skip
+    for c in range(n):
+        k, stiffness = 3 * c, laws[owners[c], STIFFNESS]
+        way = -0.5 * step * (now[k] + velocity[k]) if impacts[c] != 0 else -step * velocity[k]
+        left = max(depths[c] + way, 0.0)
         report[HELD] += 0.5 * stiffness * left * left
-        report[HELD_BEFORE] += 0.5 * stiffness * before * before
         for i in range(3):
             forces[c, i] = 0.0
         for d in range(3):
             k = 3 * c + d
             for i in range(3):
                 forces[c, i] += frames[c, d, i] * impulse[k] / step
+    return 1
 
 
 @inner

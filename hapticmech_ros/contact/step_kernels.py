@@ -9,12 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.contact.effect_kernels import contact_effects
 from hapticmech_ros.contact.layout import (
     BEFORE,
+    DIVISION,
     FAR_SHARE,
     FOUND,
+    IS_PART,
     NOW,
     PERIOD,
     REPORT_VALUES,
@@ -32,6 +34,7 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
     INACCURATE,
     NEEDS_CARE,
     RATES_NOT_FINITE,
+    UNCHECKED,
     begin_next,
     step_once,
 )
@@ -42,13 +45,15 @@ from hapticmech_ros.mechanism.kernels.tree_kernels import place_tree
 
 # Points are looked for this many steps ahead: forces begin half a step before surfaces meet.
 STEPS_AHEAD = 1.5
+# Rates at a step's end follow from accelerations at its start up to this turn in it, rad.
+TURNS = 0.02
 # Points count that are apart by this share of the shapes' size, moving or not.
 SLACK = 1e-3
 # What a call begins with: a period; a substep; or one whose nearest points have been searched for.
 WHOLE, EACH, SEARCHED = 0, 1, 2
 # Why a call ended early: nearest points have to be searched for; too small a workspace.
-# Within a period: shapes may come near.
-SEARCH, MORE_WORKSPACE, NEAR = 20, 21, 22
+# Within a period: shapes may come near. A substep that has to be divided to resolve an impact.
+SEARCH, MORE_WORKSPACE, NEAR, IMPACT = 20, 21, 22, 23
 
 
 @inner
@@ -59,6 +64,7 @@ def _untouched(
     stage_space: Data,
     parts: Work,
     contacts: Contacts,
+    spring_work: Array,
     plan: Array,
     external: Array,
 ) -> int:
@@ -68,7 +74,7 @@ def _untouched(
     the end, or of a failure, are in ``end``.
     """
     q0, v0, account, begun = parts.q0, parts.v0, parts.account, contacts.begun
-    substeps, stages, first = plan[0], plan[1], unpack(start, model)
+    substeps, stages, implicit, first = plan[0], plan[1], plan[5] != 0, unpack(start, model)
     if plan[2] == 0:
         code = factor(model, q0, first)
         if code < 0:
@@ -87,7 +93,7 @@ def _untouched(
             begin_next(parts)
             one, other = other, one
         code = step_once(
-            model, one, True, stage_space, other, parts, parts.held, external, stages, False
+            model, one, True, stage_space, other, parts, spring_work, external, stages, implicit
         )
         if code != SETTLED:
             break
@@ -112,17 +118,60 @@ def _untouched(
 
 
 @inner
-def _approach(model: Model, first: Data, parts: Work, contacts: Contacts, external: Array) -> int:
-    """Place the shapes, and look which of them are near; SETTLED, SEARCH, or how that failed."""
+def _find_free(
+    model: Model,
+    first: Data,
+    stage_space: Data,
+    last: Data,
+    parts: Work,
+    contacts: Contacts,
+    spring_work: Array,
+    external: Array,
+    stages: int,
+    implicit: bool,
+) -> int:
+    """Fill ``free`` and ``q``, rates and place at the substep's end without contacts.
+
+    They follow from the accelerations at its start; by an implicit rule, or where joints turn by
+    more than ``TURNS``, from a step without contacts. ``stiff`` is by how much rates differ then
+    from those that accelerations would give. Returns SETTLED, or how that failed.
+    """
+    free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings[0]
+    change, stiff, fastest = contacts.change, contacts.stiff, 0.0
+    for c in range(v0.size):
+        fastest = max(fastest, abs(v0[c]))
     start_step(parts)
     if not np.isfinite(dot(parts.v, parts.v)):
         return RATES_NOT_FINITE
     find_rates(model, first, parts, 0.0, external, model.result)
-    free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings[0]
     for c in range(free.size):
-        free[c] = v0[c] + step * result[c]
+        free[c], stiff[c] = v0[c] + step * result[c], 0.0
+        change[c] = 0.5 * step * (v0[c] + free[c])
+    if implicit or step * fastest > TURNS:
+        account, settings, v = parts.account, parts.settings, parts.v
+        before, heeded, tolerance = local(account.size), settings[8], settings[9]
+        put(before, account)
+        settings[8], settings[9] = UNCHECKED, 0.0
+        code = step_once(
+            model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
+        )
+        settings[8], settings[9] = heeded, tolerance
+        put(account, before)
+        if code == SETTLED:
+            put(contacts.q, parts.q)
+            for c in range(free.size):
+                stiff[c] = free[c] - v[c] if implicit else 0.0
+                free[c] = v[c]
+            return SETTLED
+    move(model, parts.q0, change, contacts.q)
+    return SETTLED
+
+
+@inner
+def _approach(first: Data, step: float, contacts: Contacts) -> int:
+    """Place the shapes, and look which of them are near; return SETTLED or SEARCH."""
     place_shapes(contacts, first)
-    near = near_pairs(contacts, free, STEPS_AHEAD * step, SLACK)
+    near = near_pairs(contacts, contacts.free, STEPS_AHEAD * step, SLACK)
     return SEARCH if near > 0 and needs_search(contacts) else SETTLED
 
 
@@ -172,7 +221,9 @@ def _substep(
     parts: Work,
     contact_numbers: Array,
     contact_values: Array,
+    spring_work: Array,
     stages: int,
+    implicit: bool,
     searched: bool,
     external_count: int,
 ) -> int:
@@ -186,7 +237,20 @@ def _substep(
             code = factor(model, q0, first)
             if code < 0:
                 return code
-        code = _approach(model, first, parts, contacts, external)
+        code = _find_free(
+            model,
+            first,
+            stage_space,
+            last,
+            parts,
+            contacts,
+            spring_work,
+            external,
+            stages,
+            implicit,
+        )
+        if code == SETTLED:
+            code = _approach(first, step, contacts)
         if code != SETTLED:
             return code
     count = touching_points(contact_numbers, contact_values)
@@ -195,29 +259,38 @@ def _substep(
         counts[FOUND] = count
         return MORE_WORKSPACE
     counts[NOW] = count
+    if contacts.settings[IS_PART] == 0.0:
+        counts[DIVISION] = 1
     for i in range(REPORT_VALUES):
         report[i] = 0.0
     if count > 0:
         _guess(contacts, count)
-        change, free = contacts.change, contacts.free
-        for c in range(change.size):
-            change[c] = 0.5 * step * (v0[c] + free[c])
-        move(model, q0, change, contacts.q)
         place_tree(model, contacts.q, stage_space)
         later = stage_space.joint_jacobian
-        contact_forces(model, first, contacts, later, v0, step, count)
+        division = contact_forces(model, first, contacts, later, v0, step, count)
+        if division > 1:
+            counts[DIVISION] = division
+            return IMPACT
         contact_effects(contacts, first.places, count)
         external = contacts.external[: links + external_count]
         parts.settings[10] = links
     code = step_once(
-        model, first, True, stage_space, last, parts, parts.held, external, stages, False
+        model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
     )
     parts.settings[10] = 0.0
+    if code == SETTLED and count > 0:
+        share, felt, force = (
+            step / contacts.settings[PERIOD],
+            contacts.joint_force,
+            contacts.step_force,
+        )
+        for c in range(felt.size):
+            felt[c] += share * force[c]
     return code
 
 
 @kernel(
-    "i8(i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], i8[::1], f8[::1], i8[::1])",
+    "i8(i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], i8[::1], f8[::1], i8[::1])",
     linked=True,
 )
 def advance_period(
@@ -227,6 +300,7 @@ def advance_period(
     end: Array,
     scratch: Array,
     work: Array,
+    spring_work: Array,
     contact_numbers: Array,
     contact_values: Array,
     plan: Array,
@@ -241,16 +315,18 @@ def advance_period(
         scratch: (size,) packed terms of stages.
         work: (work,) see ``step_kernels.Work``; ``q0`` and ``v0`` are the start, ``state`` the end,
             account 0, 1, 5, 6 and 7 add up.
+        spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         contact_numbers: (integers,) of the contacts, whole ones.
         contact_values: (numbers,) the others; see ``layout.Contacts``.
-        plan: (5,) number of substeps, number of stages, 1 where terms at the start are known, what
-            it begins with (``WHOLE``, ``EACH``, ``SEARCHED``), and how many rows of ``external``
-            behind those of the contacts are wrenches from outside.
+        plan: (6,) number of substeps, number of stages, 1 where terms at the start are known, what
+            it begins with (``WHOLE``, ``EACH``, ``SEARCHED``), how many rows of ``external``
+            behind those of the contacts are wrenches from outside, and 1 for an implicit rule.
 
     Returns:
         0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of
         the pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``counts[FOUND]``
-        points is missing, or NEEDS_CARE, INACCURATE and NOT_DECIDED, of which
+        points is missing, IMPACT, where the substep has to be divided into ``counts[DIVISION]``
+        parts, or NEEDS_CARE, INACCURATE and NOT_DECIDED, of which
         ``run_kernels.advance`` tells and where points and forces are those of this substep: ``q0``
         and ``v0`` are its start then, and ``start`` has the terms there unless it is NOT_DECIDED.
         Or how a substep failed. Account 5 is the number of substeps done.
@@ -259,11 +335,15 @@ def advance_period(
     contacts = Contacts(contact_numbers, contact_values)
     first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
     substeps, stages, known, external_count = plan[0], plan[1], plan[2] != 0, plan[4]
-    searched = plan[3] == SEARCHED
+    searched, implicit = plan[3] == SEARCHED, plan[5] != 0
     if plan[3] == WHOLE:
         links = contacts.carriers.size
+        contacts.joint_force[:] = 0.0
+        contacts.counts[DIVISION] = 1
         external = contacts.external[links : links + external_count]
-        code = _untouched(model, start, end, stage_space, parts, contacts, plan, external)
+        code = _untouched(
+            model, start, end, stage_space, parts, contacts, spring_work, plan, external
+        )
         if code != NEAR:
             return code
         known = True
@@ -280,7 +360,9 @@ def advance_period(
             parts,
             contact_numbers,
             contact_values,
+            spring_work,
             stages,
+            implicit,
             searched,
             external_count,
         )

@@ -1,6 +1,7 @@
 """Periods of a mechanism that touches things, by a kernel that calls for what it cannot do itself.
 
-That is the search for nearest points of two bounded shapes, and steps that need care.
+That is the search for nearest points of two bounded shapes, steps that need care, and those that
+have to be divided to resolve an impact.
 """
 
 from __future__ import annotations
@@ -10,16 +11,20 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hapticmech_ros.contact.layout import (
+    DIVISION,
     HELD,
     HELD_BEFORE,
+    IS_PART,
     NEEDS_SEARCH,
     NOW,
+    PERIOD,
     SHAPE_A,
     SHAPE_B,
 )
 from hapticmech_ros.contact.memory import ContactMemory
 from hapticmech_ros.contact.step_kernels import (
     EACH,
+    IMPACT,
     MORE_WORKSPACE,
     SEARCH,
     SEARCHED,
@@ -34,11 +39,13 @@ from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
     Start,
     Stepped,
+    Took,
     check_external,
+    end_of,
     plan_of,
 )
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.mechanism.stepping import Stepper, Took, end_of
+from hapticmech_ros.mechanism.stepping import Stepper
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.hull import Polytope
@@ -69,7 +76,8 @@ class ContactStepper:
         self._substeps = plan.substeps
         self._stepper = Stepper(mechanism, plan)
         self.memory = ContactMemory(mechanism)
-        self._plan = np.array((0, len(SCHEMES[plan.integrator].weights), 0, 0, 0))
+        scheme = SCHEMES[plan.integrator]
+        self._plan = np.array((0, len(scheme.weights), 0, 0, 0, scheme.implicit))
         self._nearest = self._searches(self.memory.polytopes)
 
     def advance(
@@ -92,7 +100,12 @@ class ContactStepper:
         took = self._call(active_set, start, external, self._substeps, WHOLE)
         if took.code == 0 and took.stepped is not None:
             return self._touched(took.stepped)
-        now, left, ended = start, self._substeps, None
+        return self._touched(self._ended(took, start, external, self._substeps))
+
+    def _ended(self, took: Took, start: Start, external: ExternalWrenches, total: int) -> Stepped:
+        """Do what is left of so many steps after a call of the kernel from their start on."""
+        active_set = self._mechanism.active_set(start.active)
+        now, left, ended = start, total, None
         while True:
             if took.code == NOT_DECIDED and not took.steps:
                 took = self._call(active_set.dense, now, external, 1, EACH)
@@ -103,7 +116,7 @@ class ContactStepper:
             ended = stepped if ended is None else stepped.after(ended)
             now, left = end_of(stepped, start), left - steps
             if not left:
-                return self._touched(ended)
+                return ended
             took = self._call(active_set, now, external, left, EACH)
 
     def energy_at(self, start: Start) -> float:
@@ -143,9 +156,9 @@ class ContactStepper:
         known = stepper.load(start, active_set, external)
         plan[0], plan[2], plan[3] = count, known is not None, phase
         first, end = active_set.first_terms(known, count), np.empty(active_set.size)
-        constants, scratch, work = active_set.constants, active_set.scratch, stepper.work
+        constants, work = active_set.constants, (active_set.scratch, stepper.work, stepper.springs)
         while True:
-            code = advance_period(*constants, first, end, scratch, work, *self.memory.arrays, plan)
+            code = advance_period(*constants, first, end, *work, *self.memory.arrays, plan)
             if code == SEARCH:
                 self._search()
             elif code == MORE_WORKSPACE:
@@ -163,13 +176,32 @@ class ContactStepper:
                 found[pair] = nearest.search(poses[a], poses[b])
 
     def _alone(self, code: int, start: Start, external: ExternalWrenches) -> Stepped:
-        """Do the substep that the kernel stopped before, contacts held."""
+        """Do the substep that the kernel stopped before: an impact in parts, else contacts held."""
         contacts = self.memory.contacts
+        if code == IMPACT:
+            return self._in_parts(start, external, int(contacts.counts[DIVISION]))
         if not contacts.counts[NOW]:
             return self._stepper.alone(code, start, external)
         rows = zip(self.memory.links, contacts.external, strict=False)
         touching = {link: row[4:].copy() for link, row in rows}
-        return self._stepper.alone(code, start, external._replace(touching=touching))
+        stepped = self._stepper.alone(code, start, external._replace(touching=touching))
+        share = self._stepper.step / contacts.settings[PERIOD]
+        contacts.joint_force += share * contacts.step_force
+        return stepped
+
+    def _in_parts(self, start: Start, external: ExternalWrenches, count: int) -> Stepped:
+        """Do a substep in so many smaller ones, in which contacts are found anew."""
+        settings, active_set = (
+            self.memory.contacts.settings,
+            self._mechanism.active_set(start.active),
+        )
+        settings[IS_PART] = 1.0
+        try:
+            with self._stepper.divided(count):
+                took = self._call(active_set, start, external, count, EACH)
+                return self._ended(took, start, external, count)
+        finally:
+            self.memory.contacts.settings[IS_PART] = 0.0
 
     def _touched(self, stepped: Stepped) -> Touched:
         """Return a period's outcome with what is known of its last substep."""

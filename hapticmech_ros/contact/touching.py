@@ -20,9 +20,11 @@ class Touching:
         depths: (n,) m, how far the shapes overlap there; below 0 for a gap.
         forces: (n, 3) on a by b, held over the step, N, world axes.
         origins: (n, 3) of the frames of shapes a, m, world, at the step's start.
-        joint_force: (nv,) Σ J_cᵀ λ at the step's start, N m or N.
+        joint_force: (nv,) mean of Σ J_cᵀ λ over the period, each at its step's start, N m or N.
         sweeps: that the solver did; none where Newton's rule was enough.
         residual: m/s, by which the points' rates are off what the law says.
+        divided: into how many parts the last step was divided for an impact; points and forces are
+            those of the last part.
     """
 
     pairs: Array
@@ -34,6 +36,7 @@ class Touching:
     joint_force: Array
     sweeps: int = 0
     residual: float = 0.0
+    divided: int = 1
 
     def wrench(self, pair: int, origin: Array | None = None) -> Array:
         """Return (6,) the wrench of a pair: by b, on a, at a point, N and N m, world axes.

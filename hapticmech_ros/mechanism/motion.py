@@ -114,6 +114,19 @@ class Plan(NamedTuple):
     max_substeps: int = 1
 
 
+class Took(NamedTuple):
+    """What a call of the kernel did: why it ended, how many steps, and their end if there are."""
+
+    code: int
+    steps: int
+    stepped: Stepped | None
+
+
+def end_of(stepped: Stepped, start: Start) -> Start:
+    """Return where a step ended as where the next one begins."""
+    return Start(stepped.q, stepped.v, start.active, closing=stepped.closing)
+
+
 def plan_of(simulation: Simulation) -> Plan:
     """Return how a scene's simulation steps through a period."""
     pulled = simulation.stabilisation == "baumgarte"

@@ -5,9 +5,10 @@ Where branches of the motion cross, or nearly do, the kernel stops, and the step
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import SimpleNamespace
-from typing import NamedTuple, cast
+from typing import cast
 
 import numpy as np
 
@@ -35,7 +36,9 @@ from hapticmech_ros.mechanism.motion import (
     Plan,
     Start,
     Stepped,
+    Took,
     check_external,
+    end_of,
 )
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.step_errors import step_error
@@ -51,14 +54,6 @@ _NO_PUSHES = np.zeros((0, 10))
 SingleStep = Callable[[Start, ExternalWrenches], Stepped]
 
 
-class Took(NamedTuple):
-    """What a call of the kernel did: why it ended, how many steps, and their end if there are."""
-
-    code: int
-    steps: int
-    stepped: Stepped | None
-
-
 class Stepper:
     """Steps a mechanism by periods.
 
@@ -72,13 +67,14 @@ class Stepper:
         springs: of implicit rules; see ``implicit_kernels.Springs``.
         stages: of the rule.
         implicit: 1 for an implicit rule.
+        step: s, length of the steps that are done now; see :meth:`divided`.
     """
 
     def __init__(self, mechanism: Mechanism, plan: Plan) -> None:
         self._mechanism = mechanism
         self._plan = plan
         # Of the steps that are done now; see _refined.
-        self._step, self._tolerance = plan.period / plan.substeps, plan.tolerance
+        self.step, self._tolerance = plan.period / plan.substeps, plan.tolerance
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
         scheme = SCHEMES[plan.integrator]
         self.springs = np.zeros(springs_size(nv) if scheme.implicit else 0)
@@ -145,7 +141,7 @@ class Stepper:
                 try:
                     stepped = self.alone(code, now, external)
                 except InaccurateStepError as error:
-                    error.time += (done + steps) * self._step
+                    error.time += (done + steps) * self.step
                     raise
                 ended = stepped if ended is None else stepped.after(ended)
                 now = end_of(stepped, start)
@@ -216,14 +212,23 @@ class Stepper:
         self, start: Start, external: ExternalWrenches, single: SingleStep, count: int
     ) -> Stepped:
         """Do a step in so many smaller ones, whatever their energy accounts are."""
-        step, tolerance = self._step, self._tolerance
-        self._step, self._tolerance = step / count, 0.0
+        tolerance, self._tolerance = self._tolerance, 0.0
         try:
-            if count == 1:
-                return single(start, external)
-            return self._steps(start, external, count, _NO_SAMPLES, 0)
+            with self.divided(count):
+                if count == 1:
+                    return single(start, external)
+                return self._steps(start, external, count, _NO_SAMPLES, 0)
         finally:
-            self._step, self._tolerance = step, tolerance
+            self._tolerance = tolerance
+
+    @contextmanager
+    def divided(self, count: int) -> Iterator[None]:
+        """Return a context in which steps are so many times shorter."""
+        step, self.step = self.step, self.step / count
+        try:
+            yield
+        finally:
+            self.step = step
 
     def _balance(
         self, start: Start, stepped: Stepped, external: ExternalWrenches, damps: bool
@@ -256,7 +261,7 @@ class Stepper:
                 self._mechanism,
                 start._replace(closing=known),
                 external,
-                self._step,
+                self.step,
                 lambda stepped: self._balance(start, stepped, external, False),
             )
             if led is not None:
@@ -337,7 +342,7 @@ class Stepper:
         parts = self.parts
         # States that are pulled are off the closures anyway: no step needs care.
         checked = heeded == EVERYTHING and not self._pulled
-        parts.settings[0] = self._step
+        parts.settings[0] = self.step
         parts.settings[8] = EVERYTHING if checked else UNCHECKED
         parts.settings[9] = self._tolerance if checked else 0.0
         account = parts.account
@@ -393,8 +398,3 @@ def _known(start: Start, active_set: ActiveSet) -> Array | None:
     if closing is None:
         return None
     return closing.packed if closing.active_set is active_set else None
-
-
-def end_of(stepped: Stepped, start: Start) -> Start:
-    """Return where a step ended as where the next one begins."""
-    return Start(stepped.q, stepped.v, start.active, closing=stepped.closing)

@@ -175,7 +175,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def _by_all(self) -> Array:
         """Return F_c (points, 6): what pushes at operational points, and virtual objects' part."""
         touching = self._state.touching
-        if self._contact_wrenches is None or touching is None or not touching.pairs.size:
+        if self._contact_wrenches is None or touching is None or not touching.joint_force.any():
             return self._external
         terms = self._simulator.evaluate(self._state)
         return np.asarray(self._external + self._contact_wrenches.at(terms, touching.joint_force))

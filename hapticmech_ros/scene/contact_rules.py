@@ -23,9 +23,6 @@ def broken_contact_rules(scene: Scene) -> Iterator[SceneProblem]:
     for index, contact in enumerate(scene.contacts):
         yield from _pair(scene, f"contacts[{index}]", contact, shapes)
         yield from _law(f"contacts[{index}]", contact)
-    if scene.contacts and scene.simulation.integrator == "linearly_implicit":
-        rule = "contacts are solved for by themselves: rk4, rk2 or semi_implicit_euler"
-        yield SceneProblem("simulation.integrator", scene.simulation.integrator, rule)
 
 
 def with_mesh_paths(document: object, folder: Path) -> object:

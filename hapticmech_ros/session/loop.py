@@ -348,7 +348,7 @@ class SessionLoop:
         found = self._analyser.observe(state.q, state.v, state.active, closing)
         data.observation[:] = found.numbers
         data.contact[:] = 0.0
-        if state.touching is not None and state.touching.pairs.size:
+        if state.touching is not None and state.touching.joint_force.any():
             terms, force = self.simulator.evaluate(state), state.touching.joint_force
             data.contact[:] = contact_wrench(self._analyser, terms, force)
 

@@ -105,10 +105,12 @@ def feel_contacts(
     numbers: Array, values: Array, data: SessionData, packed: Array, contacts: Contacts
 ) -> None:
     """Fill F_c of the contacts in the step that led here."""
-    if contacts.counts[NOW] == 0:
+    force, felt = contacts.joint_force, False
+    for c in range(force.size):
+        felt = felt or force[c] != 0.0
+    if not felt:
         data.contact[:] = 0.0
     else:
-        force = contacts.joint_force
         consistent_wrench(numbers, values, packed, data.observation, data.rows, force, data.contact)
 
 
@@ -208,15 +210,25 @@ def move_mechanism(
         pushed[index, i] = wrenches[1, i] + data.external[i]
     parts.held[:] = 0.0
     account[0] = account[1] = account[5] = account[6] = account[7] = 0.0
-    at, plan = clock[AT], local_whole(5)
+    at, plan = clock[AT], local_whole(6)
     first, last, stages, touches = packed[at], packed[1 - at], packed[3], contact_numbers.size > 0
     contacts = Contacts(contact_numbers, contact_values)
     plan[0] = data.steps
     if touches:
         keep(contacts)
         plan[1], plan[2], plan[3], plan[4] = data.stages, clock[KNOWN], WHOLE, 0
+        plan[5] = data.implicit
         code = advance_period(
-            numbers, values, first, last, stages, work, contact_numbers, contact_values, plan
+            numbers,
+            values,
+            first,
+            last,
+            stages,
+            work,
+            springs,
+            contact_numbers,
+            contact_values,
+            plan,
         )
     else:
         plan[1], plan[2], plan[3], plan[4] = 0, data.stages, data.implicit, clock[KNOWN]

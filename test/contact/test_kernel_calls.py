@@ -23,7 +23,10 @@ def stack(**simulation):
     return scene(
         [body("low"), body("high")],
         [FLOOR, shape("low", SHAPES["box"]), shape("high", SHAPES["box"])],
-        [pair("low_shape", friction=0.5), pair("high_shape", "low_shape", friction=0.4)],
+        [
+            pair("low_shape", friction=0.5, damping=200.0),
+            pair("high_shape", "low_shape", friction=0.4, damping=200.0),
+        ],
         {
             "low": [0.0, 0.0, 0.05, *UPRIGHT],
             "high": [0.01, 0.0, 0.15, 0.0, 0.0, np.sin(0.1), np.cos(0.1)],
@@ -60,7 +63,8 @@ def test_it_is_the_step_without_contacts_under_their_wrenches(name, integrator):
     alone = Simulator(sim.scene.model_copy(update={"contacts": (), "shapes": ()}))
     seen = 0
     for before, after in pairwise(states):
-        if not after.touching.pairs.size:
+        # Of a divided step the last part's forces are told.
+        if not after.touching.pairs.size or after.touching.divided > 1:
             continue
         seen += 1
         wrenches = {}
@@ -137,7 +141,7 @@ def test_a_step_that_needs_care_keeps_its_contacts(monkeypatch, substeps):
     document = on_floor("box", 0.0501, (0.3, 0.1, 0.0), law=law, substeps=substeps)
 
     def wary(*arguments):
-        *_, work, _, _, plan = arguments
+        *_, work, _, _, _, plan = arguments
         plan[0], plan[3] = 1, contact_stepping.EACH
         kept = work.copy()
         code = kernel(*arguments)

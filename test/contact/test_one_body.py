@@ -25,22 +25,22 @@ def test_a_body_rests_where_springs_carry_its_weight(kind):
 @pytest.mark.parametrize("stiffness", [1e3, 1e4, 1e6, 1e8])
 @pytest.mark.parametrize("kind", SHAPES)
 def test_a_dropped_body_never_gains_energy(kind, stiffness):
-    law = {"stiffness": stiffness, "friction": 0.5}
+    law = {"stiffness": stiffness, "friction": 0.5, "damping": np.sqrt(stiffness)}
     sim, states = run(on_floor(kind, HEIGHT[kind] + 0.05, law=law), 0.4)
     energies = np.array([held(sim, state) for state in states])
     assert energies.max() <= energies[0] + 1e-12
     lost = np.array([state.account.contact_loss for state in states])
-    # T16a: a step may seem to gain what gravity does in half of it, m (g h)² / 8.
-    assert np.diff(lost).min() > -0.125 * (1e-3 * G) ** 2 - 1e-12
+    # T16c: what comes to rest may gain m (g h)² / 2, once.
+    assert np.diff(lost).min() > -0.5 * (1e-3 * G) ** 2 - 1e-12
     assert energies == pytest.approx(energies[0] - lost, abs=1e-9)
-    # Springs far softer than m / h² bounce on.
-    assert stiffness < 1e6 or energies[-1] < energies[0] - 0.45
+    # Of 0.49 J: half as much damping as stops a body in one go.
+    assert energies[-1] < energies[0] - 0.4
     assert all(np.isfinite(state.q).all() for state in states)
 
 
 def test_stiffness_far_above_the_explicit_limit_is_stable():
     """A step of 1 ms and 0.1 kg: an explicit rule needs k < 4 m / h² = 4e5 N/m."""
-    document = on_floor("box", 0.06, mass=0.1, law={"stiffness": 1e6})
+    document = on_floor("box", 0.06, mass=0.1, law={"stiffness": 1e6, "damping": 100.0})
     _, states = run(document, 1.0)
     assert states[-1].q[2] == pytest.approx(0.05 - 0.1 * G / 4e6, abs=1e-9)
     late = states[len(states) // 2 :]
@@ -116,11 +116,11 @@ def _rebound(stiffness, damping, speed):
     return -v[left]
 
 
-@pytest.mark.parametrize("stiffness", [1e3, 1e5, 1e7])
+@pytest.mark.parametrize("stiffness", [2e4, 1e5, 1e7])
 def test_a_step_on_a_spring_is_the_one_derived(stiffness):
     """T15: y⁺ = (y + h v) / (1 + κ) and v⁺ = (v - κ y / h) / (1 + κ), y inwards, κ = k h² / m."""
-    law = {"stiffness": stiffness}
-    document = on_floor("sphere", 0.05 - 1e-4, (0, 0, -0.01), law=law, gravity=(0, 0, 0))
+    law, depth = {"stiffness": stiffness}, 2e-4 / np.sqrt(stiffness)
+    document = on_floor("sphere", 0.05 - depth, (0, 0, -2e-4), law=law, gravity=(0, 0, 0))
     _, states = run(document, 0.002)
     kappa, h = stiffness * 1e-6, 1e-3
     inwards = [-state.v[2] for state in states]

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.contact.effect_kernels import contact_effects
-from hapticmech_ros.contact.layout import HELD, Contacts
+from hapticmech_ros.contact.layout import HELD, IS_PART, Contacts
 from hapticmech_ros.contact.near_kernels import near_pairs, place_shapes
 from hapticmech_ros.contact.solver_kernels import contact_forces
 from hapticmech_ros.contact.step_kernels import SLACK, STEPS_AHEAD
@@ -29,9 +29,9 @@ class ContactLoop:
     def __init__(self, scene):
         plan = scene.simulation
         self.step_size = plan.period / plan.substeps
-        single = plan.model_copy(update={"period": self.step_size, "substeps": 1})
-        update = {"contacts": (), "shapes": (), "simulation": single}
-        self.alone = ReadableSimulator(scene.model_copy(update=update))
+        self._scene = scene.model_copy(update={"contacts": (), "shapes": ()})
+        self._simulators = {}
+        self.alone = self._stepping(self.step_size)
         self._model = self.alone.mechanism.model
         # Of production nothing but the arrays that describe the scene.
         stepper = ContactStepper(Mechanism(scene))
@@ -40,9 +40,20 @@ class ContactLoop:
         self.held = 0.0
         self.forces = np.zeros((0, 3))
 
+    def _stepping(self, step):
+        """Return the simulator of the mechanism alone with steps of this length, s."""
+        if step not in self._simulators:
+            plan = self._scene.simulation.model_copy(update={"period": step, "substeps": 1})
+            scene = self._scene.model_copy(update={"simulation": plan})
+            self._simulators[step] = ReadableSimulator(scene)
+        return self._simulators[step]
+
     def step(self, state, wrenches):
         """Return the state a substep later."""
-        contacts, step, q, v = self.contacts, self.step_size, state.q, state.v
+        return self._after(state, wrenches, self.step_size)
+
+    def _after(self, state, wrenches, step):
+        contacts, q, v = self.contacts, state.q, state.v
         axes, places = self._kinematics(q)
         place_shapes(contacts, SimpleNamespace(joint_jacobian=axes, places=places))
         terms = self.alone.evaluate(state)
@@ -58,12 +69,18 @@ class ContactLoop:
             metric = SimpleNamespace(
                 factor=space.factor, basis=np.array(space.basis.T), tail=(0.0, space.rank)
             )
-            contact_forces(model, metric, contacts, later, v, step, count)
+            parts = contact_forces(model, metric, contacts, later, v, step, count)
+            if parts > 1:
+                contacts.settings[IS_PART] = 1.0
+                for _ in range(parts):
+                    state = self._after(state, wrenches, step / parts)
+                contacts.settings[IS_PART] = 0.0
+                return state
             contact_effects(contacts, places, count)
             rows = contacts.external[: len(self._links), 4:]
             external = {link: row.copy() for link, row in zip(self._links, rows, strict=True)}
         self.held, self.forces = float(contacts.report[HELD]), contacts.forces[:count].copy()
-        return self.alone.step(state, wrenches, external)
+        return self._stepping(step).step(state, wrenches, external)
 
     def _kinematics(self, q):
         """Return joint axes (nv, 6) about the world's origin, and poses of joints (joints, 12)."""

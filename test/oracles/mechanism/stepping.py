@@ -18,11 +18,12 @@ from hapticmech_ros.mechanism.motion import (
     Start,
     Stepped,
     check_external,
+    end_of,
     not_finite,
     plan_of,
 )
 from hapticmech_ros.mechanism.projection import Projected, came_apart, project, refuse_flipped
-from hapticmech_ros.mechanism.stepping import Stepper, end_of
+from hapticmech_ros.mechanism.stepping import Stepper
 from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE, ENERGY_ROUNDING, NEAR, PASSING
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.simulation import Simulator
@@ -62,7 +63,7 @@ class ReadableStepper(Stepper):
     def __init__(self, mechanism: ReadableMechanism, plan: Plan) -> None:
         self._mechanism = mechanism
         self._plan = plan
-        self._step, self._tolerance = plan.period / plan.substeps, 0.0
+        self.step, self._tolerance = plan.period / plan.substeps, 0.0
         self._pulled = plan.baumgarte_rate > 0.0
 
     def run(
@@ -86,7 +87,7 @@ class ReadableStepper(Stepper):
             return self._substep(start, external)
         known = start.closing if start.terms is None else start.terms.closing
         closing = known or self._mechanism.closing_terms(start.q, start.active)
-        limit = max(NEAR, min(PASSING, self._step * float(np.abs(start.v).max())))
+        limit = max(NEAR, min(PASSING, self.step * float(np.abs(start.v).max())))
         if closing.least >= limit:
             motion = ReadableMotion(self._mechanism, start, external)
             stepped = self._follow(motion, start)
@@ -115,7 +116,7 @@ class ReadableStepper(Stepper):
         )
 
     def _follow(self, motion: HeldMotion, start: Start) -> Stepped:
-        mechanism, step = self._mechanism, self._step
+        mechanism, step = self._mechanism, self.step
         integrate = INTEGRATORS[self._plan.integrator]
         moved = integrate(mechanism.model, motion, start.q, start.v, step)
         if not math.isfinite(moved.q @ moved.q + moved.v @ moved.v):
