@@ -75,7 +75,10 @@ class ContactMemory:
         if not count:
             # Of an impact that was over before the period was.
             felt = contacts.joint_force
-            return replace(self._nothing, joint_force=felt.copy()) if felt.any() else self._nothing
+            # Of few numbers NumPy's any takes longer.
+            if any(felt.tolist()):
+                return replace(self._nothing, joint_force=felt.copy())
+            return self._nothing
         points = contacts.points[:count].copy()
         report = contacts.report.tolist()
         self._last = Touching(
