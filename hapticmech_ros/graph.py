@@ -127,7 +127,7 @@ class Graph:
 
     def stop(self) -> dict[str, int]:
         """End every process, SIGINT first, and return exit codes by name."""
-        return {name: stop_process(process) for name, process in self.processes.items()}
+        return stop_processes(self.processes)
 
     def __enter__(self) -> Graph:
         return self
@@ -138,10 +138,6 @@ class Graph:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        # All are asked first, so that they end together.
-        for process in self.processes.values():
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
         self.stop()
 
 
@@ -229,13 +225,23 @@ def ending(name: str, process: subprocess.Popen[str]) -> str:
 
 def stop_process(process: subprocess.Popen[str]) -> int:
     """End a process: SIGINT, then SIGTERM, then SIGKILL; return its exit code."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+    return stop_processes({"": process})[""]
+
+
+def stop_processes(processes: Mapping[str, subprocess.Popen[str]]) -> dict[str, int]:
+    """End processes together, each as :func:`stop_process`; return exit codes by name."""
+    for process in processes.values():
         if process.poll() is None:
-            process.send_signal(number)
+            process.send_signal(signal.SIGINT)
+    return {name: _wait_for_end(process) for name, process in processes.items()}
+
+
+def _wait_for_end(process: subprocess.Popen[str]) -> int:
+    for number in (signal.SIGTERM, signal.SIGKILL):
         try:
             return process.wait(STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
-            continue
+            process.send_signal(number)
     return process.wait()
 
 

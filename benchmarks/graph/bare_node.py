@@ -20,6 +20,7 @@ from benchmarks.graph.bare_examples import TYPES, Example, Examples
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.loop import (
     StopRequest,
+    print_report,
     run_until,
     wake_up_in_time,
 )
@@ -199,7 +200,7 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
             nodes[-1].begin()
         run_until(stop, nodes)
         for node in nodes:
-            print(node.final_report(), flush=True)
+            print_report(node)
         return 0
     except HapticMechError as error:
         sys.stderr.write(f"{error}\n")

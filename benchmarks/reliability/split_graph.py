@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.reliability.emulated_network import DEVICE, REST, ROOT, EmulatedNetwork
-from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_process
+from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_processes
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 
 Array = NDArray[np.float64]
@@ -161,10 +160,7 @@ class SplitGraph:
 
     def stop(self) -> dict[str, int]:
         """End every process; return exit codes."""
-        for process in self._processes.values():
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-        return {name: stop_process(process) for name, process in self._processes.items()}
+        return stop_processes(self._processes)
 
     def watched(self) -> Watched:
         """End all, and return what the device went through.

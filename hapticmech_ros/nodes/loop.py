@@ -10,6 +10,7 @@ import ctypes
 import gc
 import inspect
 import signal
+import sys
 import time
 from collections.abc import Sequence
 from types import FrameType
@@ -40,6 +41,9 @@ class StopRequest:
     def _handle(self, number: int, frame: FrameType | None) -> None:
         del number, frame
         self.asked = True
+        # Python takes its handlers away as it ends: a second Ctrl-C would kill it there.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 def wake_up_in_time() -> None:
@@ -93,6 +97,19 @@ def run_until(stop: StopRequest, nodes: Sequence[HasDeadlines]) -> None:
             if deadline is not None and deadline <= (now := node.now_ns()):
                 node.act(now)
     executor.shutdown()
+
+
+class Reports(Protocol):
+    """A node that has something to say as it ends."""
+
+    def final_report(self) -> str:
+        """Return what is printed then."""
+
+
+def print_report(node: Reports) -> None:
+    """Print a node's last line in one write: processes that share a terminal end together."""
+    sys.stdout.write(f"{node.final_report()}\n")
+    sys.stdout.flush()
 
 
 def _find_callers() -> None:

@@ -20,7 +20,7 @@ from hapticmech_ros.discovery import exposure
 from hapticmech_ros.errors import HapticMechError, as_ours
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.loop import StopRequest, run_until, wake_up_in_time
+from hapticmech_ros.nodes.loop import StopRequest, print_report, run_until, wake_up_in_time
 from hapticmech_ros.nodes.scheduling import QuickStart, ask_for_real_time, priority_of
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
         _schedule(nodes)
         run_until(stop, nodes)
         for node in nodes:
-            print(node.final_report(), flush=True)
+            print_report(node)
             node.end()
         return 0
     except (HapticMechError, *REFUSALS) as error:
