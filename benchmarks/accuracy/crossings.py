@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -21,6 +22,7 @@ from benchmarks.oracle import oracle
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.simulation import Simulator
+from hapticmech_ros.workers import in_order
 
 PERIODS = (1e-4, 2.5e-4, 5e-4, 1e-3, 2e-3, 4e-3)
 INTEGRATORS = ("rk4", "rk2", "semi_implicit_euler", "linearly_implicit")
@@ -28,6 +30,8 @@ INTEGRATORS = ("rk4", "rk2", "semi_implicit_euler", "linearly_implicit")
 NEAREST, FURTHEST, ON_IT = 1e-12, 1e-3, 20
 # What a step next to a crossing may lose beyond the rule's own error.
 ALLOWED = 1e-8
+# Crossings that a process does at a time.
+BLOCK = 500
 WINDOWS, STEPS, UNTIL = (1, 2, 3, 5, 10, 20, 40, 80), (2e-3, 1e-3, 5e-4, 2.5e-4), 10.0
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -41,25 +45,95 @@ class Case(NamedTuple):
     period: float
 
 
+class Block(NamedTuple):
+    """Crossings that are done together: seed, which block of it, and how many."""
+
+    seed: int
+    number: int
+    size: int
+
+
+@dataclass
+class Tally:
+    """What was seen of crossings, by name of the mechanism.
+
+    Attributes:
+        count: how many.
+        bad: of these above what is allowed.
+        raised: of these that ended with an error.
+        energy, apart: largest errors beyond the rule's own.
+        told: a line for each that is bad or raised.
+    """
+
+    count: Counter[str] = field(default_factory=Counter)
+    bad: Counter[str] = field(default_factory=Counter)
+    raised: Counter[str] = field(default_factory=Counter)
+    energy: dict[str, float] = field(default_factory=dict)
+    apart: dict[str, float] = field(default_factory=dict)
+    told: list[str] = field(default_factory=list)
+
+    def see(self, case: Case, distance: float) -> None:
+        """Pass a crossing, with a sample at a distance in rad."""
+        name = case.mechanism
+        self.count[name] += 1
+        try:
+            lost, apart = beyond(case, distance)
+        except HapticMechError as error:
+            self.raised[name] += 1
+            self.told.append(f"{case}, {distance:.3e} rad: {error}")
+            return
+        self.energy[name] = max(self.energy.get(name, lost), lost)
+        self.apart[name] = max(self.apart.get(name, apart), apart)
+        if not max(lost, apart) <= ALLOWED:
+            self.bad[name] += 1
+            self.told.append(f"{case}, {distance:.3e} rad: {lost:.1e} of the energy, {apart:.1e}")
+
+    def add(self, other: Tally) -> None:
+        """Add what was seen of others."""
+        self.count += other.count
+        self.bad += other.bad
+        self.raised += other.raised
+        for ours, theirs in ((self.energy, other.energy), (self.apart, other.apart)):
+            for name, value in theirs.items():
+                ours[name] = max(ours.get(name, value), value)
+
+
 @cache
 def own_error(case: Case) -> tuple[float, float]:
     """Return both errors of a rule where no sample is near the crossing."""
-    found = oracle("crossings")
-    beside = found.SPEED * case.period / 3.0
-    lost, apart = found.passed(
-        found.MECHANISMS[case.mechanism], beside, case.period, case.integrator
-    )
-    return float(lost), float(apart)
+    return _errors(case, oracle("crossings").SPEED * case.period / 3.0)
 
 
 def beyond(case: Case, distance: float) -> tuple[float, float]:
     """Return by how much both errors are larger than the rule's own, at a distance in rad."""
+    (lost, apart), (own, off) = _errors(case, distance), own_error(case)
+    return lost - 1.5 * own, apart - 1.5 * off
+
+
+def _errors(case: Case, distance: float) -> tuple[float, float]:
     found = oracle("crossings")
     lost, apart = found.passed(
         found.MECHANISMS[case.mechanism], distance, case.period, case.integrator
     )
-    own, off = own_error(case)
-    return float(lost) - 1.5 * own, float(apart) - 1.5 * off
+    return float(lost), float(apart)
+
+
+def seen_in(block: Block) -> Tally:
+    """Return what was seen of a block's crossings."""
+    rng, names = np.random.default_rng((block.seed, block.number)), _mechanisms()
+    tally = Tally()
+    for _ in range(block.size):
+        case = Case(
+            str(rng.choice(names)), str(rng.choice(INTEGRATORS)), float(rng.choice(PERIODS))
+        )
+        size = 10.0 ** rng.uniform(np.log10(NEAREST), np.log10(FURTHEST))
+        distance = 0.0 if rng.integers(ON_IT) == 0 else float(rng.choice((-1.0, 1.0)) * size)
+        tally.see(case, distance)
+    return tally
+
+
+def _mechanisms() -> tuple[str, ...]:
+    return tuple(oracle("crossings").MECHANISMS)
 
 
 def error_after(windows: int, period: float) -> float:
@@ -76,6 +150,7 @@ def error_after(windows: int, period: float) -> float:
 def crossings(
     samples: Annotated[int, typer.Option(min=1, help="How many crossings.")] = 10_000,
     seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    processes: Annotated[int, typer.Option(min=1, help="That share the work.")] = 1,
     windows: Annotated[bool, typer.Option(help="A02 at 10 s instead.")] = False,
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("bench"),
 ) -> None:
@@ -87,36 +162,28 @@ def crossings(
     if windows:
         _write_windows(out)
         return
-    rng, names = np.random.default_rng(seed), tuple(oracle("crossings").MECHANISMS)
-    worst: dict[str, list[float]] = {name: [-np.inf, -np.inf] for name in names}
-    count, bad, raised = Counter[str](), Counter[str](), Counter[str]()
-    for _ in range(samples):
-        case = Case(
-            str(rng.choice(names)), str(rng.choice(INTEGRATORS)), float(rng.choice(PERIODS))
-        )
-        size = 10.0 ** rng.uniform(np.log10(NEAREST), np.log10(FURTHEST))
-        distance = 0.0 if rng.integers(ON_IT) == 0 else float(rng.choice((-1.0, 1.0)) * size)
-        count[case.mechanism] += 1
-        try:
-            errors = beyond(case, distance)
-        except HapticMechError as error:
-            raised[case.mechanism] += 1
-            print(f"{case}, {distance:.3e} rad: {error}")
-            continue
-        worst[case.mechanism] = [max(p) for p in zip(worst[case.mechanism], errors, strict=True)]
-        if not max(errors) <= ALLOWED:
-            bad[case.mechanism] += 1
-            print(f"{case}, {distance:.3e} rad: {errors[0]:.1e} of the energy, {errors[1]:.1e} off")
+    tally, done = Tally(), 0
+    blocks = [
+        Block(seed, index, min(BLOCK, samples - first))
+        for index, first in enumerate(range(0, samples, BLOCK))
+    ]
+    for found in in_order(seen_in, blocks, processes):
+        tally.add(found)
+        for line in found.told:
+            print(line, flush=True)
+        done += sum(found.count.values())
+        if done % (100 * BLOCK) == 0:
+            print(f"{done} crossings", flush=True)
     print("| mechanism | crossings | energy, worst | configuration, worst | above 1e-8 | raised |")
     print("|---|--:|--:|--:|--:|--:|")
-    for name in names:
-        lost, apart = worst[name]
+    for name in filter(tally.count.__contains__, _mechanisms()):
         print(
-            f"| {name} | {count[name]} | {lost:.1e} | {apart:.1e} | {bad[name]} | {raised[name]} |"
+            f"| {name} | {tally.count[name]} | {tally.energy.get(name, np.nan):.1e}"
+            f" | {tally.apart.get(name, np.nan):.1e} | {tally.bad[name]} | {tally.raised[name]} |"
         )
-    results = {"worst": worst, "count": count, "bad": bad, "raised": raised, "seed": seed}
+    results = {key: value for key, value in vars(tally).items() if key != "told"} | {"seed": seed}
     (out / "bench_crossings.json").write_text(json.dumps(results, indent=1), encoding="utf-8")
-    if bad or raised:
+    if tally.bad or tally.raised:
         raise typer.Exit(1)
 
 

@@ -18,7 +18,16 @@ _TIP = {"xyz": [1.0, 0.0, 0.0]}
 
 
 def n_four_bar(windows: int) -> Scene:
-    """Return the scene of N = ``windows`` parallelograms of uniform rods (1 kg, 1 m).
+    """Return the scene of N = ``windows`` parallelograms; see :func:`document`.
+
+    Raises:
+        InvalidInputError: ``windows`` is not from 1 to 200.
+    """
+    return scene_from_document(document(windows), source=f"n_four_bar({windows})")
+
+
+def document(windows: int) -> dict[str, Any]:
+    """Return the document of N = ``windows`` parallelograms of uniform rods (1 kg, 1 m).
 
     N + 1 uprights stand on the x axis 1 m apart, each but the last carries a top, and N planar pins
     hold the tops' ends on the next upright: 2 N + 1 freedoms of the tree, 2 N rows, one freedom.
@@ -29,10 +38,6 @@ def n_four_bar(windows: int) -> Scene:
     """
     if not 1 <= windows <= LARGEST:
         raise InvalidInputError("windows", windows, f"must be from 1 to {LARGEST}")
-    return scene_from_document(_document(windows), source=f"n_four_bar({windows})")
-
-
-def _document(windows: int) -> dict[str, Any]:
     uprights, tops = range(windows + 1), range(windows)
     links = [_rod(f"upright{k}", "world", {"xyz": [float(k), 0.0, 0.0]}) for k in uprights]
     links += [_rod(f"top{k}", f"upright{k}", _TIP) for k in tops]

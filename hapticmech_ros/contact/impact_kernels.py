@@ -35,8 +35,9 @@ from hapticmech_ros.contact.newton_kernels import (
 AT_REST, SLOWEST = 2.0, 1e-3
 # (h ω)² up to which a step resolves an impact: a contact of π / ω takes 31 steps or more.
 RESOLVED = 0.01
-# A step is divided into so many at most.
-MOST_PARTS = 256
+# A step is divided into so many at most; that is too few where more than the second number would be
+# needed: (h ω)² of a part is then above 0.3, and rebounds are off by more than 2 %.
+MOST_PARTS, TOO_MANY_PARTS = 256, 1400
 # Rate (m/s) at which a point that is not reached in a step would have to arrive to be pushed.
 NEVER = 1e30
 
@@ -101,10 +102,10 @@ def find_impacts(
 
 @inner
 def parts_of(fastest: float) -> int:
-    """Return into how many parts a step has to be divided, for the largest (h ω)² of its points."""
+    """Return into how many parts a step should be divided, for the largest (h ω)² of its points."""
     if fastest <= RESOLVED:
         return 1
-    return int(min(math.ceil(math.sqrt(fastest / RESOLVED)), MOST_PARTS))
+    return math.ceil(min(math.sqrt(fastest / RESOLVED), 2.0 * TOO_MANY_PARTS))
 
 
 @inner

@@ -31,9 +31,11 @@ STIFFNESS, DAMPING, COULOMB, DISSIPATION = 0, 1, 2, 3
 # many parts a substep has to be divided into.
 NOW, BEFORE, FOUND, DIVISION, COUNTS = 0, 1, 2, 3, 4
 # Of the settings: how far ahead in a step depths are taken, the period, s, the share of their size
-# by which shapes are apart that a period leaves alone, and 1 for a step that is part of a divided
-# one.
-AHEAD, PERIOD, FAR_SHARE, IS_PART, SETTINGS = 0, 1, 2, 3, 4
+# by which shapes are apart that a period leaves alone, 1 for a step that is part of a divided one,
+# and what is known of the step without contacts.
+AHEAD, PERIOD, FAR_SHARE, IS_PART, KNOWN, SETTINGS = 0, 1, 2, 3, 4, 5
+# Nothing; rates and place at its end; and the branch of the motion that it is on as well.
+NOTHING, ITS_END, ITS_BRANCH = 0.0, 1.0, 2.0
 # Of a report on a substep: sweeps done, how far rates are from the law, m/s, and energy held at its
 # end and at its start, J.
 SWEEPS, OFF, HELD, HELD_BEFORE, REPORT_VALUES = 0, 1, 2, 3, 4
@@ -62,8 +64,8 @@ class Contacts(Structure):
         moves: (j, nv) 1 where a rate moves a joint, 0 elsewhere.
         acts: (l, p) 1 where a pair's force acts on a link, -1 where its reaction does.
         link_origins: (l, 3) of the links' frames in their joints, m.
-        settings: (4,) 1/2, or 0 where positions move by h v⁺; period, s; share for far shapes; 1
-            for a part of a step.
+        settings: (5,) 1/2, or 0 where positions move by h v⁺; period, s; share for far shapes; 1
+            for a part of a step; see ``NOTHING``.
         axes: (nv, 6) joint axes at the substep's start, as twists about the world's origin.
         poses: (s, 12) of shapes there, in the world: axes, then origin, m.
         boxes: (s, 7) half-lengths and middle of a bounding box along the world's axes, and how far
@@ -79,6 +81,7 @@ class Contacts(Structure):
         change: (nv,) how far the substep goes without contacts.
         q: (nq,) where that leads.
         stiff: (nv,) by how much accelerations at the substep's start would give other rates.
+        branch: (nv, nv) in the mass metric, what a branch of the motion leaves free of a force.
         joint_force: (nv,) mean of Σ J_cᵀ λ over the period so far, zero in what is left of it, N m
             or N.
         step_force: (nv,) Σ J_cᵀ λ of the substep.
@@ -133,6 +136,7 @@ class Contacts(Structure):
     kept_joint_force, kept_report = Part(40, 1), Part(41, 1)
     step_force = Part(42, 1)
     stiff = Part(43, 1)
+    branch = Part(44, 2)
 
 
 PARTS = {name: part for name, part in vars(Contacts).items() if isinstance(part, Part)}

@@ -6,7 +6,16 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.contact.layout import DIVISION, FOUND, NOW, OFF, PARTS, SWEEPS, Contacts
+from hapticmech_ros.contact.layout import (
+    DIVISION,
+    FOUND,
+    NOTHING,
+    NOW,
+    OFF,
+    PARTS,
+    SWEEPS,
+    Contacts,
+)
 from hapticmech_ros.contact.model_arrays import contacts_of, shape_model, with_workspace
 from hapticmech_ros.contact.touching import Touching, nothing_touching
 from hapticmech_ros.mechanism.mechanism import Mechanism
@@ -44,7 +53,7 @@ class ContactMemory:
                 shapes,
                 mechanism.active_set(mechanism.initially_active).model,
                 {link: (joint, pose.translation) for link, (joint, pose) in places.items()},
-                (ahead, plan.period, FAR, 0.0),
+                (ahead, plan.period, FAR, 0.0, NOTHING),
             )
         )
         self._nothing = nothing_touching(mechanism.nv)

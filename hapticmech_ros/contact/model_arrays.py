@@ -140,7 +140,7 @@ def contacts_of(
     shapes: ShapeModel,
     model: Model,
     places: dict[str, tuple[int, Array]],
-    settings: tuple[float, float, float, float],
+    settings: tuple[float, float, float, float, float],
 ) -> tuple[Array, Array]:
     """Return the two arrays of a :class:`Contacts`, (integers,) and (numbers,), its data at zero.
 
@@ -149,7 +149,7 @@ def contacts_of(
         shapes: the scene's shapes.
         model: the mechanism's, with any set of closures.
         places: per link with shapes the joint that carries it, and its origin (3,) there, m.
-        settings: (4,) as in :class:`Contacts`.
+        settings: (5,) as in :class:`Contacts`.
     """
     nq, nv, joints = model.nq, model.nv, model.joints
     place = {shape.name: index for index, shape in enumerate(scene.shapes)}
@@ -200,6 +200,7 @@ def contacts_of(
         "joint_force": np.zeros(nv),
         "step_force": np.zeros(nv),
         "stiff": np.zeros(nv),
+        "branch": np.zeros((nv, nv)),
         "report": np.zeros(REPORT_VALUES),
         "begun": np.zeros(nq + nv),
         "external": np.zeros((len(named) + len(scene.links), PUSH_VALUES)),

@@ -32,8 +32,10 @@ from hapticmech_ros.contact.layout import (
     HELD,
     HELD_BEFORE,
     IS_PART,
+    ITS_BRANCH,
     JOINT_A,
     JOINT_B,
+    KNOWN,
     OFF,
     SHAPE_A,
     STIFFNESS,
@@ -264,6 +266,21 @@ def _depth(contacts: Contacts, c: int, rate: float, step: float, impacts: bool) 
 
 
 @inner
+def _left_free(model: Model, data: Data, contacts: Contacts, row: Array) -> None:
+    """Replace a row (nv,) in the mass metric by what closures leave free of it.
+
+    Next to a crossing of branches they do not say: then it is what the branch leaves free.
+    """
+    if contacts.settings[KNOWN] != ITS_BRANCH:
+        free_part(model, data, row)
+        return
+    whole = local(row.size)
+    put(whole, row)
+    for i in range(row.size):
+        row[i] = dot(contacts.branch[i], whole)
+
+
+@inner
 def contact_forces(
     model: Model,
     data: Data,
@@ -303,7 +320,7 @@ def contact_forces(
             now[k], stiff[k] = dot(row, rates), dot(row, contacts.stiff)
             impulse[k] = step * dot(frames[c, d], forces[c])
             to_metric(model, data, row)
-            free_part(model, data, row)
+            _left_free(model, data, contacts, row)
     for i in range(3 * n):
         for j in range(i + 1):
             coupling[i, j] = dot_rows(rows, i, j)

@@ -17,6 +17,8 @@ from hapticmech_ros.contact.layout import (
     FAR_SHARE,
     FOUND,
     IS_PART,
+    KNOWN,
+    NOTHING,
     NOW,
     PERIOD,
     REPORT_VALUES,
@@ -34,8 +36,8 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
     INACCURATE,
     NEEDS_CARE,
     RATES_NOT_FINITE,
-    UNCHECKED,
     begin_next,
+    starts_near,
     step_once,
 )
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
@@ -52,8 +54,9 @@ SLACK = 1e-3
 # What a call begins with: a period; a substep; or one whose nearest points have been searched for.
 WHOLE, EACH, SEARCHED = 0, 1, 2
 # Why a call ended early: nearest points have to be searched for; too small a workspace.
-# Within a period: shapes may come near. A substep that has to be divided to resolve an impact.
-SEARCH, MORE_WORKSPACE, NEAR, IMPACT = 20, 21, 22, 23
+# Within a period: shapes may come near. A substep that has to be divided to resolve an impact. The
+# forces in one whose end without contacts was known.
+SEARCH, MORE_WORKSPACE, NEAR, IMPACT, FORCES = 20, 21, 22, 23, 24
 
 
 @inner
@@ -134,7 +137,8 @@ def _find_free(
 
     They follow from the accelerations at its start; by an implicit rule, or where joints turn by
     more than ``TURNS``, from a step without contacts. ``stiff`` is by how much rates differ then
-    from those that accelerations would give. Returns SETTLED, or how that failed.
+    from those that accelerations would give. Returns SETTLED, or how that failed, NEEDS_CARE and
+    NOT_DECIDED included.
     """
     free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings[0]
     change, stiff, fastest = contacts.change, contacts.stiff, 0.0
@@ -149,14 +153,16 @@ def _find_free(
         change[c] = 0.5 * step * (v0[c] + free[c])
     if implicit or step * fastest > TURNS:
         account, settings, v = parts.account, parts.settings, parts.v
-        before, heeded, tolerance = local(account.size), settings[8], settings[9]
+        before, tolerance = local(account.size), settings[9]
         put(before, account)
-        settings[8], settings[9] = UNCHECKED, 0.0
+        settings[9] = 0.0
         code = step_once(
             model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
         )
-        settings[8], settings[9] = heeded, tolerance
+        settings[9] = tolerance
         put(account, before)
+        if code in (NEEDS_CARE, NOT_DECIDED):
+            return code
         if code == SETTLED:
             put(contacts.q, parts.q)
             for c in range(free.size):
@@ -231,24 +237,29 @@ def _substep(
     contacts = Contacts(contact_numbers, contact_values)
     links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings[0]
     external = contacts.external[links : links + external_count]
+    told = contacts.settings[KNOWN] != NOTHING
     if not searched:
-        _remember(contacts)
         if not known:
             code = factor(model, q0, first)
             if code < 0:
                 return code
-        code = _find_free(
-            model,
-            first,
-            stage_space,
-            last,
-            parts,
-            contacts,
-            spring_work,
-            external,
-            stages,
-            implicit,
-        )
+        code = SETTLED
+        if not told:
+            _remember(contacts)
+            if starts_near(first, parts):
+                return NEEDS_CARE
+            code = _find_free(
+                model,
+                first,
+                stage_space,
+                last,
+                parts,
+                contacts,
+                spring_work,
+                external,
+                stages,
+                implicit,
+            )
         if code == SETTLED:
             code = _approach(first, step, contacts)
         if code != SETTLED:
@@ -273,7 +284,9 @@ def _substep(
             return IMPACT
         contact_effects(contacts, first.places, count)
         external = contacts.external[: links + external_count]
-        parts.settings[10] = links
+    if told:
+        return FORCES
+    parts.settings[10] = links if count > 0 else 0
     code = step_once(
         model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
     )
@@ -325,11 +338,12 @@ def advance_period(
     Returns:
         0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of
         the pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``counts[FOUND]``
-        points is missing, IMPACT, where the substep has to be divided into ``counts[DIVISION]``
-        parts, or NEEDS_CARE, INACCURATE and NOT_DECIDED, of which
-        ``run_kernels.advance`` tells and where points and forces are those of this substep: ``q0``
-        and ``v0`` are its start then, and ``start`` has the terms there unless it is NOT_DECIDED.
-        Or how a substep failed. Account 5 is the number of substeps done.
+        points is missing, IMPACT, where the substep should be divided into ``counts[DIVISION]``
+        parts, FORCES, where ``settings[KNOWN]`` asks for these alone, or NEEDS_CARE, INACCURATE and
+        NOT_DECIDED, of which ``run_kernels.advance`` tells: ``q0`` and ``v0`` are its start then,
+        and ``start`` has the terms there unless it is NOT_DECIDED. Points and forces are those of
+        this substep where it is FORCES or INACCURATE. Or how a substep failed. Account 5 is the
+        number of substeps done.
     """
     model, parts = Model(numbers, values), Work(numbers, work)
     contacts = Contacts(contact_numbers, contact_values)

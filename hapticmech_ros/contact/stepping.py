@@ -10,12 +10,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.contact.impact_kernels import MOST_PARTS, TOO_MANY_PARTS
 from hapticmech_ros.contact.layout import (
+    AHEAD,
     DIVISION,
     HELD,
     HELD_BEFORE,
     IS_PART,
+    ITS_BRANCH,
+    ITS_END,
+    KNOWN,
     NEEDS_SEARCH,
+    NOTHING,
     NOW,
     PERIOD,
     SHAPE_A,
@@ -32,8 +38,10 @@ from hapticmech_ros.contact.step_kernels import (
     advance_period,
 )
 from hapticmech_ros.contact.touching import Touching
+from hapticmech_ros.mechanism.careful import branch_projection
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
+from hapticmech_ros.mechanism.kernels.run_kernels import NEEDS_CARE
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
@@ -176,18 +184,63 @@ class ContactStepper:
                 found[pair] = nearest.search(poses[a], poses[b])
 
     def _alone(self, code: int, start: Start, external: ExternalWrenches) -> Stepped:
-        """Do the substep that the kernel stopped before: an impact in parts, else contacts held."""
-        contacts = self.memory.contacts
+        """Do the substep that the kernel stopped before."""
         if code == IMPACT:
-            return self._in_parts(start, external, int(contacts.counts[DIVISION]))
-        if not contacts.counts[NOW]:
+            return self._divided(start, external)
+        if code == NEEDS_CARE:
+            return self._on_branch(start, external)
+        if not self.memory.contacts.counts[NOW]:
             return self._stepper.alone(code, start, external)
+        return self._pushed(code, start, external)
+
+    def _on_branch(self, start: Start, external: ExternalWrenches) -> Stepped:
+        """Do a substep next to a crossing of branches, where closures do not say what is free.
+
+        What it is without contacts, and what the branch leaves free of their forces, is given to
+        the kernel, which finds these.
+        """
+        stepper, contacts = self._stepper, self.memory.contacts
+        free = stepper.alone(NEEDS_CARE, start, external)
+        branch = branch_projection(self._mechanism, start, external, stepper.step)
+        contacts.free[:], contacts.q[:], contacts.stiff[:] = free.v, free.q, 0.0
+        # Whatever the scene's rule, positions move by the mean of both rates here.
+        ahead = float(contacts.settings[AHEAD])
+        contacts.settings[AHEAD], contacts.settings[KNOWN] = 0.5, ITS_END
+        if branch is not None:
+            contacts.branch[:] = branch
+            contacts.settings[KNOWN] = ITS_BRANCH
+        try:
+            dense = self._mechanism.active_set(start.active).dense
+            took = self._call(dense, start, external, 1, EACH)
+        finally:
+            contacts = self.memory.contacts
+            contacts.settings[AHEAD], contacts.settings[KNOWN] = ahead, NOTHING
+        if took.code == IMPACT:
+            return self._divided(start, external)
+        if not self.memory.contacts.counts[NOW]:
+            return free
+        return self._pushed(NEEDS_CARE, start, external)
+
+    def _pushed(self, code: int, start: Start, external: ExternalWrenches) -> Stepped:
+        """Do a substep with the forces of contacts held that the kernel found."""
+        contacts = self.memory.contacts
         rows = zip(self.memory.links, contacts.external, strict=False)
         touching = {link: row[4:].copy() for link, row in rows}
         stepped = self._stepper.alone(code, start, external._replace(touching=touching))
         share = self._stepper.step / contacts.settings[PERIOD]
         contacts.joint_force += share * contacts.step_force
         return stepped
+
+    def _divided(self, start: Start, external: ExternalWrenches) -> Stepped:
+        """Do a substep in the parts that an impact needs; inaccurate where these are too many."""
+        counts = self.memory.contacts.counts
+        wanted = int(counts[DIVISION])
+        counts[DIVISION] = min(wanted, MOST_PARTS)
+        stepped = self._in_parts(start, external, min(wanted, MOST_PARTS))
+        return stepped._replace(
+            refined=stepped.refined + 1,
+            inaccurate=stepped.inaccurate + (wanted > TOO_MANY_PARTS),
+        )
 
     def _in_parts(self, start: Start, external: ExternalWrenches, count: int) -> Stepped:
         """Do a substep in so many smaller ones, in which contacts are found anew."""

@@ -118,6 +118,26 @@ class BranchMotion:
         closing = mechanism.closing_terms(branch.q, active)
         return _Stage(branch.q, along, free._replace(acceleration=acceleration), closing)
 
+    def projection(self, q: Array) -> Array | None:
+        """Return the projection onto the branch next to q; None where rows determine it.
+
+        Args:
+            q: (nq,) configuration.
+
+        Returns:
+            (nv, nv) Lᵀ P L⁻ᵀ, in the mass metric.
+        """
+        closing = self._mechanism.closing_terms(q, self._active)
+        if not (self.is_led and self._is_near(closing)):
+            return None
+        branch, space = self._branch(q, closing), closing.space
+        if branch is None:
+            return None
+        along = [
+            branch.closed_rates(space.from_mass_metric(one)) for one in np.eye(len(space.factor))
+        ]
+        return np.asarray(space.factor.T @ np.array(along).T)
+
     def _regular(self, q: Array, v: Array, closing: Closing) -> _Stage:
         start = Start(q, v, self._active, closing=closing)
         return _Stage(q, v, HeldMotion(self._mechanism, start, self._external)(q, v), closing)
@@ -132,6 +152,23 @@ class BranchMotion:
     def _free_rates(self, q: Array, v: Array) -> Rates:
         """Return what there would be without closures."""
         return HeldMotion(self._mechanism, Start(q, v, self._open), self._external)(q, v)
+
+
+def branch_projection(
+    mechanism: Mechanism, start: Start, external: ExternalWrenches, step: float
+) -> Array | None:
+    """Return what the branch that a step starts on leaves free of a force, in the mass metric.
+
+    Args:
+        mechanism: that moves.
+        start: of the step.
+        external: constant during the step.
+        step: s.
+
+    Returns:
+        (nv, nv) Lᵀ P L⁻ᵀ; None where the closures' rows say it.
+    """
+    return BranchMotion(mechanism, start, external, step).projection(start.q)
 
 
 def careful_step(

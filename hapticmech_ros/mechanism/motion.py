@@ -65,8 +65,9 @@ class Stepped(NamedTuple):
         work_in: work by wrenches and joint forces, without that of contacts, J.
         energy_lost: in damping, friction and stops, J.
         surplus: energy beyond that account, J: what steps made from nothing, or lost if negative.
-        refined: steps that were done again in smaller ones, or with care.
-        inaccurate: of these the ones whose account is still off by more than the tolerance.
+        refined: steps that were done again in smaller ones, with care, or in parts for an impact.
+        inaccurate: of these the ones whose account is still off by more than the tolerance, or
+            whose impact would need more parts.
         contact_work: work by contacts, J.
     """
 

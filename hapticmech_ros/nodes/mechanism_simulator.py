@@ -223,7 +223,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def _inaccuracy(self) -> str:
         account = self._state.account
         off = f"energy is off by {account.surplus:.3g} J"
-        return f"inaccurate steps, {account.inaccurate} so far: {off}"
+        return f"inaccurate steps, {account.inaccurate} so far, {off}: shorten the period"
 
     def _commanded(self, deadline_ns: int) -> Array:
         """Return the wrench (points, 6) by the controllers that acts until a deadline."""

@@ -23,9 +23,11 @@ class EnergyAccount:
         contact_loss: in contacts, by friction, damping and impact.
         contact_energy: held by contacts now, as by springs.
         surplus: what steps made from nothing, or lost if negative: errors of the integration.
-        refined: number of steps that were done again in smaller ones, or with care.
-        inaccurate: number of these whose account was still off by more than the scene's tolerance;
-            what they made from nothing was taken out of the motion.
+        refined: number of steps that were done again in smaller ones, with care, or in parts for
+            an impact.
+        inaccurate: number of these whose account was still off by more than the scene's tolerance:
+            what they made from nothing was taken out of the motion; or whose impact was over too
+            soon, so that its rebound is off by more than 2 %.
     """
 
     work_in: float = 0.0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.accuracy import cases, crossings
+from benchmarks.accuracy import cases, crossings, pushed
 from benchmarks.accuracy.benchmark import AccuracyResults
 from benchmarks.accuracy.crossings import app
 from benchmarks.accuracy.endurance import hour_of, lines, minute_of_windows
@@ -131,9 +131,9 @@ def test_long_runs_watch_energy_closures_and_branch() -> None:
 def test_crossings_are_counted_and_the_worst_ones_written(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["--samples", "4", "--out", str(tmp_path)])
     assert result.exit_code == 0
-    assert "| slider-crank |" in result.stdout
     found = json.loads((tmp_path / "bench_crossings.json").read_text(encoding="utf-8"))
     assert sum(found["count"].values()) == 4
+    assert all(f"| {name} | {number} |" in result.stdout for name, number in found["count"].items())
     assert not found["bad"]
     assert not found["raised"]
 
@@ -144,3 +144,19 @@ def test_what_loses_energy_at_a_crossing_is_an_exit_code(
     monkeypatch.setattr(crossings, "ALLOWED", -1.0)
     result = CliRunner().invoke(app, ["--samples", "2", "--out", str(tmp_path)])
     assert result.exit_code == 1
+
+
+def test_scenes_are_pushed_and_what_is_silent_is_an_exit_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = ["five_bar", "crane", "--duration", "0.3", "--out", str(tmp_path)]
+    result = CliRunner().invoke(pushed.app, arguments)
+    assert result.exit_code == 0, result.stdout
+    found = json.loads((tmp_path / "bench_pushed.json").read_text(encoding="utf-8"))
+    assert [one["scene"] for one in found] == ["five_bar", "crane"]
+    for one in found:
+        assert one["reached"] == pytest.approx(0.3)
+        assert one["exchanged"] > 0.0
+        assert f"| {one['scene']} |" in result.stdout
+    monkeypatch.setattr(pushed, "ALLOWED", -1.0)
+    assert CliRunner().invoke(pushed.app, arguments).exit_code == 1

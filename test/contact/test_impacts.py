@@ -161,3 +161,19 @@ def test_an_impact_beside_one_that_rests_leaves_it_at_rest():
         away, fastest = max(away, np.abs(state.q[:7] - first).max()), max(fastest, state.v[8])
     assert fastest > 0.9
     assert away < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("kappa", "refined", "inaccurate"),
+    [(1e-3, False, False), (1.0, True, False), (1e5, True, True)],
+)
+def test_divided_steps_are_counted_and_what_they_do_not_resolve(kappa, refined, inaccurate):
+    document = on_floor("sphere", 0.0505, (0, 0, -1.0), gravity=(0, 0, 0))
+    document["contacts"][0] |= {
+        "stiffness": kappa / STEP**2,
+        "damping": 0.2 * np.sqrt(kappa) / STEP,
+    }
+    _, states = run(document, 0.2 if kappa < 1.0 else 0.01)
+    account = states[-1].account
+    assert states[-1].v[2] > 0.0
+    assert (account.refined > 0, account.inaccurate > 0) == (refined, inaccurate)

@@ -10,7 +10,7 @@ from contact.test_felt import against_a_wall
 from contact.test_in_mechanisms import PUSH, ROUGH, pushed
 from hapticmech_ros.contact.layout import FIRST_WORKSPACE
 from hapticmech_ros.mechanism.kernels.layout import sparse
-from hapticmech_ros.mechanism.kernels.run_kernels import NEEDS_CARE
+from hapticmech_ros.mechanism.kernels.run_kernels import INACCURATE
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.touching import FLOOR, SHAPES, UPRIGHT, body, on_floor, pair, run, scene, shape
@@ -135,7 +135,7 @@ def test_more_points_than_there_is_room_for_at_first(height, down):
 
 
 @pytest.mark.parametrize("substeps", [1, 3])
-def test_a_step_that_needs_care_keeps_its_contacts(monkeypatch, substeps):
+def test_a_step_that_is_done_again_keeps_its_contacts(monkeypatch, substeps):
     """Each substep left to Python, with the forces that the kernel found."""
     kernel, law = contact_stepping.advance_period, {"friction": 0.5, "damping": 20.0}
     document = on_floor("box", 0.0501, (0.3, 0.1, 0.0), law=law, substeps=substeps)
@@ -147,7 +147,7 @@ def test_a_step_that_needs_care_keeps_its_contacts(monkeypatch, substeps):
         code = kernel(*arguments)
         if code == 0:
             work[:] = kept
-            return NEEDS_CARE
+            return INACCURATE
         return code
 
     _, wanted = run(document, 0.1)

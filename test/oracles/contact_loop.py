@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.contact.effect_kernels import contact_effects
+from hapticmech_ros.contact.impact_kernels import MOST_PARTS
 from hapticmech_ros.contact.layout import HELD, IS_PART, Contacts
 from hapticmech_ros.contact.near_kernels import near_pairs, place_shapes
 from hapticmech_ros.contact.solver_kernels import contact_forces
@@ -71,6 +72,7 @@ class ContactLoop:
             )
             parts = contact_forces(model, metric, contacts, later, v, step, count)
             if parts > 1:
+                parts = min(parts, MOST_PARTS)
                 contacts.settings[IS_PART] = 1.0
                 for _ in range(parts):
                     state = self._after(state, wrenches, step / parts)

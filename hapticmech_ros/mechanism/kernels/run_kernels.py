@@ -93,6 +93,12 @@ def _care_limit(parts: Work) -> float:
 
 
 @inner
+def starts_near(first: Data, parts: Work) -> bool:
+    """Return whether a step starts so near a singular position that it needs care."""
+    return bool(parts.settings[8] != UNCHECKED and first.tail[2] < _care_limit(parts))
+
+
+@inner
 def _is_near(start: Data, data: Data, limit: float) -> bool:
     """Return whether a stage is next to a singular position, or of lower rank than the start."""
     rank, sigma = int(data.tail[1]), data.sigma
