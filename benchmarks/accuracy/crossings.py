@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 from collections import Counter
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -116,27 +115,16 @@ class Tally:
                 ours[name] = max(ours.get(name, value), value)
 
 
-@cache
-def own_error(case: Case) -> tuple[float, float]:
-    """Return both errors of a rule where no sample is near the crossing."""
-    return _errors(case, oracle("crossings").SPEED * case.period / 3.0)[:2]
-
-
 def beyond(case: Case, distance: float) -> tuple[float, float, float, bool]:
     """Return by how much both errors are larger than the rule's own, at a distance in rad.
 
     Also what of the energy nothing tells, and whether a step was done with care.
     """
-    (lost, apart, untold, led), (own, off) = _errors(case, distance), own_error(case)
-    return lost - 1.5 * own, apart - 1.5 * off, untold, led
-
-
-def _errors(case: Case, distance: float) -> tuple[float, float, float, bool]:
     found = oracle("crossings")
-    lost, apart, untold, led = found.passed(
-        found.MECHANISMS[case.mechanism], distance, case.period, case.integrator
-    )
-    return float(lost), float(apart), float(untold), led > 0
+    mechanism, step = found.MECHANISMS[case.mechanism], found.Step(case.period, case.integrator)
+    own, off = mechanism.own_error(distance, step)
+    lost, apart, untold, led = found.passed(mechanism, distance, *step[:2])
+    return float(lost - 1.5 * own), float(apart - 1.5 * off), float(untold), led > 0
 
 
 def seen_in(block: Block) -> Tally:

@@ -37,6 +37,9 @@ from hapticmech_ros.wire.layouts import ENERGY_FIELDS, pack_energy
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import CLOSURES, EXTERNAL_WRENCH, JOINT_STATES, STATE
 
+# Share of what was exchanged by which the sum of steps within their tolerance may be off.
+MOST_DRIFT = 1e-3
+
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):
     """Drives a :class:`Simulator` at the control rate.
@@ -185,6 +188,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         closed = ", ".join(self._mechanism.names_of(self._state.active)) or "none"
         pushing = {} if self._listened is None else self._listened.figures(self.now_ns())
         energy = energy_of(self._mechanism, self._state, 0)
+        drift = self._state.account.drift(energy.kinetic)
         space = self._simulator.evaluate(self._state).space
         figures = {
             **self.clock_figures(),
@@ -196,6 +200,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             "potential_energy_j": f"{energy.potential:.6g}",
             "energy_balance_j": f"{energy.balance:.9g}",
             "energy_surplus_j": f"{self._state.account.surplus:.3e}",
+            "energy_drift": f"{drift:.1e}",
             "steps_refined": str(self._state.account.refined),
             "steps_inaccurate": str(self._state.account.inaccurate),
             "overtaken_commands": str(sum(port.order.overtaken for port in self._ports)),
@@ -207,6 +212,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             fault = f"begins anew, {self.failures.last}"
         if not fault and now - self._inaccurate_ns < NANOSECONDS:
             fault = self._inaccuracy()
+        if not fault and drift > MOST_DRIFT:
+            fault = f"energy has drifted by {drift:.1%} of what was exchanged: shorten the period"
         well = not fault
         return well, fault or f"closed loops: {closed}", figures
 

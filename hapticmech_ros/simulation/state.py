@@ -39,6 +39,18 @@ class EnergyAccount:
     refined: int = 0
     inaccurate: int = 0
 
+    def drift(self, kinetic: float) -> float:
+        """Return the surplus, as a share of what was exchanged since the start and moves now.
+
+        Every step may be within its tolerance, and the sum of many still be a large part.
+
+        Args:
+            kinetic: energy of the motion now, J.
+        """
+        lost = self.damping_loss + self.latch_loss + abs(self.contact_loss)
+        exchanged = abs(self.work_in) + lost + kinetic
+        return abs(self.surplus) / exchanged if exchanged > 0.0 else 0.0
+
 
 @dataclass(frozen=True, slots=True)
 class MechanismState:

@@ -7,7 +7,7 @@ the motion, and the branch is kept, however near a sample is.
 import numpy as np
 import pytest
 
-from oracles.crossings import MECHANISMS, SPEED, passed
+from oracles.crossings import MECHANISMS, Step, passed
 from oracles.generator import blank
 from oracles.planar_linkages import chain, elbow, pin_end, relative_angles
 from oracles.running import simulator, with_start
@@ -21,7 +21,7 @@ INTEGRATORS = ("rk4", "rk2", "semi_implicit_euler", "linearly_implicit")
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_a_sample_next_to_a_crossing_keeps_energy_and_branch(name, distance):
     mechanism = MECHANISMS[name]
-    own, off, *_ = passed(mechanism, SPEED * 1e-3 / 3.0, 1e-3)
+    own, off = mechanism.own_error(distance, Step(1e-3, "rk4"))
     lost, apart, untold, _ = passed(mechanism, distance, 1e-3)
     assert lost < 1.5 * own + KEPT
     assert apart < 1.5 * off + KEPT
@@ -41,8 +41,8 @@ def test_a_contact_at_a_crossing_pushes_what_the_branch_moves(distance):
 def test_no_rule_loses_more_at_a_crossing_than_elsewhere(name, period, integrator):
     """Against the rule's own error, in a motion whose samples are a third of a step beside it."""
     mechanism = MECHANISMS[name]
-    own, off, *_ = passed(mechanism, SPEED * period / 3.0, period, integrator)
     for distance in (1e-9, -1e-7):
+        own, off = mechanism.own_error(distance, Step(period, integrator))
         lost, apart, *_ = passed(mechanism, distance, period, integrator)
         assert lost < 1.5 * own + KEPT
         assert apart < 1.5 * off + KEPT

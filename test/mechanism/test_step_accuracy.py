@@ -103,3 +103,21 @@ def test_a_session_has_the_account_of_its_mechanism():
     assert 0.0 < abs(off) < 1e-4 * (abs(account.work_in) + account.damping_loss)
     assert account.refined < 5
     assert account.inaccurate == 0
+
+
+def test_steps_within_their_tolerance_add_up_to_a_drift_that_is_told():
+    """A body that tumbles by 0.6 rad in a step: each one is within 1e-6."""
+    document = chain(np.array([0.3]), np.array([1.0]), np.array([1e-3]))
+    document["task_space"] = "spatial"
+    link = document["links"][0]
+    link["joint"] = {"name": "ball", "type": "spherical"}
+    link["inertial"]["inertia"] = {"ixx": 1e-3, "iyy": 7e-3, "izz": 7.5e-3}
+    sim = simulator(with_start(document, np.array([0, 0, 0, 1.0]), np.array([0.5, 8.0, 600.0])))
+    state, nothing = sim.initial_state(), np.zeros((len(sim.mechanism.point_names), 6))
+    kinetic = sim.mechanism.energy(state.q, state.v)[0]
+    for _ in range(5000):
+        state = sim.step(state, nothing)
+    now = sim.mechanism.energy(state.q, state.v)[0]
+    assert state.account.inaccurate == 0
+    assert state.account.drift(now) == pytest.approx(abs(now - kinetic) / now, rel=1e-3)
+    assert state.account.drift(now) > 1e-5

@@ -28,6 +28,8 @@ SPEED = 5.0
 AROUND, DEGREE, ROUNDS = 0.4, 40, 6
 # What is simulated for comparison has steps that are so many times shorter.
 FINER = 20
+# Steps before the sample at the crossing, and after it.
+BEFORE, AFTER = 3, 6
 # Scenes start here, rad, where closures are well determined.
 AWAY = 0.3
 
@@ -83,6 +85,11 @@ class Mechanism:
         for _ in range(ROUNDS):
             angles = angles - (way(angles) - reached) / root(angles)
         return angles, constant / root(angles)
+
+    def own_error(self, distance: float, step: Step) -> tuple[float, float]:
+        """Return the errors of a rule and a step as such, as :class:`Passed` has them."""
+        del distance
+        return _beside(self, step)
 
     def start(self, distance: float, before: int, step: Step) -> tuple[float, float]:
         """Return angle and speed from which so many steps lead to ``distance`` (rad)."""
@@ -185,13 +192,29 @@ class OnFloor(Parallelograms):
         states = _run(self._single, exact, np.array([angle]), np.array([speed]), steps)
         return np.array([s.q[0] for s in states]), np.array([s.v[0] for s in states])
 
+    def own_error(self, distance: float, step: Step) -> tuple[float, float]:
+        """Return the errors of the single link, whose contact begins or ends in the same step."""
+        angle, speed = self.start(distance, BEFORE, step)
+        found = _run(self._single, step, np.array([angle]), np.array([speed]), BEFORE + AFTER)
+        angles, speeds = self.samples(angle, speed, BEFORE + AFTER, step)
+        wanted = self._energy(angles, speeds)
+        ours = [np.array([one[0] for one in (s.q, s.v)]) for s in found]
+        reached, rates = np.array(ours).T
+        lost = np.abs(self._energy(reached, rates) - wanted).max() / wanted[0]
+        return float(lost), float(np.abs(reached - angles).max())
+
+    def _energy(self, angles: Array, speeds: Array) -> Array:
+        """Return kinetic energy and that of the contact, J."""
+        held = np.array([self.held(np.array([angle])) for angle in angles])
+        return np.asarray(0.5 * self.inertia() * speeds**2 + held)
+
     def apart_from_one_link(self, distance: float, period: float) -> float:
         """Return the largest difference (rad) from the single link by the same steps of rk4."""
         step = Step(period, "rk4")
-        angle, speed = self.start(distance, 3, step)
+        angle, speed = self.start(distance, BEFORE, step)
         begun = self.configuration(angle), speed * self.slope(angle)
-        ours = _run(self, step, *begun, 9)
-        theirs = _run(self._single, step, begun[0][:1], begun[1][:1], 9)
+        ours = _run(self, step, *begun, BEFORE + AFTER)
+        theirs = _run(self._single, step, begun[0][:1], begun[1][:1], BEFORE + AFTER)
         return max(abs(a.q[0] - b.q[0]) for a, b in zip(ours, theirs, strict=True))
 
     def _alone(self, angle: float, steps: int, step: Step) -> float:
@@ -444,16 +467,14 @@ def passed(
     distance: float,
     period: float,
     integrator: str = "rk4",
-    before: int = 3,
-    after: int = 6,
+    after: int = AFTER,
 ) -> Passed:
     """Return the largest relative error of the energy, and of the configuration, at samples.
 
-    The sample after ``before`` steps is ``distance`` (rad) beyond the crossing.
+    The sample after ``BEFORE`` steps is ``distance`` (rad) beyond the crossing.
     """
-    step = Step(period, integrator)
-    steps = before + after
-    angles, speeds = mechanism.samples(*mechanism.start(distance, before, step), steps, step)
+    step, steps = Step(period, integrator), BEFORE + after
+    angles, speeds = mechanism.samples(*mechanism.start(distance, BEFORE, step), steps, step)
     wanted = [mechanism.configuration(angle) for angle in angles]
     rates = [speed * mechanism.slope(angle) for angle, speed in zip(angles, speeds, strict=True)]
     states = _run(mechanism, step, wanted[0], rates[0], steps)
@@ -479,6 +500,13 @@ def passed(
         abs(untold) / whole,
         account.refined,
     )
+
+
+@cache
+def _beside(mechanism: Mechanism, step: Step) -> tuple[float, float]:
+    """Return both errors where no sample is near the crossing."""
+    found = passed(mechanism, SPEED * step.period / 3.0, step.period, step.integrator)
+    return found.lost, found.apart
 
 
 @cache
