@@ -60,9 +60,27 @@ def coupled_at_1_m_per_s(direction, at_once):
 
 def test_a_device_that_moves_is_slowed_by_dampers_as_documented():
     directions = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
-    for at_once, least, most in ((False, 1.5, 1.7), (True, 9.8, 10.6)):
+    for at_once, least, most in ((False, 0.38, 0.4), (True, 9.8, 10.6)):
         forces = [coupled_at_1_m_per_s(direction, at_once) for direction in directions]
-        assert [round(min(forces), 1), round(max(forces), 1)] == [least, most]
+        digits = 1 if at_once else 2
+        assert [round(min(forces), digits), round(max(forces), digits)] == [least, most]
+
+
+@pytest.mark.parametrize(
+    ("speed", "wanted"), [(0.0, 0.5), (0.05, 0.5), (0.1, 0.9), (0.2, 1.8), (1.0, 3.0), (5.0, 3.0)]
+)
+def test_a_ramp_is_as_long_as_the_device_s_speed_needs(speed, wanted):
+    """2 * 1.2 m v / 0.08 N for 0.3 kg, from 0.5 s up to 3 s; nothing counts but the difference."""
+    scene = load_scene("five_bar")
+    hand = scene.hand.model_copy(update={"start_delay": 100.0})
+    session = Session(scene.model_copy(update={"hand": hand}))
+    session.tick()
+    state, twist = session._parts.state, (speed, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for name in ("twist", "body_twist"):
+        state[DEVICE_STATE.slice(name)] = twist
+    session._clutch = None
+    session.tick()
+    assert session.clutch.duration == pytest.approx(wanted, rel=0.01)
 
 
 @pytest.mark.parametrize("name", ["five_bar", "two_link"])
@@ -109,9 +127,11 @@ class Failing(ControlArchitecture):
         return super().answer(time, *rest)
 
 
-@pytest.mark.parametrize(("milliseconds", "most"), [(20, 0.57), (60, 0.72), (200, 1.25)])
+@pytest.mark.parametrize(
+    ("milliseconds", "most"), [(20, 0.57), (60, 0.61), (200, 0.61), (600, 0.8)]
+)
 def test_who_pushed_while_rendering_failed_is_slowed_evenly(milliseconds, most):
-    """0.5 N on 0.3 kg; what it has got is braked by little more than m v / t, in 0.25 s."""
+    """0.5 N on 0.3 kg; what it has got is braked with 0.08 N, or in 1.5 s at most."""
     scene = load_scene("five_bar")
     # With loops in the device the last answer would go on.
     controller = with_loop(scene, False).controller
@@ -125,7 +145,7 @@ def test_who_pushed_while_rendering_failed_is_slowed_evenly(milliseconds, most):
         failing = session.run(milliseconds)["on_hand"][1:, :3]
         assert np.abs(failing).max() == 0.0
         session._clutch = None
-        caught = np.linalg.norm(session.run(800)["on_hand"][:, :3], axis=1)
+        caught = np.linalg.norm(session.run(3500)["on_hand"][:, :3], axis=1)
         assert 0.5 < caught.max() < most
 
 

@@ -13,7 +13,7 @@ from hapticmech_ros.control.flat import device_of, flat_device, flat_operational
 from hapticmech_ros.control.four_channel import FourChannel
 from hapticmech_ros.control.gain_ramp import GainRamp
 from hapticmech_ros.control.kernels import control_wrenches
-from hapticmech_ros.control.loop_layout import SETTINGS
+from hapticmech_ros.control.loop_layout import BRAKE, SETTINGS
 from hapticmech_ros.control.measurements import (
     ControlOutput,
     DeviceMeasurement,
@@ -34,6 +34,8 @@ _LIMITS = SETTINGS.slice("force_limit", "torque_limit")
 _ENGAGED = SETTINGS.slice("engaged_at", "turn")
 _TWIST, _CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
 _NOTHING = np.zeros(6)
+# A ramp is no longer than so many of those of a start at rest.
+LONGEST_RAMP = 6.0
 
 
 class ControlArchitecture:
@@ -175,7 +177,8 @@ class ControlArchitecture:
     ) -> Clutch:
         """Return the clutch, engaged at the present poses.
 
-        It closes over ``engagement_ramp`` at a start, over ``grasp_ramp`` if a grasp changes.
+        It closes over ``engagement_ramp`` at a start, or longer if it has to brake more; over
+        ``grasp_ramp`` if a grasp changes.
 
         Args:
             time: s.
@@ -187,8 +190,11 @@ class ControlArchitecture:
         """
         own, point = device_of(device), point_ahead(operational_model, ahead)
         gains = self.gains
-        duration = gains.engagement_ramp if carried is None else gains.grasp_ramp
-        return engage(time, own.pose, point.pose, duration, carried)
+        if carried is not None:
+            return engage(time, own.pose, point.pose, gains.grasp_ramp, carried)
+        apart = (self.task * (own.twist - operational_model[_TWIST]))[:3]
+        momentum = float(self.device_inertia[0, 0] * np.sqrt(apart @ apart))
+        return engage(time, own.pose, point.pose, _start_ramp(gains, momentum))
 
     def with_slip(
         self, time: float, clutch: Clutch, device: Array, operational_model: Array
@@ -286,3 +292,15 @@ class ControlArchitecture:
 def device_inertia(device: Device) -> Array:
     """Return Λ_d (6, 6), kg and kg m², of a device with isotropic mass and inertia."""
     return np.diag([device.mass] * 3 + [device.inertia] * 3)
+
+
+def _start_ramp(gains: Controller, momentum: float) -> float:
+    """Return the duration of a start's ramp, s.
+
+    Args:
+        gains: with the ramp of a start at rest, and the force that brakes.
+        momentum: of the device, relative to the operational point, N s.
+    """
+    ramp = gains.engagement_ramp
+    longer = 2.0 * BRAKE * momentum / gains.engagement_force
+    return ramp if longer <= ramp else min(longer, LONGEST_RAMP * ramp)

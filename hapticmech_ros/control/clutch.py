@@ -14,7 +14,8 @@ caught with twice its force by a spring that it loads suddenly.
 
 In the first half of the ramp dampers bring both sides to one velocity. With the push balanced they
 act on the device's own inertia m: the share min(1, 1.2 m / (b t)) of a damper b, with the time t
-that is left, brakes by 1.2 m v / t, little more than is needed. In the second half springs come in,
+that is left, brakes by 1.2 m v / t, little more than is needed. A device that moves is given more
+time, so that this is no more than ``engagement_force``. In the second half springs come in,
 with a share r that rises from 0 to 1. Until then the clutch slips: only r³ of the difference in
 velocity becomes an error of position.
 

@@ -91,7 +91,10 @@ class Controller(Part):
     """Gains of the three controllers of Fig. 3, and how they come in.
 
     Attributes:
-        engagement_ramp: s, over which dampers, then springs come in when rendering starts.
+        engagement_ramp: s, over which dampers, then springs come in when rendering starts. It is up
+            to six times as long where a moving device would have to be braked with more than
+            ``engagement_force``.
+        engagement_force: N, of dampers that bring a moving device and the mechanism to one velocity.
         grasp_ramp: s, over which it passes from one grasp to another.
         gain_ramp: s, over which gains pass to others while they render.
     """
@@ -101,6 +104,7 @@ class Controller(Part):
     force_channel: ForceChannelGains = ForceChannelGains()
     passivity: Passivity = Passivity()
     engagement_ramp: NonNegative = 0.5
+    engagement_force: Positive = 0.08
     grasp_ramp: NonNegative = 0.25
     gain_ramp: NonNegative = 0.3
 

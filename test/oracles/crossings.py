@@ -193,7 +193,11 @@ class OnFloor(Parallelograms):
         return np.array([s.q[0] for s in states]), np.array([s.v[0] for s in states])
 
     def own_error(self, distance: float, step: Step) -> tuple[float, float]:
-        """Return the errors of the single link, whose contact begins or ends in the same step."""
+        """Return the errors of the single link: larger ones of the same phase and of another."""
+        found = [self._own_error(at, step) for at in (distance, SPEED * step.period / 3.0)]
+        return max(one[0] for one in found), max(one[1] for one in found)
+
+    def _own_error(self, distance: float, step: Step) -> tuple[float, float]:
         angle, speed = self.start(distance, BEFORE, step)
         found = _run(self._single, step, np.array([angle]), np.array([speed]), BEFORE + AFTER)
         angles, speeds = self.samples(angle, speed, BEFORE + AFTER, step)
