@@ -94,7 +94,7 @@ class Controller(Part):
         engagement_ramp: s, over which dampers, then springs come in when rendering starts. It is up
             to six times as long where a moving device would have to be braked with more than
             ``engagement_force``.
-        engagement_force: N, of dampers that bring a moving device and the mechanism to one velocity.
+        engagement_force: N, of dampers that then bring both sides to one velocity.
         grasp_ramp: s, over which it passes from one grasp to another.
         gain_ramp: s, over which gains pass to others while they render.
     """
