@@ -32,6 +32,8 @@ NEAREST, FURTHEST, ON_IT = 1e-12, 1e-3, 20
 # What a step next to a crossing may lose beyond the rule's own error, and any beyond what the
 # state's account tells; and how far a motion is from its own branch at most, rad or m.
 ALLOWED, BRANCH = 1e-8, 1e-2
+# So many of the rule's own errors are its own: a step with care is another rule's.
+OWN = 2.0
 # Crossings that a process does at a time.
 BLOCK = 500
 WINDOWS, STEPS, UNTIL = (1, 2, 3, 5, 10, 20, 40, 80), (2e-3, 1e-3, 5e-4, 2.5e-4), 10.0
@@ -124,7 +126,7 @@ def beyond(case: Case, distance: float) -> tuple[float, float, float, bool]:
     mechanism, step = found.MECHANISMS[case.mechanism], found.Step(case.period, case.integrator)
     own, off = mechanism.own_error(distance, step)
     lost, apart, untold, led = found.passed(mechanism, distance, *step[:2])
-    return float(lost - 1.5 * own), float(apart - 1.5 * off), float(untold), led > 0
+    return float(lost - OWN * own), float(apart - OWN * off), float(untold), led > 0
 
 
 def seen_in(block: Block) -> Tally:
