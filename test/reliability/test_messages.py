@@ -52,14 +52,19 @@ def graph():
     return rendering()
 
 
+def as_accurate(folder, accuracy):
+    """Return the path of a scene that watches its steps otherwise."""
+    document = document_of(load_scene("five_bar"))
+    document["simulation"] = {**document["simulation"], "accuracy": accuracy}
+    path = folder / "scene.yaml"
+    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    return str(path)
+
+
 @pytest.fixture
 def fragile(tmp_path):
     """Return a graph whose mechanism does no steps again in smaller ones."""
-    document = document_of(load_scene("five_bar"))
-    document["simulation"] = {**document["simulation"], "accuracy": {"max_substeps": 1}}
-    path = tmp_path / "fragile.yaml"
-    path.write_text(yaml.safe_dump(document), encoding="utf-8")
-    return rendering(str(path))
+    return rendering(as_accurate(tmp_path, {"max_substeps": 1}))
 
 
 @pytest.fixture(scope="module")
@@ -177,6 +182,24 @@ def test_steps_that_stay_inaccurate_are_told(graph):
     told = [line for line in log[said:] if "inaccurate steps" in line[1]]
     assert len(told) == 1
     assert told[0][0] == "warning"
+    assert mechanism.failures.count == 0
+
+
+def test_errors_of_many_steps_that_are_each_within_their_tolerance_are_told(tmp_path):
+    graph = rendering(as_accurate(tmp_path, {"tolerance": 0.1}))
+    mechanism = graph.actor(MECHANISM)
+    well, sentence, figures = mechanism.status()
+    assert well
+    assert float(figures["energy_drift"]) < 1e-6
+    for _ in range(20):
+        push(graph, HELD, 1e4)
+        graph.run(0.005)
+    well, sentence, figures = mechanism.status()
+    assert figures["steps_inaccurate"] == "0"
+    drift = float(figures["energy_drift"])
+    assert drift > 1e-3
+    assert not well
+    assert f"drifted by {drift:.1%}" in sentence
     assert mechanism.failures.count == 0
 
 
