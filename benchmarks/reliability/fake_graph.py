@@ -24,6 +24,7 @@ from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.nodes.message_info import WithInfo
 from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
+from hapticmech_ros.nodes.origin import INSIDE, Listener
 from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
 from hapticmech_ros.nodes.viewer.scene_viewer import SceneViewer
 from hapticmech_ros.times import NANOSECONDS
@@ -165,7 +166,11 @@ class Host:
         """Destroy a subscription."""
         self.destroy_subscription(entity)
 
-    def hand_over(self, topic: str, listener: Any) -> Callable[[bytes], bool]:
+    def lane_kind(self, message_type: Any) -> str:
+        """There is one process."""
+        return ""
+
+    def hand_over(self, topic: str, kind: Any, listener: Any) -> Callable[[bytes], bool]:
         """Hear a topic within the process."""
         self.graph.within[topic].append(listener)
         self.exchange.listen(topic, listener)
@@ -233,7 +238,7 @@ class FakeGraph:
         self.now_ns = START_NS
         self.exchange = Exchange()
         self.subscriptions: dict[str, list[Subscription]] = defaultdict(list)
-        self.within: dict[str, list[Callable[[bytes], None]]] = defaultdict(list)
+        self.within: dict[str, list[Listener]] = defaultdict(list)
         self.pushing = tuple(pushing)
         self.seen = Seen()
         self.last: dict[str, Any] = {}
@@ -272,7 +277,7 @@ class FakeGraph:
     def put(self, topic: str, message: bytes) -> None:
         """Bring a message's bytes to all who hear the topic, as the middleware would."""
         for listener in self.within[topic]:
-            listener(message)
+            listener(message, INSIDE)
         for one in list(self.subscriptions[topic]):
             self._heard(one, message)
 

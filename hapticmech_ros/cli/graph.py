@@ -9,7 +9,7 @@ import threading
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -20,6 +20,7 @@ from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 
 CHECK_PERIOD_S = 0.2
+Transport = Literal["auto", "middleware"]
 
 NamespaceOption = Annotated[str, typer.Option(help="put nodes and topics under this name")]
 StorageOption = Annotated[str, typer.Option(help="mcap or sqlite3")]
@@ -65,6 +66,9 @@ def run(
     rate: Annotated[
         float, typer.Option(min=0.0, help="lockstep: times real time at most; 0: no limit")
     ] = 0.0,
+    transport: Annotated[
+        Transport, typer.Option(help="auto: between processes of this host directly")
+    ] = "auto",
     discovery: Annotated[
         Discovery | None, typer.Option(help="discovery range; default: as the environment sets it")
     ] = None,
@@ -84,6 +88,8 @@ def run(
     parameters = settings_of(settings or [])
     if delay:
         parameters["network_delay"] = delay
+    if transport != "auto":
+        parameters["transport"] = transport
     arguments = arguments_of(params_file)
     stop = stop_by_signals()
     if lockstep and only:

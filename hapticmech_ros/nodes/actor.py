@@ -22,10 +22,11 @@ from hapticmech_ros.nodes.failures import Failures
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.messages import checked_time, deserialized
+from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
 from hapticmech_ros.nodes.parameters import NodeParameters
 from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLISHER
-from hapticmech_ros.nodes.sources import WITHIN, Sources
+from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.scene.limit_rules import check_limits
@@ -72,6 +73,7 @@ class Actor(Generic[P]):
         self.limits = self.scene.limits
         self.wrenches = wrench_bounds(self.limits)
         self.ages = DurationHistogram()
+        self._outlets: dict[str, Outlet] = {}
         self.apply_parameters(parameters)
 
     def apply_parameters(self, parameters: P) -> None:
@@ -128,7 +130,15 @@ class Actor(Generic[P]):
         """Return what a topic of any name is published through."""
         publisher = self.node.keep(self.node.create_publisher(message_type, name, qos))
         stays = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        return self.node.exchange.outlet(publisher, publisher.topic_name, stays)
+        kind = self.node.lane_kind(message_type)
+        made = self.node.exchange.outlet(publisher, publisher.topic_name, stays, kind)
+        self._outlets[publisher.topic_name] = made
+        return made
+
+    def ways(self) -> dict[str, str]:
+        """Return by which ways each topic goes that is sent as bytes, for diagnostics."""
+        found = {topic: outlet.ways() for topic, outlet in self._outlets.items() if outlet.in_bytes}
+        return {f"transport of {topic}": ways for topic, ways in found.items()}
 
     def sources(self, name: str) -> Sources:
         """Return what watches that one publisher speaks on a topic; an input is told of it."""
@@ -141,17 +151,20 @@ class Actor(Generic[P]):
         qos: QoSProfile,
         accept: Callable[[M, int], None],
         sources: Sources | None = None,
+        wanted: Callable[[int], bool] | None = None,
     ) -> Subscription:
         """Subscribe; what ``accept(message, now_ns)`` refuses with InvalidInputError is counted.
 
-        ``sources`` is told before whom each message comes from.
+        ``sources`` is told before whom each message comes from. Messages are not read where
+        ``wanted(now_ns)`` is false.
 
         Returns:
             The subscription.
         """
 
         def read(message: bytes, now_ns: int) -> None:
-            accept(deserialized(message, message_type), now_ns)
+            if wanted is None or wanted(now_ns):
+                accept(deserialized(message, message_type), now_ns)
 
         # As bytes: what is no whole message is refused here, as all others are, and counted.
         callback: Callable[..., None] = self.guarded(name, read)
@@ -249,32 +262,36 @@ class Actor(Generic[P]):
         read: Callable[[bytes, int], None],
         sources: Sources | None = None,
     ) -> None:
-        """Subscribe to a topic's bytes, be they from this process or from outside."""
+        """Subscribe to a topic's bytes, whichever way they come."""
         node = self.node
         callback: Callable[..., None] = self.guarded(name, read)
         # In lockstep all goes one way: what is late there is waited for, not dropped.
         if not self.lockstep:
-            callback = self._handed_over(name, callback, sources)
+            callback = self._handed_over(name, message_type, callback, sources)
         elif sources is not None:
             callback = self._watched(sources, callback)
         node.keep(node.create_subscription(message_type, name, callback, qos, raw=True))
 
     def _handed_over(
-        self, name: str, callback: Callable[[bytes], None], sources: Sources | None
+        self,
+        name: str,
+        message_type: Any,
+        callback: Callable[[bytes], None],
+        sources: Sources | None,
     ) -> Callable[..., None]:
-        """Hear a topic within the process, and return the callback for what comes from outside."""
+        """Hear a topic on this host, and return the callback for what the middleware brings."""
 
-        def from_within(message: bytes) -> None:
+        def handed(message: bytes, origin: Origin) -> None:
             if sources is not None:
-                sources.heard(WITHIN, self.now_ns())
+                sources.heard(origin, self.now_ns())
             callback(message)
 
-        own = self.node.hand_over(self.node.resolve_topic_name(name), from_within)
+        had = self.node.hand_over(self.node.resolve_topic_name(name), message_type, handed)
         if sources is not None:
-            return self._watched(sources, callback, own)
+            return self._watched(sources, callback, had)
 
         def from_outside(message: bytes) -> None:
-            if not own(message):
+            if not had(message):
                 callback(message)
 
         return from_outside
@@ -283,14 +300,17 @@ class Actor(Generic[P]):
         self,
         sources: Sources,
         callback: Callable[[M], None],
-        own: Callable[[M], bool] = lambda message: False,
+        had: Callable[[M], bool] = lambda message: False,
     ) -> WithInfo:
         """Return a callback that tells ``sources`` first whom a message comes from."""
 
         def hear(message: M, info: Info) -> None:
-            if not own(message):
-                sources.heard(info["publication_sequence_number"], self.now_ns())
-                callback(message)
+            number = info["publication_sequence_number"]
+            if had(message):
+                sources.copied(number, self.now_ns())
+                return
+            sources.heard(Origin(MIDDLEWARE, number), self.now_ns())
+            callback(message)
 
         return WithInfo(hear)
 

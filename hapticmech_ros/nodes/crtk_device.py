@@ -55,7 +55,8 @@ class CrtkDevice:
         self._listen(DEVICE_POSE.name, PoseStamped, self._on_pose)
 
     def _listen(self, name: str, kind: Any, accept: Callable[[Any, int], None]) -> None:
-        self._actor.input(name, kind, CONTROL_SUBSCRIBER, accept, self._watch(name))
+        sources = self._watch(name)
+        self._actor.input(name, kind, CONTROL_SUBSCRIBER, accept, sources, self._wanted)
 
     def forget(self) -> None:
         """Wait for both anew."""
@@ -69,8 +70,6 @@ class CrtkDevice:
     def _on_pose(self, message: PoseStamped, now_ns: int) -> None:
         stamp = self._stamp(message, now_ns)
         pose = read_pose(message, self._actor.limits)
-        if not self._wanted(now_ns):
-            return
         twist, hand = self._twist.value, self._hand.value
         lost = [
             topic.name

@@ -1,8 +1,9 @@
-"""Messages between nodes of one process, handed over without the middleware.
+"""Messages between nodes of one host, handed over without the middleware.
 
-As rclcpp's intra-process communication does, which rclpy has not: a serialized message goes
-straight to the listeners in this process, and to the middleware only when somebody outside listens
-too. What then comes back to this process through the middleware is dropped. Outside, nothing looks
+Between nodes of one process as rclcpp's intra-process communication does, which rclpy has not: a
+serialized message goes straight to the listeners there. To other processes of this user it goes
+over the lane (:mod:`~hapticmech_ros.nodes.lane`). To the middleware it goes only when somebody else
+listens too; what then comes that way to those who had it already is dropped. Outside, nothing looks
 different.
 """
 
@@ -10,18 +11,23 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
+from rclpy.serialization import serialize_message
+
+from hapticmech_ros.nodes.lane import MOST_BYTES, Arrived, Lane
+from hapticmech_ros.nodes.lane_folder import LaneError
+from hapticmech_ros.nodes.origin import INSIDE, Listener
 from hapticmech_ros.nodes.sent_numbers import check_finite
 
-# How many messages may be on their way through the middleware back to this process.
+# How many messages may be on their way through the middleware to those who had them already.
 MOST_UNDERWAY = 1024
 # How long an answer holds to the question of who listens: asked each time it would cost as much as
 # a message. Somebody new outside hears a topic at most so much later.
 CENSUS_NS = 20_000_000
-
-Listener = Callable[[bytes], None]
+# Of messages that wait for the loop to have time.
+MOST_LATER = 200
 
 
 class Publishes(Protocol):
@@ -43,6 +49,13 @@ class _Line:
         self.listeners: list[Listener] = []
         self.underway: dict[bytes, None] = {}
 
+    def note(self, message: bytes) -> None:
+        """Note that the middleware will bring what was handed over."""
+        underway = self.underway
+        underway[message] = None
+        if len(underway) > MOST_UNDERWAY:
+            del underway[next(iter(underway))]
+
 
 class Outlet:
     """A publisher that knows who listens.
@@ -51,16 +64,31 @@ class Outlet:
         exchange: of the process.
         publisher: to those outside.
         line: the topic in this process.
+        topic: its full name and type on the lane; empty: it does not go there.
+        number: of this outlet in this process.
         stays: whether a message is kept for those who come later, and so must always be sent.
+
+    Attributes:
+        in_bytes: whether the last message was serialized by who sent it.
     """
 
     def __init__(
-        self, exchange: Exchange, publisher: Publishes, line: _Line, stays: bool = False
+        self,
+        exchange: Exchange,
+        publisher: Publishes,
+        line: _Line,
+        topic: str,
+        number: int,
+        stays: bool = False,
     ) -> None:
         self.publisher = publisher
         self._exchange = exchange
         self._line = line
+        self._topic = topic
+        self._number = number
         self._stays = stays
+        self.in_bytes = False
+        self._published = 0
         self._readers = 0
         self._census_ns = -CENSUS_NS
 
@@ -76,22 +104,51 @@ class Outlet:
             OutputError: a message with numbers that are not finite; those in bytes were looked at
                 when they were written.
         """
-        line = self._line
         if type(message) is not bytes:
             if self.wanted:
                 check_finite(message)
-                self.publisher.publish(message)
+                self._exchange.publish_later(self, message)
             return
-        if not line.listeners:
-            self.publisher.publish(message)
+        self.in_bytes = True
+        self.publish_bytes(message)
+
+    def publish_bytes(self, message: bytes) -> None:
+        """Send a serialized message by all ways on which somebody listens."""
+        line, lane = self._line, self._exchange.lane
+        if not self._topic or len(message) > MOST_BYTES:
+            lane = None
+        given = len(line.listeners)
+        if lane is not None:
+            given += lane.readers(self._topic)
+        if not given:
+            self.publish_outside(message)
             return
-        if self._stays or self._count() > len(line.listeners):
-            underway = line.underway
-            underway[message] = None
-            if len(underway) > MOST_UNDERWAY:
-                del underway[next(iter(underway))]
-            self.publisher.publish(message)
+        both = self._stays or self._count() > given
+        if lane is not None:
+            # First, so that whoever has both knows the second one when it comes.
+            lane.send(self._topic, self._number, self._published + both, message, both)
+        if both:
+            if line.listeners:
+                line.note(message)
+            self.publish_outside(message)
         self._exchange.send(line.listeners, message)
+
+    def ways(self) -> str:
+        """Return by which ways a message goes now, in words."""
+        lane = self._exchange.lane if self._topic else None
+        readers = lane.readers(self._topic) if lane else 0
+        here = len(self._line.listeners)
+        ways = {
+            "process": here > 0,
+            "lane": readers > 0,
+            "middleware": self._stays or self.publisher.get_subscription_count() > here + readers,
+        }
+        return ", ".join(way for way, goes in ways.items() if goes) or "nobody"
+
+    def publish_outside(self, message: Any) -> None:
+        """Send a message, or its bytes, through the middleware, and count it."""
+        self._published += 1
+        self.publisher.publish(message)
 
     def _count(self) -> int:
         """Return how many subscriptions there are, those of this process included."""
@@ -103,40 +160,140 @@ class Outlet:
 
 
 class Exchange:
-    """Joins the nodes of one process, which all run in one thread.
+    """Joins the nodes of one process, which all run in one thread, and those of other processes.
 
     Messages are delivered by :meth:`deliver`, in the order in which they were published, and never
     from within another message's callback.
+
+    Attributes:
+        lane: to other processes; None: all goes through the middleware.
+        refusal: why there is no lane though one was asked for.
+        strange_ns: when the middleware last brought what had not come another way, on a topic of
+            the lane, by the monotonic clock.
     """
 
     def __init__(self) -> None:
+        self.lane: Lane | None = None
+        self.refusal = ""
+        self.strange_ns = -(1 << 62)
         self._lines: dict[str, _Line] = {}
-        self._waiting: deque[tuple[Listener, bytes]] = deque()
+        self._waiting: deque[Arrived] = deque()
+        self._later: deque[tuple[Outlet, bytes]] = deque()
         self._delivering = False
+        self._outlets = 0
 
-    def outlet(self, publisher: Publishes, topic: str, stays: bool) -> Outlet:
-        """Return what to publish a topic (its full name) through."""
-        return Outlet(self, publisher, self._line(topic), stays)
+    def join_lane(self, environment: Mapping[str, str]) -> None:
+        """Have a lane to other processes from now on, or say in ``refusal`` why not."""
+        if self.lane is not None or self.refusal:
+            return
+        try:
+            self.lane = Lane.open(environment)
+        except LaneError as error:
+            self.refusal = str(error)
 
-    def listen(self, topic: str, listener: Listener) -> Callable[[bytes], bool]:
+    def close(self) -> None:
+        """Leave the lane."""
+        if self.lane is not None:
+            self.lane.close()
+            self.lane = None
+
+    def outlet(self, publisher: Publishes, topic: str, stays: bool, kind: str = "") -> Outlet:
+        """Return what to publish a topic through.
+
+        Args:
+            publisher: to those outside.
+            topic: its full name.
+            stays: whether messages are kept for those who come later.
+            kind: the messages' type, if they may go over the lane.
+        """
+        self._outlets += 1
+        lane_topic = f"{topic} {kind}" if kind and not stays else ""
+        return Outlet(self, publisher, self._line(topic), lane_topic, self._outlets, stays)
+
+    def listen(
+        self, topic: str, listener: Listener, kind: str = "", every: bool = False
+    ) -> Callable[[bytes], bool]:
         """Hand a topic's messages to ``listener``.
 
         Its subscription must hear the same topic, raw. Returned is what tells of a message that it
-        brings whether it is one of this process, which has been handed over already.
-        """
-        line = self._line(topic)
-        line.listeners.append(listener)
-        return line.underway.__contains__
+        brings whether it has been handed over already.
 
-    def silence(self, topic: str, listener: Listener) -> None:
+        Args:
+            topic: its full name.
+            listener: called with messages and their origin.
+            kind: the messages' type, if they may come over the lane.
+            every: whether all messages of other processes are wanted; else the latest of each
+                publisher.
+        """
+        line, lane = self._line(topic), self.lane
+        line.listeners.append(listener)
+        if lane is None or not kind:
+            return line.underway.__contains__
+        lane.listen(f"{topic} {kind}", listener, every)
+
+        def had(message: bytes) -> bool:
+            if lane.linked:
+                # Whoever sends both ways sends over the lane first: now it has come.
+                self.collect()
+                self.deliver()
+                if message not in line.underway:
+                    self.strange_ns = time.monotonic_ns()
+                    return False
+                return True
+            return message in line.underway
+
+        return had
+
+    def silence(self, topic: str, listener: Listener, kind: str = "") -> None:
         """Hand over no more; what waits for the listener is dropped."""
         self._line(topic).listeners.remove(listener)
-        self._waiting = deque(pair for pair in self._waiting if pair[0] != listener)
+        if kind and self.lane is not None:
+            self.lane.silence(f"{topic} {kind}", listener)
+        self._waiting = deque(one for one in self._waiting if one.listener != listener)
 
     def send(self, listeners: list[Listener], message: bytes) -> None:
         """Let a message wait for its listeners."""
         for listener in listeners:
-            self._waiting.append((listener, message))
+            self._waiting.append(Arrived(listener, message, INSIDE))
+
+    def publish_later(self, outlet: Outlet, message: Any) -> None:
+        """Send a message of the view topics; while there is a lane, when there is time for it."""
+        if self.lane is None or not self.lane.linked:
+            outlet.publish_outside(message)
+            return
+        if len(self._later) == MOST_LATER:
+            self.publish_one()
+        self._later.append((outlet, serialize_message(message)))
+
+    @property
+    def has_later(self) -> bool:
+        """Whether :meth:`publish_later` has kept anything."""
+        return bool(self._later)
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether there is anything to deliver."""
+        return bool(self._waiting)
+
+    def publish_one(self) -> None:
+        """Send the oldest of what :meth:`publish_later` keeps."""
+        outlet, message = self._later.popleft()
+        outlet.publish_bytes(message)
+
+    def collect(self, timeout_s: float = 0.0) -> None:
+        """Let what has come over the lane wait for its listeners; ask only while there is a lane.
+
+        Args:
+            timeout_s: how long to wait for anything to come.
+        """
+        lane = self.lane
+        if lane is None:
+            return
+        self._waiting += lane.collect(timeout_s)
+        if lane.copied:
+            for topic, message in lane.copied:
+                self._line(topic.split(" ", 1)[0]).note(message)
+            lane.copied.clear()
 
     def deliver(self) -> None:
         """Hand over what waits, and what is published meanwhile."""
@@ -145,8 +302,8 @@ class Exchange:
         self._delivering = True
         try:
             while self._waiting:
-                listener, message = self._waiting.popleft()
-                listener(message)
+                listener, message, origin = self._waiting.popleft()
+                listener(message, origin)
         finally:
             self._delivering = False
 

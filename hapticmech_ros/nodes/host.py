@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.nodes.exchange import Exchange, Listener
+from hapticmech_ros.nodes.exchange import Exchange
+from hapticmech_ros.nodes.origin import Listener
 
 E = TypeVar("E")
 
@@ -18,7 +19,7 @@ class Host(Protocol):
 
     Attributes:
         active: whether the actor acts.
-        exchange: joins it with the other nodes of its process.
+        exchange: joins it with the other nodes of its process, and of its user's on this host.
     """
 
     active: bool
@@ -72,8 +73,13 @@ class Host(Protocol):
     def drop(self, entity: object) -> None:
         """Destroy what is kept."""
 
-    def hand_over(self, topic: str, listener: Listener) -> Callable[[bytes], bool]:
-        """Give a listener a topic's messages within the process until cleanup.
+    def lane_kind(self, message_type: Any) -> str:
+        """Return what messages of a type are called on the lane; nothing: they do not go there."""
+
+    def hand_over(
+        self, topic: str, message_type: Any, listener: Listener
+    ) -> Callable[[bytes], bool]:
+        """Give a listener a topic's messages on this host until cleanup.
 
         Returns what tells of a message from the middleware whether it has been handed over.
         """

@@ -1,7 +1,12 @@
-"""The one loop that runs nodes: an executor that waits no longer than the next deadline.
+"""The one loop that runs nodes: it waits for messages, but no longer than the next deadline.
 
 A bare spin() of the events executor hangs on an endless deadline, so waiting with a finite timeout
 happens here and nowhere else. One thread runs callbacks and ticks, so nodes need no locks.
+
+The executor has nothing that the lane's sockets could be waited for together with. So while another
+process is on the lane, what is waited for is the lane, and what the middleware has brought is
+looked at once a period, after the loop's own work; more often where somebody who is not on the lane
+speaks on one of its topics.
 """
 
 from __future__ import annotations
@@ -21,12 +26,26 @@ from rclpy.executors import Executor
 from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 
+from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.times import NANOSECONDS
 
 # Longest wait for a message or deadline: also how late a signal is answered at the worst.
 LONGEST_WAIT_S = 0.1
 # A deadline closer than this is waited for by looking at the clock: timers wake up later than that.
 SHORTEST_WAIT_S = 20e-6
+# How often the middleware is looked at while the lane is waited for; and while the middleware
+# brings messages of the lane's topics, as it did within the time below.
+LOOK_NS, LOOK_OFTEN_NS = 1_000_000, 200_000
+STRANGE_NS = NANOSECONDS // 2
+# Callbacks in one look, and what a call that finds nothing to do takes less than.
+MOST_CALLBACKS = 32
+NOTHING_NS = 8_000
+# Messages for people are sent while nothing else is to be done for so long, and, after a deadline,
+# not before its answer has come or so much time has passed.
+SENDS_NS, ANSWER_NS = 150_000, 400_000
+# A timeout of zero would still be waited for, by 20 to 80 us: the system is asked to wait until a
+# time that has gone by when it is asked. It is not asked where that time is before 1970.
+NO_WAIT_S = -4e9
 _PR_SET_TIMERSLACK = 29
 
 
@@ -65,6 +84,72 @@ def wait_for_messages(executor: Executor, timeout_s: float, until: Future | None
             return
 
 
+class Inbox:
+    """What a process waits for: its executor, and the lane.
+
+    Args:
+        executor: of the nodes.
+        exchange: with the lane.
+    """
+
+    def __init__(self, executor: Executor, exchange: Exchange) -> None:
+        self._executor = executor
+        self._exchange = exchange
+        self._look_ns = self._answer_ns = 0
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for messages, no longer than ``timeout_s``, and hand on what has come.
+
+        Messages for people are sent meanwhile, one after the other, if there is time for that.
+        """
+        exchange = self._exchange
+        lane = exchange.lane
+        if lane is None:
+            wait_for_messages(self._executor, timeout_s)
+            return
+        lane.look()
+        if not lane.linked:
+            wait_for_messages(self._executor, timeout_s)
+            exchange.collect()
+            exchange.deliver()
+            return
+        now = time.monotonic_ns()
+        end = min(now + int(timeout_s * NANOSECONDS), self._look_ns)
+        if exchange.has_later:
+            if now < self._answer_ns:
+                end = min(end, self._answer_ns)
+            elif end - now > SENDS_NS:
+                exchange.collect()
+                if not exchange.is_waiting:
+                    exchange.publish_one()
+                    return
+        if not exchange.is_waiting:
+            exchange.collect(max(0, end - now) / NANOSECONDS)
+        if exchange.is_waiting:
+            self._answer_ns = 0
+            exchange.deliver()
+
+    def acted(self) -> None:
+        """Note that what was sent now may be answered soon."""
+        self._answer_ns = time.monotonic_ns() + ANSWER_NS
+
+    def look(self) -> None:
+        """Run the callbacks of what the middleware has brought, if it is time for that."""
+        lane = self._exchange.lane
+        if lane is None or not lane.linked:
+            return
+        now = time.monotonic_ns()
+        if now < self._look_ns:
+            return
+        for _ in range(MOST_CALLBACKS):
+            self._executor.spin_once(timeout_sec=NO_WAIT_S)
+            before, now = now, time.monotonic_ns()
+            if now - before < NOTHING_NS:
+                break
+        strange = now - self._exchange.strange_ns < STRANGE_NS
+        self._look_ns = now + (LOOK_OFTEN_NS if strange else LOOK_NS)
+
+
 class HasDeadlines(Protocol):
     """A node that says when it wants to act next."""
 
@@ -81,21 +166,26 @@ class HasDeadlines(Protocol):
         """Act on the deadlines that have come."""
 
 
-def run_until(stop: StopRequest, nodes: Sequence[HasDeadlines]) -> None:
+def run_until(
+    stop: StopRequest, nodes: Sequence[HasDeadlines], exchange: Exchange | None = None
+) -> None:
     """Run nodes in this thread until a signal: messages as they come, deadlines when they come."""
     executor = EventsExecutor()
     for node in nodes:
         executor.add_node(node)  # type: ignore[arg-type]
+    inbox = Inbox(executor, exchange or Exchange())
     _find_callers()
     gc.collect()
     gc.freeze()
     while rclpy.ok() and not stop.asked:
-        wait_for_messages(executor, _wait_s(nodes))
+        inbox.wait(_wait_s(nodes))
         for node in nodes:
             node.look_at_clock()
             deadline = node.next_deadline_ns()
             if deadline is not None and deadline <= (now := node.now_ns()):
                 node.act(now)
+                inbox.acted()
+        inbox.look()
     executor.shutdown()
 
 

@@ -6,6 +6,7 @@ goes through both first steps at once.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -16,10 +17,11 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, as_ours
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
-from hapticmech_ros.nodes.exchange import Exchange, Listener
+from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.hosted_parameters import HostedParameters
 from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.nodes.node_time import NodeTime, said_of_step
+from hapticmech_ros.nodes.origin import Listener
 from hapticmech_ros.nodes.parameters import NodeParameters, ParameterError
 from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
@@ -55,7 +57,8 @@ class ManagedNode(LifecycleNode):
         super().__init__(actor_type.name)
         self._actor_type = actor_type
         self.exchange = exchange
-        self._listeners: list[tuple[str, Listener]] = []
+        self._listeners: list[tuple[str, Listener, str]] = []
+        self._on_lane = False
         self.actor: Actor[Any] | None = None
         self.active = False
         self.in_sim_time = False
@@ -137,14 +140,21 @@ class ManagedNode(LifecycleNode):
         self._kept.remove(entity)
         self._destroy(entity)
 
-    def hand_over(self, topic: str, listener: Listener) -> Callable[[bytes], bool]:
-        """Give a listener a topic's messages within the process until cleanup.
+    def lane_kind(self, message_type: Any) -> str:
+        """Return what messages of a type are called on the lane; nothing: they do not go there."""
+        return message_type.__name__ if self._on_lane else ""
+
+    def hand_over(
+        self, topic: str, message_type: Any, listener: Listener
+    ) -> Callable[[bytes], bool]:
+        """Give a listener a topic's messages on this host until cleanup.
 
         Returns:
-            Whether a message is of this process, and was handed over already; for subscriptions.
+            Whether a message was handed over already; for subscriptions.
         """
-        self._listeners.append((topic, listener))
-        return self.exchange.listen(topic, listener)
+        kind = self.lane_kind(message_type)
+        self._listeners.append((topic, listener, kind))
+        return self.exchange.listen(topic, listener, kind)
 
     def every(self, period_s: float, callback: Callable[[], None]) -> None:
         """Call back at a period of the machine's clock while the node is active, until cleanup."""
@@ -183,6 +193,7 @@ class ManagedNode(LifecycleNode):
         try:
             if self.parameters.lockstep and not self.in_sim_time:
                 raise ParameterError("lockstep: needs use_sim_time:=true (got false)")
+            self._join_lane()
             self.actor = self._actor_type(self, self.parameters)
         except Exception as error:  # noqa: BLE001 - the middleware's too: a name may be too long
             self.failure = as_ours(error)
@@ -272,8 +283,8 @@ class ManagedNode(LifecycleNode):
             self._jumps = None
 
     def _release(self) -> None:
-        for topic, listener in self._listeners:
-            self.exchange.silence(topic, listener)
+        for topic, listener, kind in self._listeners:
+            self.exchange.silence(topic, listener, kind)
         self._listeners.clear()
         for entity in self._kept:
             self._destroy(entity)
@@ -293,6 +304,16 @@ class ManagedNode(LifecycleNode):
     def _look_for_clock(self) -> None:
         """Look whether time is what /clock says; asked for once, since now_ns() is asked often."""
         self.in_sim_time = bool(self.get_parameter("use_sim_time").value)
+
+    def _join_lane(self) -> None:
+        """Exchange messages with other processes of this host directly, where that is allowed.
+
+        Nodes that follow /clock keep no pace.
+        """
+        self._on_lane = self.parameters.transport == "auto" and not self.in_sim_time
+        if self._on_lane:
+            self.exchange.join_lane(os.environ)
+            self._on_lane = self.exchange.lane is not None
 
     def _follow_clock(self) -> None:
         clocked = isinstance(self.actor, ClockedActor)
@@ -336,12 +357,21 @@ class ManagedNode(LifecycleNode):
             return False, f"unconfigured{reason}", {}
         well, sentence, figures = actor.failures.status(actor.status)
         figures = {**figures, **actor.ages.summary("message_age")}
+        figures.update(actor.ways())
+        figures["transport"] = self._transport()
         figures["scheduling"] = scheduling()
         figures["clock_steps"] = str(self._clock_steps)
         figures["last_clock_step"] = self._last_step
         figures["refused_messages"] = str(self.refused)
         figures["last_refusal"] = self.last_refusal
         return (well, sentence, figures) if self.active else (False, "inactive", figures)
+
+    def _transport(self) -> str:
+        """Return whether messages may go to other processes directly, or why they do not."""
+        if self._on_lane:
+            return "lane and middleware"
+        refusal = self.exchange.refusal if self.parameters.transport == "auto" else ""
+        return f"middleware: {refusal}" if refusal else "middleware"
 
     def _publish_diagnostics(self) -> None:
         well, sentence, figures = self._status()

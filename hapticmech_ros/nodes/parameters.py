@@ -94,6 +94,12 @@ class NodeParameters(BaseModel):
     lockstep: bool = flag(
         False, "advance by messages stamped with /clock, not by time; needs use_sim_time", "never"
     )
+    transport: Literal["auto", "middleware"] = text(
+        "auto",
+        "auto: to processes of this host and user directly where they are on it too; middleware: "
+        "everything through the middleware",
+        "never",
+    )
     thread_priority: int = count(
         0, "real-time priority (SCHED_FIFO), where the system grants it; 0: none", 0, 99, "never"
     )

@@ -8,6 +8,7 @@ hand pushes), progress, done or failed.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -24,8 +25,10 @@ from std_srvs.srv import Trigger
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.child import write_progress
-from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
+from hapticmech_ros.nodes.exchange import Exchange
+from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, Inbox, StopRequest
 from hapticmech_ros.nodes.message_class import message_class
+from hapticmech_ros.nodes.origin import Origin
 from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.wire.layouts import unpack_device
@@ -38,10 +41,17 @@ PROGRESS_PERIOD_S = 0.1
 
 
 class RecorderNode(Node):
-    """Writes every message of the table's topics to a bag, and sees when the hand starts."""
+    """Writes every message of the table's topics to a bag, and sees when the hand starts.
 
-    def __init__(self, writer: BagWriter, point: str) -> None:
+    Args:
+        writer: of the bag.
+        point: the operational point held.
+        exchange: brings what comes over the lane.
+    """
+
+    def __init__(self, writer: BagWriter, point: str, exchange: Exchange) -> None:
         super().__init__("recorder")
+        self._exchange = exchange
         self._writer = writer
         self.messages = 0
         self._silent = {self.resolve_topic_name(name) for name in _expected(point)}
@@ -56,8 +66,9 @@ class RecorderNode(Node):
         name = self.resolve_topic_name(topic.of(point))
         self._writer.add_topic(name, topic.type, topic.qos)
         qos = LATCHED if topic.qos == "latched" else RECORDER_SUBSCRIBER
+        kind = message_class(topic.type)
 
-        def callback(data: bytes) -> None:
+        def write(data: bytes) -> None:
             now = time.time_ns()
             self._writer.write(name, now, data)
             self.messages += 1
@@ -65,7 +76,17 @@ class RecorderNode(Node):
             if name == self._watched and self.started_ns is None:
                 self._look_for_start(data, now)
 
-        self.create_subscription(message_class(topic.type), name, callback, qos, raw=True)
+        def handed(data: bytes, origin: Origin) -> None:
+            del origin
+            write(data)
+
+        had = self._exchange.listen(name, handed, kind.__name__, every=True)
+
+        def callback(data: bytes) -> None:
+            if not had(data):
+                write(data)
+
+        self.create_subscription(kind, name, callback, qos, raw=True)
 
     def start_hand_when_ready(self) -> None:
         """Let the hand start once every topic of the graph has been heard."""
@@ -94,11 +115,13 @@ def main(arguments: Sequence[str]) -> int:
     options, ros_arguments = parser.parse_known_args(list(arguments))
     stop = StopRequest()
     rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+    exchange = Exchange()
     try:
         point = load_scene(options.scene).operational_point().name
+        exchange.join_lane(os.environ)
         with BagWriter(options.out, options.storage) as writer:
-            node = RecorderNode(writer, point)
-            failure = _record_until_done(node, stop, options)
+            node = RecorderNode(writer, point, exchange)
+            failure = _record_until_done(node, exchange, stop, options)
             messages = node.messages
             node.destroy_node()
         if failure:
@@ -110,20 +133,23 @@ def main(arguments: Sequence[str]) -> int:
         write_progress("failed", reason=str(error))
         return 1
     finally:
+        exchange.close()
         rclpy.try_shutdown()
 
 
 def _record_until_done(
-    node: RecorderNode, stop: StopRequest, options: argparse.Namespace
+    node: RecorderNode, exchange: Exchange, stop: StopRequest, options: argparse.Namespace
 ) -> str | None:
     """Return None when all is recorded, or why not."""
     executor = EventsExecutor()
     executor.add_node(node)
+    inbox = Inbox(executor, exchange)
     write_progress("ready")
     begun = time.monotonic()
     started = last_told = 0.0
     while rclpy.ok() and not stop.asked:
-        wait_for_messages(executor, LONGEST_WAIT_S)
+        inbox.wait(LONGEST_WAIT_S)
+        inbox.look()
         now = time.monotonic()
         if node.started_ns is None:
             node.start_hand_when_ready()

@@ -75,7 +75,9 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
         herald.destroy_node()
         starting.end()
         _schedule(nodes)
-        run_until(stop, nodes)
+        if exchange.refusal:
+            get_logger("lane").warning(f"all goes through the middleware: {exchange.refusal}")
+        run_until(stop, nodes, exchange)
         for node in nodes:
             print_report(node)
             node.end()
@@ -88,6 +90,7 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
     finally:
         for node in nodes:
             node.destroy_node()
+        exchange.close()
         rclpy.try_shutdown()
 
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
 from hapticmech_ros.times import NANOSECONDS
 
-# Sent by a node of this process, which numbers no messages.
-WITHIN = -1
 # What a middleware that counts no messages gives for a number (rmw: UINT64_MAX).
 UNNUMBERED = (1 << 64) - 1
 # Somebody who spoke so long ago may still be there; or so many of his own periods, if they are
@@ -43,33 +42,52 @@ class KnowsPublishers(Protocol):
 
 @dataclass(slots=True)
 class _Source:
-    """One publisher: its highest number, which of those just below were heard, and when."""
+    """One publisher: its way, highest number, which of those below were heard, and when.
 
+    Numbers count what goes through the middleware. What comes another way tells how many there
+    have been.
+    """
+
+    via: int
     last: int
     recent: int
     heard_ns: int
     gap_ns: int = 0
+    still: int = 0
 
     def takes(self, number: int) -> bool:
-        """Return whether a number can be this publisher's next, or one that came late."""
+        """Return whether what the middleware brings can be this publisher's next, or a late one."""
+        if self.via < MIDDLEWARE:
+            return False
         ahead = number - self.last
-        if self.last == WITHIN or number == WITHIN:
-            return ahead == 0
         if ahead > 0:
             return ahead <= LONGEST_GAP
         return -ahead < REORDERED and not self.recent >> -ahead & 1
 
-    def heard(self, number: int, now_ns: int) -> None:
+    def heard(self, origin: Origin, now_ns: int) -> None:
         """Note a message."""
-        if number != WITHIN:
-            ahead = number - self.last
-            if ahead > 0:
-                self.last = number
-                self.recent = (self.recent << min(ahead, REORDERED) | 1) & _MASK
-            else:
-                self.recent |= 1 << -ahead
+        ahead = origin.number - self.last
+        if ahead > 0:
+            self.last = origin.number
+            self.recent = self.recent << min(ahead, REORDERED) & _MASK
+        if origin.via == MIDDLEWARE:
+            self.recent |= 1 << max(-ahead, 0)
+        else:
+            # So many messages later, nothing that the middleware carried is still under way.
+            self.still = self.still + 1 if ahead == 0 else 0
+            if self.still == REORDERED:
+                self.recent = _MASK
         self.gap_ns = now_ns - self.heard_ns
         self.heard_ns = now_ns
+
+    def copied(self, number: int) -> bool:
+        """Note that the middleware brought a number too; return whether it had done so before."""
+        behind = self.last - number
+        if not 0 <= behind < REORDERED:
+            return False
+        before = bool(self.recent >> behind & 1)
+        self.recent |= 1 << behind
+        return before
 
     def alive(self, now_ns: int, least_ns: int = ALIVE_NS) -> bool:
         """Return whether it may speak again; whoever spoke within ``least_ns`` may."""
@@ -94,34 +112,71 @@ class Sources:
         self._named = ""
         self._named_ns = 0
 
-    def heard(self, number: int, now_ns: int) -> None:
+    def heard(self, origin: Origin, now_ns: int) -> None:
         """Note a message.
 
         Args:
-            number: by which its publisher counts it; :data:`WITHIN` for one of this process.
+            origin: whom it comes from.
             now_ns: time of its arrival, ns.
         """
         self._heard_ns = now_ns
-        if number == UNNUMBERED:
+        via, number = origin
+        if via == MIDDLEWARE and number == UNNUMBERED:
             # There is only the middleware's list, in which the dead stand for a while.
             self._two = len(self._node.get_publishers_info_by_topic(self._topic)) > 1
             return
-        # The closest below: of two that both can, it has lost least.
+        source = self._nearest(number) if via == MIDDLEWARE else self._known(via, number, now_ns)
+        if source is None:
+            # What it said before through the middleware was for others: none of it can come late.
+            recent = _MASK if via == MIDDLEWARE else 0
+            self._add(_Source(via, number, recent, now_ns), now_ns)
+        else:
+            source.heard(origin, now_ns)
+        if len(self._sources) > 1:
+            self._sources = [one for one in self._sources if one.alive(now_ns, FORGET_NS)]
+        self._two = len(self._sources) > 1
+
+    def copied(self, number: int, now_ns: int) -> None:
+        """Note that the middleware brought what had come another way.
+
+        Args:
+            number: by which its publisher counts it.
+            now_ns: time of its arrival, ns.
+        """
+        on_lane = [one for one in self._sources if one.via > MIDDLEWARE]
+        if len(on_lane) == 1 and on_lane[0].copied(number):
+            # Somebody else's has been taken for it.
+            self._add(_Source(MIDDLEWARE, number, _MASK, now_ns), now_ns)
+            self._two = len(self._sources) > 1
+
+    def _nearest(self, number: int) -> _Source | None:
+        """Return whose number it can be; the closest below: of two that both can, it lost least."""
         source, least = None, LONGEST_GAP + 1
         for one in self._sources:
             apart = abs(number - one.last)
             if apart < least and one.takes(number):
                 source, least = one, apart
-        if source is None:
-            alive = [one for one in self._sources if one.alive(now_ns)]
-            # What it said before was for others: nothing of it can come late.
-            source = _Source(number, _MASK, now_ns)
-            self._sources = [*alive, source]
-        else:
-            source.heard(number, now_ns)
-        if len(self._sources) > 1:
-            self._sources = [one for one in self._sources if one.alive(now_ns, FORGET_NS)]
-        self._two = len(self._sources) > 1
+        return source
+
+    def _known(self, via: int, number: int, now_ns: int) -> _Source | None:
+        """Return a publisher that is known by the way of its messages, or was by their numbers."""
+        for one in self._sources:
+            if one.via != via:
+                continue
+            if number < one.last:
+                # It has not sent so many through the middleware: those were somebody else's.
+                self._add(_Source(MIDDLEWARE, one.last, one.recent, now_ns), now_ns)
+                one.last, one.recent = number, 0
+            return one
+        # Until now it was heard through the middleware, as long as it was one.
+        found = [one for one in self._sources if one.via == MIDDLEWARE]
+        if via < MIDDLEWARE or len(found) != 1 or not 0 <= number - found[0].last <= LONGEST_GAP:
+            return None
+        found[0].via = via
+        return found[0]
+
+    def _add(self, source: _Source, now_ns: int) -> None:
+        self._sources = [*(one for one in self._sources if one.alive(now_ns)), source]
 
     def forget(self) -> None:
         """Forget who spoke."""

@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
+from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
 from hapticmech_ros.nodes.sources import Sources
 
 MS = 1_000_000
@@ -24,8 +25,8 @@ def test_an_emergency_stop_lasts_and_comes_first():
     guard = CommandGuard(sources)
     assert guard.fault(0) == ""
     guard.stopped = True
-    sources.heard(100, 0)
-    sources.heard(7, 0)
+    sources.heard(Origin(MIDDLEWARE, 100), 0)
+    sources.heard(Origin(MIDDLEWARE, 7), 0)
     assert guard.fault(1000 * MS) == STOPPED
     assert guard.fault(0) == STOPPED
     guard.stopped = False

@@ -3,6 +3,7 @@
 import time
 
 from hapticmech_ros.nodes.exchange import MOST_UNDERWAY, Exchange, Outlet
+from hapticmech_ros.nodes.origin import INSIDE, Origin
 
 
 class FakePublisher:
@@ -19,6 +20,22 @@ class FakePublisher:
         return self.subscriptions
 
 
+class Hears:
+    """Puts messages into a list; two of one list are equal."""
+
+    def __init__(self, heard: list) -> None:
+        self.heard = heard
+
+    def __call__(self, message: bytes, origin: Origin) -> None:
+        assert origin == INSIDE
+        self.heard.append(message)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Hears) and other.heard is self.heard
+
+    __hash__ = None
+
+
 def outlet(exchange: Exchange, subscriptions: int, stays: bool = False) -> tuple[Outlet, list]:
     publisher = FakePublisher(subscriptions)
     return exchange.outlet(publisher, "/topic", stays), publisher.sent
@@ -26,7 +43,7 @@ def outlet(exchange: Exchange, subscriptions: int, stays: bool = False) -> tuple
 
 def test_within_the_process_nothing_goes_outside() -> None:
     exchange, heard = Exchange(), []
-    exchange.listen("/topic", heard.append)
+    exchange.listen("/topic", Hears(heard))
     # The one subscription is that of the listener itself.
     publish, sent = outlet(exchange, 1)
     publish.publish(b"a")
@@ -38,7 +55,7 @@ def test_within_the_process_nothing_goes_outside() -> None:
 
 def test_who_listens_outside_gets_it_too_and_the_copy_is_dropped_here() -> None:
     exchange, heard = Exchange(), []
-    is_own = exchange.listen("/topic", heard.append)
+    is_own = exchange.listen("/topic", Hears(heard))
     publish, sent = outlet(exchange, 2)
     publish.publish(b"a")
     exchange.deliver()
@@ -61,7 +78,7 @@ def test_nothing_is_converted_that_nobody_wants_unless_it_stays() -> None:
 
 def test_what_stays_goes_outside_also_while_only_this_process_listens() -> None:
     exchange, heard = Exchange(), []
-    exchange.listen("/topic", heard.append)
+    exchange.listen("/topic", Hears(heard))
     publish, sent = outlet(exchange, 1, stays=True)
     publish.publish(b"a")
     exchange.deliver()
@@ -70,7 +87,7 @@ def test_what_stays_goes_outside_also_while_only_this_process_listens() -> None:
 
 def test_message_objects_take_the_way_through_the_middleware() -> None:
     exchange, heard = Exchange(), []
-    exchange.listen("/topic", heard.append)
+    exchange.listen("/topic", Hears(heard))
     publish, sent = outlet(exchange, 1)
     message = object()
     publish.publish(message)
@@ -81,7 +98,7 @@ def test_message_objects_take_the_way_through_the_middleware() -> None:
 
 def test_who_comes_later_is_noticed() -> None:
     exchange, heard = Exchange(), []
-    exchange.listen("/topic", heard.append)
+    exchange.listen("/topic", Hears(heard))
     publish, sent = outlet(exchange, 1)
     publish.publish(b"a")
     publish.publisher.subscriptions = 2  # type: ignore[attr-defined]
@@ -95,7 +112,7 @@ def test_answers_come_after_the_message_they_answer() -> None:
     exchange, heard = Exchange(), []
     publish, _ = outlet(exchange, 1)
 
-    def answer(message: bytes) -> None:
+    def answer(message: bytes, origin: Origin) -> None:
         if message == b"question":
             publish.publish(b"answer")
             exchange.deliver()
@@ -110,10 +127,10 @@ def test_answers_come_after_the_message_they_answer() -> None:
 
 def test_a_silenced_listener_hears_no_more() -> None:
     exchange, heard = Exchange(), []
-    exchange.listen("/topic", heard.append)
+    exchange.listen("/topic", Hears(heard))
     publish, _ = outlet(exchange, 1)
     publish.publish(b"a")
-    exchange.silence("/topic", heard.append)
+    exchange.silence("/topic", Hears(heard))
     exchange.deliver()
     publish.publish(b"b")
     exchange.deliver()
@@ -123,11 +140,11 @@ def test_a_silenced_listener_hears_no_more() -> None:
 def test_delivery_goes_on_after_a_listener_that_raised() -> None:
     exchange, heard = Exchange(), []
 
-    def refuse(message: bytes) -> None:
+    def refuse(message: bytes, origin: Origin) -> None:
         raise ValueError(message)
 
     exchange.listen("/topic", refuse)
-    exchange.listen("/topic", heard.append)
+    exchange.listen("/topic", Hears(heard))
     publish, _ = outlet(exchange, 2)
     publish.publish(b"a")
     try:
@@ -139,7 +156,7 @@ def test_delivery_goes_on_after_a_listener_that_raised() -> None:
 
 def test_copies_that_never_come_back_are_forgotten() -> None:
     exchange, heard = Exchange(), []
-    is_own = exchange.listen("/topic", heard.append)
+    is_own = exchange.listen("/topic", Hears(heard))
     publish, _ = outlet(exchange, 2)
     for number in range(MOST_UNDERWAY + 1):
         publish.publish(b"%d" % number)

@@ -1,0 +1,473 @@
+"""A lane between processes of one host and one user, for messages of the control rate.
+
+Sockets of the kind AF_UNIX, SOCK_SEQPACKET: messages stay whole and in order, a full one refuses
+instead of blocking, and the kernel ends a connection with the process at its other end, whatever
+killed it. Whoever listens has a socket in a folder of this user's own
+(:mod:`~hapticmech_ros.nodes.lane_folder`); whoever speaks connects to it, is told which topics are
+heard there, and sends those. User ids are those that the kernel tells of the peer.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import select
+import socket
+import struct
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from hapticmech_ros.nodes.lane_folder import LaneError, lane_folder
+from hapticmech_ros.nodes.origin import Listener, Origin
+from hapticmech_ros.times import NANOSECONDS
+
+# Larger messages go through the middleware.
+MOST_BYTES = 1 << 16
+# Of all topics that a process hears, as it tells them.
+MOST_TOLD = 1 << 17
+# What a listener that wants every message may fall behind by, in messages.
+MOST_BEHIND = 1000
+# How much a connection holds for such a listener, bytes; the system may grant less.
+KEPT_BYTES = 1 << 22
+# Looks for new processes, and at what could not be sent, come so often.
+LOOK_NS = NANOSECONDS // 10
+_VERSION = 1
+_BACKLOG = 64
+# Kind, whether the middleware carries the message too, topic as numbered by whoever hears it,
+# which of the sending process's outlets, and number of its last message through the middleware.
+_HEADER = struct.Struct("<BBHIQ")
+_MESSAGE, _TOPICS = 1, 2
+_CREDENTIALS = struct.Struct("3i")
+
+
+class Arrived(NamedTuple):
+    """A message from another process, its origin, and the listener it is for."""
+
+    listener: Listener
+    message: bytes
+    origin: Origin
+
+
+@dataclass(slots=True)
+class _Heard:
+    """A topic that is heard here."""
+
+    topic: str
+    code: int
+    listeners: list[Listener] = field(default_factory=list)
+    all: bool = False
+
+
+class _Link:
+    """A connection to a process that listens."""
+
+    def __init__(self, name: str, connection: socket.socket) -> None:
+        self.name = name
+        self.connection = connection
+        self.topics: dict[str, tuple[int, int]] = {}
+        self.behind: deque[bytes] | None = None
+        self.lost = 0
+
+    def send(self, frame: bytes) -> bool:
+        """Send or keep a frame; return whether the connection is still there."""
+        behind = self.behind
+        if behind:
+            self._keep(behind, frame)
+            return self.flush()
+        try:
+            self.connection.send(frame)
+        except BlockingIOError:
+            if behind is None:
+                self.lost += 1
+            else:
+                self._keep(behind, frame)
+        except OSError:
+            return False
+        return True
+
+    def flush(self) -> bool:
+        """Send what is kept, as far as possible; return whether the connection is still there."""
+        behind = self.behind
+        try:
+            while behind:
+                self.connection.send(behind[0])
+                behind.popleft()
+        except BlockingIOError:
+            pass
+        except OSError:
+            return False
+        return True
+
+    def _keep(self, behind: deque[bytes], frame: bytes) -> None:
+        self.lost += len(behind) == behind.maxlen
+        behind.append(frame)
+
+
+class _Ear:
+    """A connection from a process that speaks."""
+
+    def __init__(self, connection: socket.socket, serial: int) -> None:
+        self.connection = connection
+        self.serial = serial
+        self.told = -1
+
+
+class Lane:
+    """This process's part in the lane.
+
+    Args:
+        folder: where processes meet; this user's alone.
+
+    Attributes:
+        refused: connections of other users, and messages that broke the rules.
+        copied: topic and message of all that came and the middleware brings too; for whoever
+            collects to take.
+
+    Raises:
+        LaneError: there can be no sockets.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.refused = 0
+        self.copied: list[tuple[str, bytes]] = []
+        self._folder = folder
+        self._name = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._heard: dict[str, _Heard] = {}
+        self._codes: dict[int, _Heard] = {}
+        self._next_code = self._next_serial = 1
+        # Raised with every change of what is heard.
+        self._version = 0
+        self._links: dict[int, _Link] = {}
+        self._ears: dict[int, _Ear] = {}
+        self._to: dict[str, list[tuple[_Link, int]]] = {}
+        self._readers: dict[str, int] = {}
+        self._known: set[str] = {self._name}
+        self._folder_ns = self._looked_ns = -1
+        self._listening = self._listen()
+        self._waited = [self._listening.fileno()]
+        self._frame = memoryview(bytearray(_HEADER.size + MOST_BYTES))
+
+    @classmethod
+    def open(cls, environment: Mapping[str, str]) -> Lane:
+        """Return the lane of this environment's graphs.
+
+        Raises:
+            LaneError: it cannot be had here.
+        """
+        if not hasattr(socket, "SOCK_SEQPACKET") or not hasattr(socket, "SO_PEERCRED"):
+            raise LaneError("this system has no sequenced-packet sockets that know their peers")
+        for _ in range(10):
+            try:
+                return cls(lane_folder(environment))
+            except FileNotFoundError:
+                # The last process there has just ended, and took the folder with it.
+                continue
+            except OSError as error:
+                raise LaneError(f"no socket for the lane: {error}") from None
+        raise LaneError("no socket for the lane: its folder vanishes again and again")
+
+    def close(self) -> None:
+        """Leave: nothing of this process stays behind."""
+        for link in list(self._links.values()):
+            self._drop(link)
+        for ear in list(self._ears.values()):
+            self._deafen(ear)
+        self._listening.close()
+        try:
+            (self._folder / self._name).unlink()
+            self._folder.rmdir()
+        except OSError:
+            # Others are still there.
+            pass
+
+    @property
+    def linked(self) -> bool:
+        """Whether another process is, or may be, speaking to this one."""
+        return bool(self._ears)
+
+    @property
+    def lost(self) -> int:
+        """Messages that a full connection has not taken."""
+        return sum(link.lost for link in self._links.values())
+
+    def listen(self, topic: str, listener: Listener, every: bool = False) -> None:
+        """Hear a topic.
+
+        Args:
+            topic: full name and type.
+            listener: called with a message, serialized, and its origin.
+            every: whether it wants all messages; else the latest of each publisher.
+        """
+        heard = self._heard.get(topic)
+        if heard is None:
+            heard = self._heard[topic] = _Heard(topic, self._next_code)
+            self._codes[self._next_code] = heard
+            self._next_code += 1
+        heard.listeners.append(listener)
+        heard.all |= every
+        self._tell_anew()
+
+    def silence(self, topic: str, listener: Listener) -> None:
+        """Hear a topic no more."""
+        heard = self._heard[topic]
+        heard.listeners.remove(listener)
+        if not heard.listeners:
+            del self._heard[topic], self._codes[heard.code]
+        self._tell_anew()
+
+    def readers(self, topic: str) -> int:
+        """Return how many listeners of other processes a message reaches."""
+        return self._readers.get(topic, 0)
+
+    def send(self, topic: str, outlet: int, number: int, message: bytes, both: bool) -> None:
+        """Send a message to all who hear its topic; whoever's connection is full misses it.
+
+        Args:
+            topic: full name and type.
+            outlet: which publisher of this process.
+            number: of its messages through the middleware, this one included if ``both``.
+            message: serialized.
+            both: whether the middleware carries it too.
+        """
+        gone = []
+        for link, code in self._to.get(topic, ()):
+            frame = _HEADER.pack(_MESSAGE, both, code, outlet, number) + message
+            if not link.send(frame):
+                gone.append(link)
+        for link in gone:
+            self._drop(link)
+
+    def collect(self, timeout_s: float = 0.0) -> list[Arrived]:
+        """Return what has come, and look after connections.
+
+        Args:
+            timeout_s: how long to wait for anything to come.
+        """
+        found: list[Arrived] = []
+        ready, _, _ = select.select(self._waited, (), (), timeout_s)
+        for number in ready:
+            ear = self._ears.get(number)
+            if ear is not None:
+                self._receive(ear, found)
+            elif (link := self._links.get(number)) is not None:
+                self._read_topics(link)
+            else:
+                self._accept()
+        return found
+
+    def look(self) -> None:
+        """Look for processes that have come, and repeat what could not be sent; now and then."""
+        now = time.monotonic_ns()
+        if now - self._looked_ns < LOOK_NS:
+            return
+        self._looked_ns = now
+        for ear in list(self._ears.values()):
+            self._tell(ear)
+        for link in list(self._links.values()):
+            if not link.flush():
+                self._drop(link)
+        try:
+            changed_ns = self._folder.stat().st_mtime_ns
+            if changed_ns == self._folder_ns:
+                return
+            names = {path.name for path in self._folder.iterdir()}
+        except OSError:
+            return
+        self._folder_ns = changed_ns
+        self._known &= names
+        for name in sorted(names - self._known):
+            if not name.startswith("."):
+                self._connect(name)
+
+    def _listen(self) -> socket.socket:
+        """Return the socket that others connect to.
+
+        Raises:
+            OSError: it cannot be had, or the folder is not there.
+        """
+        made = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        unready = self._folder / f".{self._name}"
+        try:
+            made.setblocking(False)
+            made.bind(str(unready))
+            made.listen(_BACKLOG)
+            # Seen only now that it answers: a socket that does not is a dead process's.
+            unready.rename(self._folder / self._name)
+            if made.fileno() >= 1024:
+                raise OSError("too many open files to wait for one more")
+        except OSError:
+            made.close()
+            unready.unlink(missing_ok=True)
+            raise
+        return made
+
+    def _connect(self, name: str) -> None:
+        connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        connection.setblocking(False)
+        path = self._folder / name
+        try:
+            connection.connect(str(path))
+        except ConnectionRefusedError:
+            # Nobody is there any more.
+            connection.close()
+            path.unlink(missing_ok=True)
+            return
+        except OSError:
+            # Busy, or just gone: another time.
+            connection.close()
+            self._folder_ns = -1
+            return
+        self._known.add(name)
+        if not self._is_ours(connection):
+            return
+        self._links[connection.fileno()] = _Link(name, connection)
+        self._wait_for_all()
+
+    def _accept(self) -> None:
+        try:
+            connection, _ = self._listening.accept()
+        except OSError:
+            return
+        connection.setblocking(False)
+        if not self._is_ours(connection):
+            return
+        ear = self._ears[connection.fileno()] = _Ear(connection, self._next_serial)
+        self._next_serial += 1
+        self._wait_for_all()
+        self._tell(ear)
+
+    def _is_ours(self, connection: socket.socket) -> bool:
+        """Return whether this user has the other end, and close a connection that is not kept."""
+        size = _CREDENTIALS.size
+        told = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size)
+        _, user, _ = _CREDENTIALS.unpack(told)
+        if user == os.geteuid() and connection.fileno() < 1024:
+            return True
+        self.refused += 1
+        connection.close()
+        return False
+
+    def _tell_anew(self) -> None:
+        self._version += 1
+        for ear in list(self._ears.values()):
+            self._tell(ear)
+
+    def _tell(self, ear: _Ear) -> None:
+        """Tell a process that speaks which topics are heard here, unless it knows."""
+        if ear.told == self._version:
+            return
+        told = [(h.topic, h.code, len(h.listeners), h.all) for h in self._heard.values()]
+        text = json.dumps({"version": _VERSION, "topics": told}).encode()
+        if len(text) > MOST_TOLD:
+            text = json.dumps({"version": _VERSION, "topics": []}).encode()
+        try:
+            ear.connection.send(_HEADER.pack(_TOPICS, 0, 0, 0, 0) + text)
+            ear.told = self._version
+        except BlockingIOError:
+            # Another time.
+            pass
+        except OSError:
+            self._deafen(ear)
+
+    def _read_topics(self, link: _Link) -> None:
+        """Read what is heard at the other end."""
+        while True:
+            try:
+                frame = link.connection.recv(_HEADER.size + MOST_TOLD)
+                if not frame:
+                    self._drop(link)
+                    return
+                told = json.loads(frame[_HEADER.size :])
+                if told["version"] != _VERSION:
+                    self._drop(link, for_good=True)
+                    return
+                topics = {str(name): (int(code), int(n)) for name, code, n, _ in told["topics"]}
+                every = any(bool(all_) for *_, all_ in told["topics"])
+            except BlockingIOError:
+                return
+            except OSError:
+                self._drop(link)
+                return
+            except (KeyError, TypeError, ValueError):
+                self.refused += 1
+                self._drop(link, for_good=True)
+                return
+            link.topics = topics
+            if every and link.behind is None:
+                link.behind = deque(maxlen=MOST_BEHIND)
+                link.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KEPT_BYTES)
+            self._sort()
+
+    def _sort(self) -> None:
+        """Find anew who hears what."""
+        self._to, self._readers = {}, {}
+        for link in self._links.values():
+            for topic, (code, listeners) in link.topics.items():
+                self._to.setdefault(topic, []).append((link, code))
+                self._readers[topic] = self._readers.get(topic, 0) + listeners
+
+    def _receive(self, ear: _Ear, found: list[Arrived]) -> None:
+        """Take all that a connection holds: of what is not wanted in full, the latest."""
+        newest: dict[tuple[int, int], int] = {}
+        base = ear.serial << 32
+        size, frame = _HEADER.size, self._frame
+        while True:
+            try:
+                length = ear.connection.recv_into(frame)
+            except BlockingIOError:
+                return
+            except OSError:
+                self._deafen(ear)
+                return
+            if not length:
+                self._deafen(ear)
+                return
+            if length <= size or frame[0] != _MESSAGE:
+                self.refused += 1
+                continue
+            _, both, code, outlet, number = _HEADER.unpack_from(frame)
+            heard = self._codes.get(code)
+            if heard is None:
+                # Of before it was silenced.
+                continue
+            origin, message = Origin(base | outlet, number), bytes(frame[size:length])
+            if both:
+                self.copied.append((heard.topic, message))
+            for listener in heard.listeners:
+                arrived = Arrived(listener, message, origin)
+                if heard.all:
+                    found.append(arrived)
+                    continue
+                key = id(listener), outlet
+                at = newest.get(key)
+                if at is None:
+                    newest[key] = len(found)
+                    found.append(arrived)
+                else:
+                    found[at] = arrived
+
+    def _drop(self, link: _Link, for_good: bool = False) -> None:
+        """Speak to a process no more, unless it is found again."""
+        if self._links.pop(link.connection.fileno(), None) is None:
+            return
+        link.connection.close()
+        if not for_good:
+            self._known.discard(link.name)
+            self._folder_ns = -1
+        self._wait_for_all()
+        self._sort()
+
+    def _deafen(self, ear: _Ear) -> None:
+        """Listen to a process no more."""
+        if self._ears.pop(ear.connection.fileno(), None) is None:
+            return
+        ear.connection.close()
+        self._wait_for_all()
+
+    def _wait_for_all(self) -> None:
+        self._waited = [self._listening.fileno(), *self._ears, *self._links]

@@ -1,0 +1,29 @@
+"""Whom a message comes from, as far as a subscriber can know."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+# By the middleware, which does not tell which publisher sent a message.
+MIDDLEWARE = 0
+# From a node of this process.
+WITHIN = -1
+
+
+class Origin(NamedTuple):
+    """The way of a message, and its publisher where that is known.
+
+    Attributes:
+        via: :data:`MIDDLEWARE`, :data:`WITHIN`, or the one publisher on the lane that this stands
+            for in this process.
+        number: by which its publisher counts what it sends through the middleware.
+    """
+
+    via: int
+    number: int
+
+
+INSIDE = Origin(WITHIN, 0)
+
+Listener = Callable[[bytes, Origin], None]

@@ -1,0 +1,446 @@
+"""Messages between processes of one host: who gets them, whoever dies, stalls or lies."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import stat
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hapticmech_ros.nodes import lane as lane_module
+from hapticmech_ros.nodes.exchange import CENSUS_NS, Exchange
+from hapticmech_ros.nodes.lane import MOST_BEHIND, MOST_BYTES, Lane
+from hapticmech_ros.nodes.lane_folder import LaneError, lane_folder
+from hapticmech_ros.nodes.origin import Origin
+
+TOPIC = "/topic Kind"
+
+
+@pytest.fixture
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    # A socket's path holds 107 bytes.
+    made = tmp_path_factory.mktemp("l")
+    made.chmod(0o700)
+    return made
+
+
+@pytest.fixture
+def lanes(folder: Path) -> Iterator[list[Lane]]:
+    made = [Lane(folder) for _ in range(3)]
+    yield made
+    for lane in made:
+        lane.close()
+    assert not folder.exists()
+
+
+class Heard(list):
+    """What a listener got."""
+
+    def __call__(self, message: bytes, origin: Origin) -> None:
+        self.append((message, origin))
+
+    __hash__ = object.__hash__
+
+    @property
+    def messages(self) -> list[bytes]:
+        return [message for message, _ in self]
+
+
+def meet(lanes: list[Lane], seconds: float = 5.0) -> None:
+    """Let lanes find each other and tell what they hear."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        for lane in lanes:
+            lane._looked_ns = -lane_module.LOOK_NS
+            lane.look()
+            hand_on(lane)
+        if all(len(lane._links) == len(lanes) - 1 == len(lane._ears) for lane in lanes) and all(
+            ear.told == lane._version for lane in lanes for ear in lane._ears.values()
+        ):
+            for lane in lanes:
+                hand_on(lane)
+            return
+    raise AssertionError("lanes do not meet")
+
+
+def hand_on(lane: Lane) -> None:
+    for listener, message, origin in lane.collect():
+        listener(message, origin)
+
+
+def send(lane: Lane, message: bytes, number: int = 0, both: bool = False, outlet: int = 1) -> None:
+    lane.send(TOPIC, outlet, number, message, both)
+
+
+def test_a_message_reaches_all_who_hear_its_topic_and_nobody_else(lanes: list[Lane]) -> None:
+    speaks, first, second = lanes
+    heard, other, deaf = Heard(), Heard(), Heard()
+    first.listen(TOPIC, heard)
+    second.listen(TOPIC, other)
+    second.listen("/topic Other", deaf)
+    meet(lanes)
+    assert speaks.readers(TOPIC) == 2
+    assert speaks.readers("/else Kind") == 0
+    send(speaks, b"a", 7)
+    hand_on(first)
+    hand_on(second)
+    assert heard.messages == other.messages == [b"a"]
+    assert deaf == []
+    assert heard[0][1].number == 7
+    assert heard[0][1].via > 0
+
+
+def test_publishers_are_told_apart_whoever_they_are(lanes: list[Lane]) -> None:
+    hears, heard = lanes[0], Heard()
+    hears.listen(TOPIC, heard)
+    meet(lanes)
+    for lane in lanes[1:]:
+        for outlet in (1, 2):
+            send(lane, b"x", outlet=outlet)
+    hand_on(hears)
+    assert len({origin.via for _, origin in heard}) == 4
+
+
+def test_of_what_has_piled_up_the_latest_of_each_publisher_counts(lanes: list[Lane]) -> None:
+    hears, speaks, other = lanes
+    heard = Heard()
+    hears.listen(TOPIC, heard)
+    meet(lanes)
+    for number in range(20):
+        send(speaks, b"%d" % number, number, both=number % 2 == 0)
+    send(other, b"other")
+    hand_on(hears)
+    assert sorted(heard.messages) == [b"19", b"other"]
+    # Those that the middleware brings too are known, all of them.
+    assert [message for _, message in hears.copied] == [b"%d" % n for n in range(0, 20, 2)]
+
+
+def test_who_wants_all_gets_all_in_order_though_it_falls_behind(lanes: list[Lane]) -> None:
+    hears, speaks, _ = lanes
+    heard, count = Heard(), MOST_BEHIND
+    hears.listen(TOPIC, heard, every=True)
+    meet(lanes)
+    message = b"m" * 4000
+    for number in range(count):
+        send(speaks, message, number)
+    assert speaks._links[next(iter(speaks._links))] is not None
+    end = time.monotonic() + 10.0
+    while len(heard) < count and time.monotonic() < end:
+        hand_on(hears)
+        speaks._looked_ns = -lane_module.LOOK_NS
+        speaks.look()
+    assert [origin.number for _, origin in heard] == list(range(count))
+    assert speaks.lost == 0
+
+
+def test_who_stalls_holds_up_nobody_and_what_it_misses_is_counted(lanes: list[Lane]) -> None:
+    stalls, speaks, hears = lanes
+    never, heard = Heard(), Heard()
+    stalls.listen(TOPIC, never)
+    hears.listen(TOPIC, heard)
+    meet(lanes)
+    begun = time.monotonic()
+    for number in range(5000):
+        send(speaks, b"m" * 1000, number)
+        hand_on(hears)
+    assert time.monotonic() - begun < 10.0
+    assert len(heard) == 5000
+    assert speaks.lost > 0
+    hand_on(stalls)
+    assert len(never) == 1
+
+
+def test_a_change_of_what_is_heard_is_told(lanes: list[Lane]) -> None:
+    speaks, hears, _ = lanes
+    heard, late = Heard(), Heard()
+    meet(lanes)
+    hears.listen(TOPIC, heard)
+    meet(lanes)
+    send(speaks, b"a")
+    hears.silence(TOPIC, heard)
+    # What was sent before it was told is dropped.
+    hand_on(hears)
+    meet(lanes)
+    assert speaks.readers(TOPIC) == 0
+    hears.listen(TOPIC, late)
+    meet(lanes)
+    send(speaks, b"b")
+    hand_on(hears)
+    assert heard == []
+    assert late.messages == [b"b"]
+
+
+def test_whoever_closes_is_forgotten_and_leaves_nothing(folder: Path) -> None:
+    stays, goes = Lane(folder), Lane(folder)
+    goes.listen(TOPIC, Heard())
+    meet([stays, goes])
+    assert stays.readers(TOPIC) == 1
+    assert stays.linked
+    goes.close()
+    assert [path.name for path in folder.iterdir()] == [stays._name]
+    hand_on(stays)
+    assert stays.readers(TOPIC) == 0
+    assert not stays.linked
+    send(stays, b"to nobody")
+    stays.close()
+    assert not folder.exists()
+
+
+KILLED = """
+    import sys, time
+    from pathlib import Path
+    from hapticmech_ros.nodes.lane import Lane
+    lane = Lane(Path(sys.argv[1]))
+    lane.listen("/topic Kind", lambda message, origin: None)
+    print("ready", flush=True)
+    while True:
+        lane.look()
+        lane.collect(0.01)
+        lane.send("/back Kind", 1, 0, b"x" * 500, False)
+"""
+
+
+@contextlib.contextmanager
+def process(folder: Path) -> Iterator[subprocess.Popen[str]]:
+    command = [sys.executable, "-c", textwrap.dedent(KILLED), str(folder)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as made:
+        try:
+            assert made.stdout is not None
+            assert made.stdout.readline() == "ready\n"
+            yield made
+        finally:
+            made.kill()
+
+
+def test_a_killed_process_is_noticed_at_once_and_its_socket_removed_by_others(
+    folder: Path,
+) -> None:
+    lane = Lane(folder)
+    heard = Heard()
+    lane.listen("/back Kind", heard)
+    for _ in range(3):
+        with process(folder) as other:
+            end = time.monotonic() + 10.0
+            heard.clear()
+            while not (lane.readers(TOPIC) == 1 and heard):
+                assert time.monotonic() < end
+                lane.look()
+                for listener, message, origin in lane.collect(0.01):
+                    listener(message, origin)
+            other.kill()
+            other.wait()
+            end = time.monotonic() + 10.0
+            while lane.readers(TOPIC) or lane.linked:
+                assert time.monotonic() < end
+                send(lane, b"m")
+                hand_on(lane)
+    end = time.monotonic() + 10.0
+    while len(list(folder.iterdir())) > 1:
+        assert time.monotonic() < end
+        lane.look()
+    lane.close()
+    assert not folder.exists()
+
+
+def test_bytes_that_are_no_messages_harm_nobody(lanes: list[Lane], folder: Path) -> None:
+    hears, heard = lanes[0], Heard()
+    hears.listen(TOPIC, heard)
+    meet(lanes)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as liar:
+        liar.connect(str(folder / hears._name))
+        for frame in (b"\0", b"\1", b"\1" * 16, b"\2" * 400, os.urandom(1000)):
+            liar.send(frame)
+        liar.send(b"\1\0\xff\xff" + bytes(12) + b"of an unknown topic")
+        hand_on(hears)
+        hand_on(hears)
+        assert hears.refused == 5
+    hand_on(hears)
+    send(lanes[1], b"a")
+    hand_on(hears)
+    assert heard.messages == [b"a"]
+
+
+@pytest.mark.parametrize(
+    "text", [b"", b"{", b"[]", b'{"version": 1}', b'{"version": 2, "topics": []}', b"\xff" * 100]
+)
+def test_a_listener_that_tells_nonsense_is_left_alone(
+    lanes: list[Lane], folder: Path, text: bytes
+) -> None:
+    speaks = lanes[0]
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as liar:
+        liar.bind(str(folder / "1-liar"))
+        liar.listen()
+        speaks._looked_ns = -lane_module.LOOK_NS
+        speaks.look()
+        links = len(speaks._links)
+        there, _ = liar.accept()
+        there.send(bytes(16) + text)
+        hand_on(speaks)
+        assert len(speaks._links) == links - 1
+        there.close()
+        # It is not tried again.
+        speaks._looked_ns = -lane_module.LOOK_NS
+        speaks.look()
+        assert len(speaks._links) == links - 1
+    (folder / "1-liar").unlink()
+
+
+def test_connections_of_another_user_are_refused(
+    lanes: list[Lane], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hears, speaks, _ = lanes
+    hears.listen(TOPIC, Heard())
+    there = os.geteuid()
+    monkeypatch.setattr(lane_module.os, "geteuid", lambda: there + 1)
+    for lane in (speaks, hears):
+        lane._looked_ns = -lane_module.LOOK_NS
+        lane.look()
+        hand_on(lane)
+    assert speaks.refused > 0
+    assert speaks.readers(TOPIC) == 0
+    assert not hears.linked
+
+
+class FakePublisher:
+    """Counts what goes through the middleware."""
+
+    def __init__(self, subscriptions: int) -> None:
+        self.subscriptions = subscriptions
+        self.sent: list[object] = []
+
+    def publish(self, message: object) -> None:
+        self.sent.append(message)
+
+    def get_subscription_count(self) -> int:
+        return self.subscriptions
+
+
+@pytest.fixture
+def pair(folder: Path) -> Iterator[tuple[Exchange, Exchange]]:
+    made = Exchange(), Exchange()
+    for exchange in made:
+        exchange.lane = Lane(folder)
+    yield made
+    for exchange in made:
+        exchange.close()
+
+
+def test_the_middleware_carries_what_somebody_else_hears_and_the_copy_is_known(
+    pair: tuple[Exchange, Exchange],
+) -> None:
+    speaks, hears = pair
+    publisher, heard = FakePublisher(1), Heard()
+    outlet = speaks.outlet(publisher, "/topic", False, "Kind")
+    had = hears.listen("/topic", heard, "Kind")
+    outlet.publish(b"before they meet")
+    assert publisher.sent == [b"before they meet"]
+    meet([speaks.lane, hears.lane])
+    outlet.publish(b"alone")
+    assert len(publisher.sent) == 1
+    assert outlet.ways() == "lane"
+    publisher.subscriptions = 2
+    end = time.monotonic_ns() + 2 * CENSUS_NS
+    while time.monotonic_ns() < end:
+        pass
+    outlet.publish(b"for both")
+    assert publisher.sent[1:] == [b"for both"]
+    assert outlet.ways() == "lane, middleware"
+    # The middleware is faster here: what went over the lane is taken first all the same.
+    assert had(b"for both")
+    assert heard.messages[-1] == b"for both"
+    assert heard[-1][1].number == 2
+    assert not had(b"of somebody else")
+
+
+def test_a_message_too_long_for_the_lane_goes_through_the_middleware(
+    pair: tuple[Exchange, Exchange],
+) -> None:
+    speaks, hears = pair
+    publisher, heard = FakePublisher(1), Heard()
+    outlet = speaks.outlet(publisher, "/topic", False, "Kind")
+    hears.listen("/topic", heard, "Kind")
+    meet([speaks.lane, hears.lane])
+    outlet.publish(b"m" * MOST_BYTES)
+    outlet.publish(b"m" * (MOST_BYTES + 1))
+    hears.collect()
+    hears.deliver()
+    assert [len(message) for message in heard.messages] == [MOST_BYTES]
+    assert [len(message) for message in publisher.sent] == [MOST_BYTES + 1]
+
+
+def test_what_stays_and_what_has_no_kind_keeps_off_the_lane(
+    pair: tuple[Exchange, Exchange],
+) -> None:
+    speaks, hears = pair
+    hears.listen("/topic", Heard(), "Kind")
+    meet([speaks.lane, hears.lane])
+    for stays, kind in ((True, "Kind"), (False, "")):
+        publisher = FakePublisher(1)
+        speaks.outlet(publisher, "/topic", stays, kind).publish(b"a")
+        assert publisher.sent == [b"a"]
+
+
+def test_graphs_that_the_middleware_keeps_apart_have_folders_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tmp_path.chmod(0o700)
+    base = {"XDG_RUNTIME_DIR": str(tmp_path)}
+    plain = lane_folder(base)
+    assert plain == lane_folder({**base, "ROS_DOMAIN_ID": "0", "HOME": "/else"})
+    assert plain.is_relative_to(tmp_path)
+    assert stat.S_IMODE(plain.stat().st_mode) == stat.S_IMODE(plain.parent.stat().st_mode) == 0o700
+    others = [
+        {"ROS_DOMAIN_ID": "7"},
+        {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"},
+        {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
+        {"ROS_STATIC_PEERS": "10.0.0.1"},
+    ]
+    assert len({lane_folder({**base, **other}) for other in others} | {plain}) == 5
+    monkeypatch.setattr(Path, "readlink", lambda self: Path("net:[1]"))
+    assert lane_folder(base) != plain
+
+
+@pytest.mark.parametrize("mode", [0o755, 0o770, 0o701])
+def test_a_folder_that_others_reach_is_refused(tmp_path: Path, mode: int) -> None:
+    tmp_path.chmod(0o700)
+    open_to_others = tmp_path / f"hapticmech_ros-{os.geteuid()}"
+    open_to_others.mkdir()
+    open_to_others.chmod(mode)
+    with pytest.raises(LaneError, match="must be a folder of mode 0700 of this user"):
+        Lane.open({"XDG_RUNTIME_DIR": str(tmp_path)})
+    exchange = Exchange()
+    exchange.join_lane({"XDG_RUNTIME_DIR": str(tmp_path)})
+    assert exchange.lane is None
+    assert str(open_to_others) in exchange.refusal
+
+
+def test_a_link_in_the_folders_place_is_refused(tmp_path: Path) -> None:
+    tmp_path.chmod(0o700)
+    there = tmp_path / "there"
+    there.mkdir(mode=0o700)
+    (tmp_path / f"hapticmech_ros-{os.geteuid()}").symlink_to(there)
+    with pytest.raises(LaneError):
+        Lane.open({"XDG_RUNTIME_DIR": str(tmp_path)})
+
+
+def test_a_runtime_folder_of_somebody_else_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
+    for runtime in ("/", "/proc", str(tmp_path / "nowhere"), ""):
+        assert lane_folder({"XDG_RUNTIME_DIR": runtime}).is_relative_to(tmp_path)
+
+
+def test_a_path_too_long_for_a_socket_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    deep = tmp_path / ("d" * 100)
+    deep.mkdir(mode=0o700)
+    with pytest.raises(LaneError, match="no socket for the lane"):
+        Lane.open({"XDG_RUNTIME_DIR": str(deep)})
