@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8, UInt8MultiArray
 
@@ -22,18 +23,14 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.messages import (
     WORLD,
-    matrix_message,
     set_stamp,
-    write_array,
-    write_pose,
-    write_twist,
-    write_wrench,
 )
+from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire import topics as table
-from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.cdr import FlatArray, encode_matrix
 from hapticmech_ros.wire.energies import energy_of
 from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY, DEVICE_ENERGY, ENERGY
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, ServoGain, pack_gain
@@ -55,8 +52,10 @@ from hapticmech_ros.wire.port_energies import (
     pack_controller_energy,
     pack_device_energy,
 )
+from hapticmech_ros.wire.stamped import encode_pose, encode_twist
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topic import ARRAY, POSE, TWIST, WRENCH, Topic
+from hapticmech_ros.wire.wrench import encode_wrench
 
 # What is published at a time, ns: a message, or one already serialized.
 Example = Callable[[int], Any]
@@ -187,21 +186,16 @@ class Examples:
 
 
 def _pose(pose: pin.SE3) -> Example:
-    message = PoseStamped()
-    write_pose(message, pose, 0)
-    return _header(message)
+    place = *pose.translation.tolist(), *quaternion_of(pose.rotation).tolist()
+    return _header(deserialize_message(encode_pose(place, 0), PoseStamped))
 
 
 def _twist(twist: Array) -> Example:
-    message = TwistStamped()
-    write_twist(message, twist, 0)
-    return _header(message)
+    return _header(deserialize_message(encode_twist(twist.tolist(), 0), TwistStamped))
 
 
 def _wrench(wrench: Array) -> Example:
-    message = WrenchStamped()
-    write_wrench(message, wrench, 0)
-    return _header(message)
+    return _header(deserialize_message(encode_wrench(wrench, 0), WrenchStamped))
 
 
 def _joints(names: Any, positions: Array, rates: Array, efforts: Array | None = None) -> Example:
@@ -213,9 +207,7 @@ def _joints(names: Any, positions: Array, rates: Array, efforts: Array | None = 
 
 
 def _matrix(row: str, column: str, values: Array) -> Example:
-    message = matrix_message(row, column, *values.shape)
-    write_array(message, values)
-    return _constant(message)
+    return _constant(deserialize_message(encode_matrix(row, column, values), Float64MultiArray))
 
 
 def _flags(flags: Any, names: list[str]) -> UInt8MultiArray:

@@ -14,7 +14,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from rclpy.serialization import serialize_message
+from geometry_msgs.msg import WrenchStamped
+from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.errors import InvalidInputError
@@ -326,7 +327,9 @@ def numbers_of(kind: Any, message: Any) -> Iterable[float]:
         if kind is Float64MultiArray:
             values = decode(message)
             return () if np.isfinite(values).all() else values.tolist()
-        return struct.unpack("<6d", message[-48:])
+        if kind is WrenchStamped:
+            return struct.unpack("<6d", message[-48:])
+        message = deserialize_message(message, kind)
     return _numbers(message)
 
 

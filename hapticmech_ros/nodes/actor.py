@@ -126,19 +126,26 @@ class Actor(Generic[P]):
         name = topic.of(point or self.point)
         return self.output_named(name, message_type, qos or self.output_qos)
 
-    def output_named(self, name: str, message_type: Any, qos: QoSProfile) -> Outlet:
+    def view(self, topic: Topic, message_type: Any, point: str = "") -> Outlet:
+        """Return what a topic outside the control loop is published through, when there is time."""
+        name = topic.of(point or self.point)
+        return self.output_named(name, message_type, self.output_qos, later=True)
+
+    def output_named(
+        self, name: str, message_type: Any, qos: QoSProfile, later: bool = False
+    ) -> Outlet:
         """Return what a topic of any name is published through."""
         publisher = self.node.keep(self.node.create_publisher(message_type, name, qos))
         stays = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
         kind = self.node.lane_kind(message_type)
-        made = self.node.exchange.outlet(publisher, publisher.topic_name, stays, kind)
-        self._outlets[publisher.topic_name] = made
+        made = self.node.exchange.outlet(publisher, publisher.topic_name, stays, kind, later)
+        if kind and not (stays or later):
+            self._outlets[publisher.topic_name] = made
         return made
 
     def ways(self) -> dict[str, str]:
-        """Return by which ways each topic goes that is sent as bytes, for diagnostics."""
-        found = {topic: outlet.ways() for topic, outlet in self._outlets.items() if outlet.in_bytes}
-        return {f"transport of {topic}": ways for topic, ways in found.items()}
+        """Return by which ways each topic of the control rate goes, for diagnostics."""
+        return {f"transport of {topic}": found.ways() for topic, found in self._outlets.items()}
 
     def sources(self, name: str) -> Sources:
         """Return what watches that one publisher speaks on a topic; an input is told of it."""

@@ -10,10 +10,10 @@ from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.nodes.actor import Actor
-from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.wire.contact_points import ContactLayout
 from hapticmech_ros.wire.contact_topics import CONTACT_FORCE, CONTACTS
+from hapticmech_ros.wire.wrench import encode_wrench
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.touching import Touching
@@ -32,9 +32,8 @@ class ContactPort:
 
     def __init__(self, actor: Actor[MechanismParameters], names: Sequence[str]) -> None:
         self._layout = ContactLayout(names)
-        self._wrench = WrenchStamped()
-        self._points = [actor.output(CONTACTS, Float64MultiArray)] if names else []
-        self._pairs = [actor.output(CONTACT_FORCE, WrenchStamped, point=name) for name in names]
+        self._points = [actor.view(CONTACTS, Float64MultiArray)] if names else []
+        self._pairs = [actor.view(CONTACT_FORCE, WrenchStamped, name) for name in names]
 
     def publish(self, touching: Touching | None, time_ns: int) -> None:
         """Publish the points of contact of the step that led to a time; None: nothing touches."""
@@ -44,5 +43,4 @@ class ContactPort:
         for pair, outlet in enumerate(self._pairs):
             if outlet.wanted:
                 wrench = _NONE if touching is None else touching.wrench(pair)
-                write_wrench(self._wrench, wrench, time_ns)
-                outlet.publish(self._wrench)
+                outlet.publish(encode_wrench(wrench, time_ns))

@@ -12,7 +12,6 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.rendering_controller import ControllerCommand, LedgerEntry
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import NEVER
-from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY
@@ -43,15 +42,14 @@ class ControllerOutputs:
 
     def __init__(self, actor: Actor[Any]) -> None:
         self._actor = actor
-        self._message = WrenchStamped()
         self._gain = FlatArray(GAIN_FIELDS, gain_bounds(actor.limits))
         self._energy = FlatArray(CONTROLLER_ENERGY_FIELDS)
         self._publish_device = actor.output(DEVICE_COMMAND, WrenchStamped)
         self._publish_gain = actor.output(DEVICE_GAIN, Float64MultiArray)
-        self._publish_energy = actor.output(CONTROLLER_ENERGY, Float64MultiArray)
+        self._publish_energy = actor.view(CONTROLLER_ENERGY, Float64MultiArray)
         self._publish_point = actor.output(POINT_COMMAND, WrenchStamped)
         self._publish_parts = [
-            actor.output(topic, WrenchStamped)
+            actor.view(topic, WrenchStamped)
             for topic in (IMPEDANCE_PART, CONSTRAINT_PART, CHANNEL_PART)
         ]
         self.answers = 0
@@ -79,11 +77,12 @@ class ControllerOutputs:
         """
         self._publish_device.publish(encode_wrench(wrenches[0], stamp_ns, self._actor.wrenches))
         if self.answers % self._actor.view_every == 0:
-            for publisher, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
-                write_wrench(self._message, wrench, stamp_ns)
-                publisher.publish(self._message)
-            values = pack_controller_energy(energies, stamp_ns)
-            self._publish_energy.publish(self._energy.encode(values))
+            for outlet, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
+                if outlet.wanted:
+                    outlet.publish(encode_wrench(wrench, stamp_ns))
+            if self._publish_energy.wanted:
+                values = pack_controller_energy(energies, stamp_ns)
+                self._publish_energy.publish(self._energy.encode(values))
         self.answers += 1
 
     def mechanism(self, wrench: Array, stamp_ns: int) -> None:

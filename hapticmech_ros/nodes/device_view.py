@@ -13,7 +13,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.passivity import PassivityController
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.nodes.actor import Actor
-from hapticmech_ros.nodes.messages import WORLD, set_stamp, write_pose, write_twist, write_wrench
+from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energy_topics import DEVICE_ENERGY
 from hapticmech_ros.wire.port_energies import (
@@ -21,6 +21,7 @@ from hapticmech_ros.wire.port_energies import (
     DeviceEnergy,
     pack_device_energy,
 )
+from hapticmech_ros.wire.stamped import JointStateWriter, encode_pose, encode_twist
 from hapticmech_ros.wire.topics import (
     DEVICE_FORCE,
     DEVICE_JOINTS,
@@ -28,6 +29,7 @@ from hapticmech_ros.wire.topics import (
     DEVICE_SETPOINT,
     DEVICE_TWIST,
 )
+from hapticmech_ros.wire.wrench import encode_wrench
 
 # The six coordinates as joints: metres, and the rotation vector's components in radians.
 COORDINATES = ("x", "y", "z", "rx", "ry", "rz")
@@ -41,16 +43,14 @@ class DeviceView:
     """
 
     def __init__(self, actor: Actor[Any]) -> None:
-        self._pose, self._twist, self._force = PoseStamped(), TwistStamped(), WrenchStamped()
-        self._setpoint, self._joints = WrenchStamped(), JointState(name=list(COORDINATES))
-        self._joints.header.frame_id = WORLD
-        self._publish_force = actor.output(DEVICE_FORCE, WrenchStamped)
-        self._publish_twist = actor.output(DEVICE_TWIST, TwistStamped)
-        self._publish_setpoint = actor.output(DEVICE_SETPOINT, WrenchStamped)
-        self._publish_joints = actor.output(DEVICE_JOINTS, JointState)
+        self._joints = JointStateWriter(COORDINATES)
+        self._publish_force = actor.view(DEVICE_FORCE, WrenchStamped)
+        self._publish_twist = actor.view(DEVICE_TWIST, TwistStamped)
+        self._publish_setpoint = actor.view(DEVICE_SETPOINT, WrenchStamped)
+        self._publish_joints = actor.view(DEVICE_JOINTS, JointState)
         self._energy = FlatArray(DEVICE_ENERGY_FIELDS)
-        self._publish_energy = actor.output(DEVICE_ENERGY, Float64MultiArray)
-        self._publish_pose = actor.output(DEVICE_POSE, PoseStamped)
+        self._publish_energy = actor.view(DEVICE_ENERGY, Float64MultiArray)
+        self._publish_pose = actor.view(DEVICE_POSE, PoseStamped)
 
     def publish_energy(self, account: PassivityController, sample: Array, time_ns: int) -> None:
         """Publish a device's energies at a sample (19,), at a time (ns).
@@ -60,6 +60,8 @@ class DeviceView:
             sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
             time_ns: ns.
         """
+        if not self._publish_energy.wanted:
+            return
         energy = DeviceEnergy(
             time_ns,
             account.hand(sample),
@@ -79,21 +81,27 @@ class DeviceView:
             time_ns: ns.
         """
         pose, twist, applied = state.measured_pose, state.measured_twist, state.applied
-        write_wrench(self._force, hand_wrench, time_ns)
-        write_twist(self._twist, twist, time_ns)
-        write_pose(self._pose, pose, time_ns)
-        self._publish_force.publish(self._force)
-        self._publish_twist.publish(self._twist)
-        write_wrench(self._setpoint, applied, time_ns)
-        self._publish_setpoint.publish(self._setpoint)
+        if self._publish_force.wanted:
+            self._publish_force.publish(encode_wrench(hand_wrench, time_ns))
+        if self._publish_twist.wanted:
+            self._publish_twist.publish(encode_twist(twist.tolist(), time_ns))
+        if self._publish_setpoint.wanted:
+            self._publish_setpoint.publish(encode_wrench(applied, time_ns))
+        if self._publish_joints.wanted:
+            self._publish_joints.publish(self._coordinates(pose, twist, applied, time_ns))
+        # Last of the sample: who speaks CRTK only answers the pose.
+        if self._publish_pose.wanted:
+            place = *pose.translation.tolist(), *quaternion_of(pose.rotation).tolist()
+            self._publish_pose.publish(encode_pose(place, time_ns))
+
+    def _coordinates(self, pose: pin.SE3, twist: Array, applied: Array, time_ns: int) -> bytes:
+        """Return the six coordinates, their rates, and torques that do the same work with them."""
         turned = pin.log3(pose.rotation)
-        # Rates of the rotation vector, and torques that do the same work with them.
         spin = pose.rotation @ pin.Jexp3(turned)
         rates = pin.Jlog3(pose.rotation) @ pose.rotation.T @ twist[3:]
-        set_stamp(self._joints.header.stamp, time_ns)
-        self._joints.position = [*pose.translation.tolist(), *turned.tolist()]
-        self._joints.velocity = [*twist[:3].tolist(), *rates.tolist()]
-        self._joints.effort = [*applied[:3].tolist(), *(spin.T @ applied[3:]).tolist()]
-        self._publish_joints.publish(self._joints)
-        # Last of the sample: who speaks CRTK only answers the pose.
-        self._publish_pose.publish(self._pose)
+        return self._joints.encode(
+            [*pose.translation.tolist(), *turned.tolist()],
+            [*twist[:3].tolist(), *rates.tolist()],
+            [*applied[:3].tolist(), *(spin.T @ applied[3:]).tolist()],
+            time_ns,
+        )

@@ -14,8 +14,6 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-from rclpy.serialization import serialize_message
-
 from hapticmech_ros.nodes.lane import MOST_BYTES, Arrived, Lane
 from hapticmech_ros.nodes.lane_folder import LaneError
 from hapticmech_ros.nodes.origin import INSIDE, Listener
@@ -67,9 +65,7 @@ class Outlet:
         topic: its full name and type on the lane; empty: it does not go there.
         number: of this outlet in this process.
         stays: whether a message is kept for those who come later, and so must always be sent.
-
-    Attributes:
-        in_bytes: whether the last message was serialized by who sent it.
+        later: whether a serialized message may wait until the loop has nothing else to do.
     """
 
     def __init__(
@@ -80,14 +76,15 @@ class Outlet:
         topic: str,
         number: int,
         stays: bool = False,
+        later: bool = False,
     ) -> None:
         self.publisher = publisher
+        self.later = later
         self._exchange = exchange
         self._line = line
         self._topic = topic
         self._number = number
         self._stays = stays
-        self.in_bytes = False
         self._published = 0
         self._readers = 0
         self._census_ns = -CENSUS_NS
@@ -107,10 +104,11 @@ class Outlet:
         if type(message) is not bytes:
             if self.wanted:
                 check_finite(message)
-                self._exchange.publish_later(self, message)
-            return
-        self.in_bytes = True
-        self.publish_bytes(message)
+                self.publish_outside(message)
+        elif self.later and self._exchange.is_linked:
+            self._exchange.publish_later(self, message)
+        else:
+            self.publish_bytes(message)
 
     def publish_bytes(self, message: bytes) -> None:
         """Send a serialized message by all ways on which somebody listens."""
@@ -197,7 +195,9 @@ class Exchange:
             self.lane.close()
             self.lane = None
 
-    def outlet(self, publisher: Publishes, topic: str, stays: bool, kind: str = "") -> Outlet:
+    def outlet(
+        self, publisher: Publishes, topic: str, stays: bool, kind: str = "", later: bool = False
+    ) -> Outlet:
         """Return what to publish a topic through.
 
         Args:
@@ -205,10 +205,11 @@ class Exchange:
             topic: its full name.
             stays: whether messages are kept for those who come later.
             kind: the messages' type, if they may go over the lane.
+            later: whether they may wait until the loop has nothing else to do.
         """
         self._outlets += 1
         lane_topic = f"{topic} {kind}" if kind and not stays else ""
-        return Outlet(self, publisher, self._line(topic), lane_topic, self._outlets, stays)
+        return Outlet(self, publisher, self._line(topic), lane_topic, self._outlets, stays, later)
 
     def listen(
         self, topic: str, listener: Listener, kind: str = "", every: bool = False
@@ -256,14 +257,16 @@ class Exchange:
         for listener in listeners:
             self._waiting.append(Arrived(listener, message, INSIDE))
 
-    def publish_later(self, outlet: Outlet, message: Any) -> None:
-        """Send a message of the view topics; while there is a lane, when there is time for it."""
-        if self.lane is None or not self.lane.linked:
-            outlet.publish_outside(message)
-            return
+    @property
+    def is_linked(self) -> bool:
+        """Whether another process is on the lane."""
+        return self.lane is not None and self.lane.linked
+
+    def publish_later(self, outlet: Outlet, message: bytes) -> None:
+        """Keep a message until the loop has time for it: see :meth:`publish_one`."""
         if len(self._later) == MOST_LATER:
             self.publish_one()
-        self._later.append((outlet, serialize_message(message)))
+        self._later.append((outlet, message))
 
     @property
     def has_later(self) -> bool:

@@ -19,7 +19,6 @@ from hapticmech_ros.nodes.contact_port import ContactPort
 from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER
-from hapticmech_ros.nodes.messages import WORLD, set_stamp
 from hapticmech_ros.nodes.operational_points import OperationalPoints
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.point_port import PointPort
@@ -34,6 +33,7 @@ from hapticmech_ros.wire.energies import energy_of
 from hapticmech_ros.wire.energy_topics import ENERGY
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, pack_energy
+from hapticmech_ros.wire.stamped import JointStateWriter
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import CLOSURES, EXTERNAL_WRENCH, JOINT_STATES, STATE
 
@@ -73,14 +73,13 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._refuge = Refuge(self._state, self.period_s)
         self._ticks = self._sampled_ns = 0
         self._inaccurate_ns = NEVER
-        self._joints = JointState(name=list(coordinate_names(self._mechanism)))
-        self._joints.header.frame_id = WORLD
+        self._joints = JointStateWriter(coordinate_names(self._mechanism))
         self._layout = StateLayout(self._mechanism)
         self._wire = FlatArray(self._layout.fields, self._layout.bounds)
         self._energy = FlatArray(ENERGY_FIELDS)
         self._publish_wire = self.output(STATE, Float64MultiArray)
-        self._publish_joints = self.output(JOINT_STATES, JointState)
-        self._publish_energy = self.output(ENERGY, Float64MultiArray)
+        self._publish_joints = self.view(JOINT_STATES, JointState)
+        self._publish_energy = self.view(ENERGY, Float64MultiArray)
         self._publish_closures = self.output(CLOSURES, UInt8MultiArray, LATCHED)
         self._ports = [PointPort(self, name, self.act) for name in names]
         self._contact_port = ContactPort(self, [contact.name for contact in self.scene.contacts])
@@ -266,15 +265,18 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return np.asarray(self._mechanism.frame_pose(self._state.q, frame).rotation)
 
     def _publish_view(self, terms: Evaluation, external: Array, time_ns: int) -> None:
-        set_stamp(self._joints.header.stamp, time_ns)
-        self._joints.position = self._layout.coordinates(self._state.q).tolist()
-        self._joints.velocity = self._state.v.tolist()
-        self._publish_joints.publish(self._joints)
+        joints = b""
+        if self._publish_joints.wanted or any(port.wants_joints for port in self._ports):
+            q, v = self._layout.coordinates(self._state.q).tolist(), self._state.v.tolist()
+            joints = self._joints.encode(q, v, (), time_ns)
+        if self._publish_joints.wanted and joints:
+            self._publish_joints.publish(joints)
         for port, point, force in zip(self._ports, terms.points, external, strict=True):
-            port.publish(point, force, self._joints, time_ns)
+            port.publish(point, force, joints, time_ns)
         self._contact_port.publish(self._state.touching, time_ns)
-        energies = energy_of(self._mechanism, self._state, time_ns)
-        self._publish_energy.publish(self._energy.encode(pack_energy(energies)))
+        if self._publish_energy.wanted:
+            energies = energy_of(self._mechanism, self._state, time_ns)
+            self._publish_energy.publish(self._energy.encode(pack_energy(energies)))
 
     def _asked_for(self, parameters: MechanismParameters) -> OperationalPoint:
         """Return the point that the parameter ``grasp`` moves, where it moves it."""

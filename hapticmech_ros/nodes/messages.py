@@ -5,7 +5,6 @@ Reading raises :class:`InvalidInputError` naming value and rule; writing fills a
 
 from __future__ import annotations
 
-import array
 from typing import TypeVar
 
 import numpy as np
@@ -13,7 +12,7 @@ import pinocchio as pin
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, WrenchStamped
 from rclpy.serialization import deserialize_message
-from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
+from std_msgs.msg import Header
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
@@ -155,18 +154,6 @@ def write_wrench(message: WrenchStamped, wrench: Array, time_ns: int) -> None:
     _write_six(message.wrench.force, message.wrench.torque, wrench)
 
 
-def write_twist(message: TwistStamped, twist: Array, time_ns: int) -> None:
-    """Fill a stamped twist, axes of ``world``.
-
-    Args:
-        message: to fill.
-        twist: (6,) m/s and rad/s.
-        time_ns: its stamp, ns.
-    """
-    _write_header(message.header, time_ns)
-    _write_six(message.twist.linear, message.twist.angular, twist)
-
-
 def write_pose(message: PoseStamped, pose: pin.SE3, time_ns: int) -> None:
     """Fill a stamped pose in ``world``."""
     _write_header(message.header, time_ns)
@@ -174,26 +161,6 @@ def write_pose(message: PoseStamped, pose: pin.SE3, time_ns: int) -> None:
     position.x, position.y, position.z = pose.translation.tolist()
     quaternion = quaternion_of(pose.rotation).tolist()
     orientation.x, orientation.y, orientation.z, orientation.w = quaternion
-
-
-def matrix_message(row_label: str, column_label: str, rows: int, columns: int) -> Float64MultiArray:
-    """Return an empty row-major matrix message with labelled dimensions."""
-    message = Float64MultiArray()
-    message.layout.dim = [
-        MultiArrayDimension(label=row_label, size=rows, stride=rows * columns),
-        MultiArrayDimension(label=column_label, size=columns, stride=columns),
-    ]
-    return message
-
-
-def write_array(message: Float64MultiArray, values: Array) -> None:
-    """Fill the data of a multi-array message.
-
-    Args:
-        message: to fill.
-        values: (n,) or (n, m).
-    """
-    message.data = array.array("d", np.ascontiguousarray(values, dtype=float).tobytes())
 
 
 def _write_header(header: Header, time_ns: int) -> None:

@@ -11,15 +11,14 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
 from hapticmech_ros.nodes.actor import Actor
-from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
-from hapticmech_ros.nodes.messages import check_age, matrix_message, write_array
+from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import AnalyserParameters
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.counter import ConstraintCounter
 from hapticmech_ros.operational.spectrum import rank_of
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.cdr import FlatArray, encode_byte, encode_matrix
 from hapticmech_ros.wire.layouts import (
     COMMANDED,
     OPERATIONAL_MODEL_FIELDS,
@@ -62,13 +61,12 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._model = OperationalModelWriter(self._analyser)
         self._grasp = flat_grasp(self.scene, self._analyser.point).tobytes()
         self._encoder = FlatArray(OPERATIONAL_MODEL_FIELDS, operational_model_bounds(self.limits))
-        self._square = matrix_message("row", "column", 6, 6)
         self._publish_model = self.output(POINT_MODEL, Float64MultiArray)
-        self._publish_inertia = self.output(INVERSE_INERTIA, Float64MultiArray)
-        self._publish_projector = self.output(PROJECTOR, Float64MultiArray)
-        self._publish_wrenches = self.output(CONSTRAINT_WRENCHES, Float64MultiArray)
-        self._publish_spectrum = self.output(SPECTRUM, Float64MultiArray)
-        self._publish_count = self.output(COUNT, UInt8)
+        self._publish_inertia = self.view(INVERSE_INERTIA, Float64MultiArray)
+        self._publish_projector = self.view(PROJECTOR, Float64MultiArray)
+        self._publish_wrenches = self.view(CONSTRAINT_WRENCHES, Float64MultiArray)
+        self._publish_spectrum = self.view(SPECTRUM, Float64MultiArray)
+        self._publish_count = self.view(COUNT, UInt8)
         self._mechanisms = self.sources(STATE.name)
         self._silenced = False
         self.input_array(
@@ -160,23 +158,19 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         return self._count
 
     def _publish_view(self, found: OperationalAnalysis, count: int) -> None:
-        for publisher, matrix in (
+        for outlet, matrix in (
             (self._publish_inertia, found.inverse_inertia),
             (self._publish_projector, found.constraint_projector),
         ):
-            write_array(self._square, matrix)
-            publisher.publish(self._square)
-        wrenches = np.zeros((6, count))
-        if count:
-            wrenches[found.rows] = found.spectrum.wrenches[:, -count:]
-        self._publish_matrix(self._publish_wrenches, "wrench", "constraint", wrenches)
-        self._publish_matrix(
-            self._publish_spectrum, "mu", "value", found.spectrum.mu.reshape(-1, 1)
-        )
-        self._publish_count.publish(UInt8(data=count))
-
-    @staticmethod
-    def _publish_matrix(publisher: Outlet, row: str, column: str, matrix: np.ndarray) -> None:
-        message = matrix_message(row, column, *matrix.shape)
-        write_array(message, matrix)
-        publisher.publish(message)
+            if outlet.wanted:
+                outlet.publish(encode_matrix("row", "column", matrix))
+        if self._publish_wrenches.wanted:
+            wrenches = np.zeros((6, count))
+            if count:
+                wrenches[found.rows] = found.spectrum.wrenches[:, -count:]
+            self._publish_wrenches.publish(encode_matrix("wrench", "constraint", wrenches))
+        if self._publish_spectrum.wanted:
+            mu = found.spectrum.mu.reshape(-1, 1)
+            self._publish_spectrum.publish(encode_matrix("mu", "value", mu))
+        if self._publish_count.wanted:
+            self._publish_count.publish(encode_byte(count))

@@ -12,9 +12,10 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.evaluation import PointKinematics
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import NEVER, ExpiringWrench, Stamped
-from hapticmech_ros.nodes.messages import write_pose, write_twist, write_wrench
 from hapticmech_ros.nodes.ordering import InOrder
 from hapticmech_ros.nodes.parameters import MechanismParameters
+from hapticmech_ros.quaternions import quaternion_of
+from hapticmech_ros.wire.stamped import encode_pose, encode_twist
 from hapticmech_ros.wire.topics import (
     EXTERNAL_WRENCH,
     POINT_COMMAND,
@@ -23,6 +24,7 @@ from hapticmech_ros.wire.topics import (
     POINT_POSE,
     POINT_TWIST,
 )
+from hapticmech_ros.wire.wrench import encode_wrench
 
 
 class PointPort:
@@ -49,11 +51,10 @@ class PointPort:
         self.command = ExpiringWrench(0, 0)
         self.commands: Stamped[Array] = Stamped()
         self.awaited: Stamped[Array] = Stamped()
-        self._pose, self._twist, self._wrench = PoseStamped(), TwistStamped(), WrenchStamped()
-        self._publish_pose = actor.output(POINT_POSE, PoseStamped, point=name)
-        self._publish_twist = actor.output(POINT_TWIST, TwistStamped, point=name)
-        self._publish_force = actor.output(POINT_FORCE, WrenchStamped, point=name)
-        self._publish_joints = actor.output(POINT_JOINTS, JointState, point=name)
+        self._publish_pose = actor.view(POINT_POSE, PoseStamped, name)
+        self._publish_twist = actor.view(POINT_TWIST, TwistStamped, name)
+        self._publish_force = actor.view(POINT_FORCE, WrenchStamped, name)
+        self._publish_joints = actor.view(POINT_JOINTS, JointState, name)
         qos, commands = actor.control_input, POINT_COMMAND.of(name)
         self._controllers = actor.sources(commands)
         actor.input_command(commands, qos, self._on_command, sources=self._controllers)
@@ -88,24 +89,30 @@ class PointPort:
         self._since_ns = now_ns
         self.command.put(np.zeros(6), now_ns)
 
-    def publish(
-        self, point: PointKinematics, force: Array, joints: JointState, time_ns: int
-    ) -> None:
+    @property
+    def wants_joints(self) -> bool:
+        """Whether anybody reads the point's own copy of the joint states."""
+        return self._publish_joints.wanted
+
+    def publish(self, point: PointKinematics, force: Array, joints: bytes, time_ns: int) -> None:
         """Publish what people and CRTK clients read.
 
         Args:
             point: its kinematics.
             force: (6,) F_c, N and N m, world axes at the operational point.
-            joints: joint states.
+            joints: joint states, serialized; empty if nobody reads them.
             time_ns: their stamp, ns.
         """
-        write_wrench(self._wrench, force, time_ns)
-        write_twist(self._twist, point.twist, time_ns)
-        write_pose(self._pose, point.pose, time_ns)
-        self._publish_force.publish(self._wrench)
-        self._publish_twist.publish(self._twist)
-        self._publish_joints.publish(joints)
-        self._publish_pose.publish(self._pose)
+        if self._publish_force.wanted:
+            self._publish_force.publish(encode_wrench(force, time_ns))
+        if self._publish_twist.wanted:
+            self._publish_twist.publish(encode_twist(point.twist.tolist(), time_ns))
+        if self.wants_joints and joints:
+            self._publish_joints.publish(joints)
+        if self._publish_pose.wanted:
+            pose = point.pose
+            place = *pose.translation.tolist(), *quaternion_of(pose.rotation).tolist()
+            self._publish_pose.publish(encode_pose(place, time_ns))
 
     def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
         self._actor.ages.add(now_ns - stamp_ns)

@@ -32,13 +32,8 @@ class FlatArray:
     def __init__(self, fields: Mapping[str, int], bounds: Bounds | None = None) -> None:
         self._bounds = bounds
         self.size = sum(fields.values())
-        label = ",".join(f"{name}:{size}" for name, size in fields.items()).encode() + b"\0"
-        body = struct.pack("<II", 1, len(label)) + label
-        body += b"\0" * (-len(body) % 4)
-        # size and stride of the dimension, offset of the data, length of the data
-        body += struct.pack("<IIII", self.size, self.size, 0, self.size)
-        body += b"\0" * (-len(body) % 8)
-        self._prefix = _LITTLE_ENDIAN + body
+        label = ",".join(f"{name}:{size}" for name, size in fields.items())
+        self._prefix = _before_data([(label, self.size, self.size)], self.size)
         self._length = len(self._prefix) + 8 * self.size
 
     def encode(self, values: Array) -> bytes:
@@ -56,9 +51,8 @@ class FlatArray:
         values = np.ascontiguousarray(values, dtype="<f8")
         if self._bounds is not None:
             self._bounds.check_output(values)
-        elif not np.isfinite(values).all():
-            at = int(np.flatnonzero(~np.isfinite(values))[0])
-            raise OutputError(f"array[{at}]", float(values[at]), "must be finite")
+        else:
+            _check_finite(values)
         return self._prefix + values.tobytes()
 
     def decode(self, message: bytes) -> Array:
@@ -88,6 +82,55 @@ class FlatArray:
                 raise InvalidInputError("array", values.shape, f"must have shape ({self.size},)")
             row[:] = values
         return found
+
+
+def encode_matrix(row: str, column: str, matrix: Array) -> bytes:
+    """Return the serialized message of a matrix (n, m), row by row.
+
+    Args:
+        row: label of the first dimension.
+        column: of the second.
+        matrix: (n, m).
+
+    Raises:
+        OutputError: numbers that are not finite.
+    """
+    rows, columns = matrix.shape
+    values = np.ascontiguousarray(matrix, dtype="<f8").ravel()
+    _check_finite(values)
+    dimensions = [(row, rows, rows * columns), (column, columns, columns)]
+    return _before_data(dimensions, values.size) + values.tobytes()
+
+
+def encode_byte(value: int) -> bytes:
+    """Return the serialized message of a UInt8.
+
+    Raises:
+        OutputError: beyond 0 to 255.
+    """
+    if not 0 <= value <= 255:
+        raise OutputError("data", value, "must be within 0 to 255")
+    return _LITTLE_ENDIAN + bytes((value,))
+
+
+def _before_data(dimensions: Sequence[tuple[str, int, int]], count: int) -> bytes:
+    """Return a message up to its data: label, size and stride of each dimension, and counts."""
+    body = struct.pack("<I", len(dimensions))
+    for name, size, stride in dimensions:
+        label = name.encode() + b"\0"
+        body += b"\0" * (-len(body) % 4) + struct.pack("<I", len(label)) + label
+        body += b"\0" * (-len(body) % 4) + struct.pack("<II", size, stride)
+    # Offset of the data, and their number; numbers are aligned, if there are any.
+    body += struct.pack("<II", 0, count)
+    if count:
+        body += b"\0" * (-len(body) % 8)
+    return _LITTLE_ENDIAN + body
+
+
+def _check_finite(values: Array) -> None:
+    if not np.isfinite(values).all():
+        at = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise OutputError(f"array[{at}]", float(values[at]), "must be finite")
 
 
 def decode(message: bytes) -> Array:

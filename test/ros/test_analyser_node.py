@@ -8,7 +8,6 @@ from hapticmech_ros import analyse, load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
-from hapticmech_ros.nodes.messages import write_array
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.wire.layouts import unpack_operational_model
 from hapticmech_ros.wire.state import StateLayout, WireState
@@ -32,9 +31,7 @@ def _state(
     mechanism = Mechanism(load_scene("five_bar"))
     held = flat_grasps(mechanism.scene) if grasps is None else grasps
     state = WireState(now, (closed,), q, v, CONTACT, held, (True,))
-    message = Float64MultiArray()
-    write_array(message, StateLayout(mechanism).pack(state))
-    return message
+    return Float64MultiArray(data=StateLayout(mechanism).pack(state).tolist())
 
 
 def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:

@@ -17,7 +17,7 @@ from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.mechanism.grasp import flat_grasps
-from hapticmech_ros.nodes.messages import write_array, write_pose
+from hapticmech_ros.nodes.messages import write_pose
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.wire.layouts import (
@@ -58,25 +58,16 @@ class World:
         peer = self.peer
         now = peer.node.get_clock().now().nanoseconds
         if mechanism:
-            message = Float64MultiArray()
             s = self.sample.analysis.spectrum.s
             point = PointMeasurement(self.pose, np.zeros(6), np.zeros(6))
-            write_array(
-                message,
-                pack_operational_model(
-                    OperationalModelMessage(
-                        now, 1, s, self.model, point, self.commanded, self.grasp
-                    )
-                ),
-            )
-            self.sender.publish(message)
+            told = OperationalModelMessage(now, 1, s, self.model, point, self.commanded, self.grasp)
+            self.sender.publish(Float64MultiArray(data=pack_operational_model(told).tolist()))
         moved = pin.SE3(self.pose.rotation, self.pose.translation + np.array([0.0, offset, 0.0]))
         if self.packed:
             peer.run(0.002)
-            message = Float64MultiArray()
             measured = DeviceMeasurement(moved, np.zeros(6), np.array(HAND))
-            write_array(message, pack_device(DeviceSample(now, measured, np.zeros(6))))
-            self.state.publish(message)
+            values = pack_device(DeviceSample(now, measured, np.zeros(6)))
+            self.state.publish(Float64MultiArray(data=values.tolist()))
             peer.run(0.003)
             return
         self.device_force.publish(peer.wrench(*HAND))

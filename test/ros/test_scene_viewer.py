@@ -17,7 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
-from hapticmech_ros.nodes.messages import set_stamp, write_array
+from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.view import Placer
 from hapticmech_ros.wire.state import StateLayout, WireState
 from ros.harness import RELIABLE, Peer, refuses, running, six
@@ -33,9 +33,7 @@ Q, _ = consistent_initial_state(MECHANISM)
 def state(peer: Peer, closed: bool = True, now_ns: int | None = None) -> Float64MultiArray:
     now = peer.node.get_clock().now().nanoseconds if now_ns is None else now_ns
     told = WireState(now, (closed,), Q, np.zeros(4), CONTACT, flat_grasps(MECHANISM.scene), (True,))
-    message = Float64MultiArray()
-    write_array(message, StateLayout(MECHANISM).pack(told))
-    return message
+    return Float64MultiArray(data=StateLayout(MECHANISM).pack(told).tolist())
 
 
 def namespaces(message: MarkerArray) -> set[str]:

@@ -1,0 +1,145 @@
+"""The graph on the lane: who carries what, beside tools, strangers and the dead."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import WrenchStamped
+from std_msgs.msg import Float64MultiArray
+
+from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.nodes.lane_folder import lane_folder
+from ros.harness import Peer, figures, six
+
+pytestmark = pytest.mark.ros
+
+# Each control topic's sender.
+SENDERS = {
+    "/device/state": "haptic_device",
+    "/device/servo_cf": "teleoperation_controller",
+    "/mechanism/state": "mechanism_simulator",
+    "/mechanism/handle/servo_cf": "teleoperation_controller",
+    "/analysis/handle/operational_model": "nullspace_analyser",
+}
+OFTEN = {"diagnostics_period": 0.1}
+
+
+def ways(statuses: dict, topic: str) -> str:
+    status = statuses.get(SENDERS[topic])
+    return "" if status is None else figures(status).get(f"transport of {topic}", "")
+
+
+def all_go(statuses: dict, way: str) -> Callable[[], bool]:
+    return lambda: all(ways(statuses, topic) == way for topic in SENDERS)
+
+
+def renders(statuses: dict) -> Callable[[], bool]:
+    return lambda: all(
+        node in statuses and ord(statuses[node].level) == 0
+        for node in ("haptic_device", "teleoperation_controller")
+    )
+
+
+def folder_of(domain: int) -> Path:
+    return lane_folder(private_environment(domain))
+
+
+def test_control_topics_take_the_lane_and_the_middleware_serves_whoever_listens(
+    domain: int, peer: Peer
+) -> None:
+    statuses = peer.statuses()
+    with Graph("five_bar", parameters=OFTEN, environment=private_environment(domain)) as graph:
+        peer.until(renders(statuses), "rendering")
+        peer.until(all_go(statuses, "lane"), "the lane to carry everything")
+        assert all(figures(statuses[node])["transport"] == "lane and middleware" for node in NODES)
+        heard = peer.listen("device/state", Float64MultiArray)
+        topic = "/device/state"
+        peer.until(lambda: ways(statuses, topic) == "lane, middleware", "both to carry it")
+        peer.until(lambda: len(heard) > 200, "samples")
+        stamps = [round(message.data[0] * 1e9 + message.data[1]) for message in heard]
+        assert stamps == sorted(set(stamps))
+        # Nobody takes the copies that come to the nodes for another publisher's.
+        assert renders(statuses)()
+        assert figures(statuses["teleoperation_controller"])["engagements"] != "0"
+        assert not any(figures(status).get("fault") for status in statuses.values())
+        assert len(list(folder_of(domain).iterdir())) == len(NODES)
+        graph.stop()
+    assert not [path for path in folder_of(domain).iterdir() if not path.name.startswith(".")]
+
+
+def test_without_it_everything_takes_the_middleware(domain: int, peer: Peer) -> None:
+    statuses = peer.statuses()
+    parameters = {**OFTEN, "transport": "middleware"}
+    with Graph("five_bar", parameters=parameters, environment=private_environment(domain)):
+        peer.until(renders(statuses), "rendering")
+        assert {figures(statuses[node])["transport"] for node in NODES} == {"middleware"}
+        assert not any("transport of" in key for s in statuses.values() for key in figures(s))
+        assert list(folder_of(domain).iterdir()) == []
+
+
+@pytest.mark.parametrize("alone", list(NODES))
+def test_a_node_that_keeps_off_the_lane_is_served_by_the_middleware(
+    domain: int, peer: Peer, alone: str
+) -> None:
+    statuses = peer.statuses()
+    parameters = {**OFTEN, f"{alone}.transport": "middleware"}
+    with Graph("five_bar", parameters=parameters, environment=private_environment(domain)):
+        peer.until(renders(statuses), "rendering")
+        peer.until(
+            lambda: {ways(statuses, topic) for topic in SENDERS} >= {"lane", "middleware"},
+            "some to take the lane, and others the middleware",
+        )
+        before = int(figures(statuses["teleoperation_controller"])["answers"])
+        peer.until(
+            lambda: int(figures(statuses["teleoperation_controller"])["answers"]) > before + 500,
+            "answers",
+        )
+        assert not any(figures(status).get("fault") for status in statuses.values())
+
+
+def test_a_stranger_that_commands_is_noticed_on_the_lane_too(domain: int, peer: Peer) -> None:
+    statuses = peer.statuses()
+    forces = peer.listen("device/setpoint_cf", WrenchStamped)
+    with Graph("five_bar", parameters=OFTEN, environment=private_environment(domain)):
+        peer.until(renders(statuses), "rendering")
+        peer.until(all_go(statuses, "lane"), "the lane to carry everything")
+        peer.until(lambda: forces and any(six(forces[-1])), "a force")
+        stranger = peer.publisher("device/servo_cf", WrenchStamped)
+
+        def told() -> bool:
+            stranger.publish(peer.wrench(4.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+            return "more than one publisher" in figures(statuses["haptic_device"])["fault"]
+
+        peer.until(told, "the device to tell of a second publisher")
+        peer.until(lambda: six(forces[-1]) == [0.0] * 6, "no force", 2.0)
+        # The stranger's was never more than slew and ramp let through.
+        assert max(abs(value) for message in forces for value in six(message)) < 1.0
+        peer.until(renders(statuses), "rendering again")
+
+
+@pytest.mark.parametrize("victim", list(NODES))
+def test_a_killed_nodes_socket_is_removed_and_its_successor_is_on_the_lane(
+    domain: int, peer: Peer, victim: str
+) -> None:
+    statuses = peer.statuses()
+    with Graph("five_bar", parameters=OFTEN, environment=private_environment(domain)) as graph:
+        peer.until(all_go(statuses, "lane"), "the lane to carry everything")
+        before = {path.name for path in folder_of(domain).iterdir()}
+        graph.kill(victim)
+        graph.restart(victim)
+        statuses.clear()
+        peer.until(renders(statuses), "rendering again")
+        peer.until(
+            # The dead stand in the middleware's list for a while, as if they listened.
+            lambda: all("lane" in ways(statuses, topic) for topic in SENDERS),
+            "the lane to carry everything again",
+        )
+        end = time.monotonic() + 5.0
+        while len(after := {path.name for path in folder_of(domain).iterdir()}) != len(NODES):
+            assert time.monotonic() < end
+            peer.run(0.05)
+        assert len(after & before) == len(NODES) - 1
