@@ -103,14 +103,14 @@ def encode_matrix(row: str, column: str, matrix: Array) -> bytes:
 
 
 def encode_byte(value: int) -> bytes:
-    """Return the serialized message of a UInt8.
+    """Return the serialized message of a UInt8, filled up to whole words as the middleware does.
 
     Raises:
         OutputError: beyond 0 to 255.
     """
     if not 0 <= value <= 255:
         raise OutputError("data", value, "must be within 0 to 255")
-    return _LITTLE_ENDIAN + bytes((value,))
+    return _LITTLE_ENDIAN + bytes((value, 0, 0, 0))
 
 
 def _before_data(dimensions: Sequence[tuple[str, int, int]], count: int) -> bytes:
