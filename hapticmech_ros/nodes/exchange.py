@@ -235,7 +235,7 @@ class Exchange:
         def had(message: bytes) -> bool:
             if lane.linked:
                 # Whoever sends both ways sends over the lane first: now it has come.
-                self.collect()
+                self.collect(whole=True)
                 self.deliver()
                 if message not in line.underway:
                     self.strange_ns = time.monotonic_ns()
@@ -283,16 +283,17 @@ class Exchange:
         outlet, message = self._later.popleft()
         outlet.publish_bytes(message)
 
-    def collect(self, timeout_s: float = 0.0) -> None:
-        """Let what has come over the lane wait for its listeners; ask only while there is a lane.
+    def collect(self, timeout_s: float = 0.0, whole: bool = False) -> None:
+        """Let what has come over the lane wait for its listeners.
 
         Args:
             timeout_s: how long to wait for anything to come.
+            whole: whether all that has come is wanted now.
         """
         lane = self.lane
         if lane is None:
             return
-        self._waiting += lane.collect(timeout_s)
+        self._waiting += lane.collect(timeout_s, whole)
         if lane.copied:
             for topic, message in lane.copied:
                 self._line(topic.split(" ", 1)[0]).note(message)

@@ -36,6 +36,8 @@ MOST_BEHIND = 1000
 KEPT_BYTES = 1 << 22
 # Looks for new processes, and at what could not be sent, come so often.
 LOOK_NS = NANOSECONDS // 10
+# Whoever has not looked for so long may have more than one message of each publisher.
+BEHIND_NS = 3_000_000
 _VERSION = 1
 _BACKLOG = 64
 # Kind, whether the middleware carries the message too, topic as numbered by whoever hears it,
@@ -147,7 +149,7 @@ class Lane:
         self._to: dict[str, list[tuple[_Link, int]]] = {}
         self._readers: dict[str, int] = {}
         self._known: set[str] = {self._name}
-        self._folder_ns = self._looked_ns = -1
+        self._folder_ns = self._looked_ns = self._collected_ns = -1
         self._listening = self._listen()
         self._waited = [self._listening.fileno()]
         self._frame = memoryview(bytearray(_HEADER.size + MOST_BYTES))
@@ -242,18 +244,24 @@ class Lane:
         for link in gone:
             self._drop(link)
 
-    def collect(self, timeout_s: float = 0.0) -> list[Arrived]:
+    def collect(self, timeout_s: float = 0.0, whole: bool = False) -> list[Arrived]:
         """Return what has come, and look after connections.
 
         Args:
             timeout_s: how long to wait for anything to come.
+            whole: whether all that has come is wanted now; else the rest comes with the next call.
         """
         found: list[Arrived] = []
         ready, _, _ = select.select(self._waited, (), (), timeout_s)
+        if not ready:
+            return found
+        now = time.monotonic_ns()
+        whole |= now - self._collected_ns > BEHIND_NS
+        self._collected_ns = now
         for number in ready:
             ear = self._ears.get(number)
             if ear is not None:
-                self._receive(ear, found)
+                self._receive(ear, found, whole)
             elif (link := self._links.get(number)) is not None:
                 self._read_topics(link)
             else:
@@ -411,8 +419,11 @@ class Lane:
                 self._to.setdefault(topic, []).append((link, code))
                 self._readers[topic] = self._readers.get(topic, 0) + listeners
 
-    def _receive(self, ear: _Ear, found: list[Arrived]) -> None:
-        """Take all that a connection holds: of what is not wanted in full, the latest."""
+    def _receive(self, ear: _Ear, found: list[Arrived], whole: bool) -> None:
+        """Take a message, or all; then the latest of those of which not every one is wanted.
+
+        To ask for one more and be told that there is none costs as much as a message.
+        """
         newest: dict[tuple[int, int], int] = {}
         base = ear.serial << 32
         size, frame = _HEADER.size, self._frame
@@ -450,6 +461,8 @@ class Lane:
                     found.append(arrived)
                 else:
                     found[at] = arrived
+            if not (whole or heard.all):
+                return
 
     def _drop(self, link: _Link, for_good: bool = False) -> None:
         """Speak to a process no more, unless it is found again."""

@@ -95,7 +95,7 @@ class Inbox:
     def __init__(self, executor: Executor, exchange: Exchange) -> None:
         self._executor = executor
         self._exchange = exchange
-        self._look_ns = self._answer_ns = 0
+        self._look_ns = self._latest_ns = self._answer_ns = 0
 
     def wait(self, timeout_s: float) -> None:
         """Wait for messages, no longer than ``timeout_s``, and hand on what has come.
@@ -114,7 +114,7 @@ class Inbox:
             exchange.deliver()
             return
         now = time.monotonic_ns()
-        end = min(now + int(timeout_s * NANOSECONDS), self._look_ns)
+        end = min(now + int(timeout_s * NANOSECONDS), self._latest_ns)
         if exchange.has_later:
             if now < self._answer_ns:
                 end = min(end, self._answer_ns)
@@ -146,8 +146,11 @@ class Inbox:
             before, now = now, time.monotonic_ns()
             if now - before < NOTHING_NS:
                 break
-        strange = now - self._exchange.strange_ns < STRANGE_NS
-        self._look_ns = now + (LOOK_OFTEN_NS if strange else LOOK_NS)
+        if now - self._exchange.strange_ns < STRANGE_NS:
+            self._look_ns = self._latest_ns = now + LOOK_OFTEN_NS
+        else:
+            # With the first message or deadline from then on; there is mostly one in a period.
+            self._look_ns, self._latest_ns = now + LOOK_NS, now + 2 * LOOK_NS
 
 
 class HasDeadlines(Protocol):
