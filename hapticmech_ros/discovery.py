@@ -16,6 +16,8 @@ from typing import Literal
 from hapticmech_ros.share import shared
 
 Discovery = Literal["localhost", "subnet"]
+# Between processes of one host: directly where both can, or always through the middleware.
+Transport = Literal["auto", "middleware"]
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PEERS = "ROS_STATIC_PEERS"
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"

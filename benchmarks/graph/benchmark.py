@@ -22,6 +22,7 @@ from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, silent
 from hapticmech_ros.cli.console import OutOption, SceneArgument, words
 from hapticmech_ros.cli.study import JsonOption, carry_out, numbers
+from hapticmech_ros.discovery import Transport
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
@@ -108,15 +109,19 @@ def graph(
     ] = None,
     seconds: Annotated[float, typer.Option(help="s that each run is watched")] = 20.0,
     repeats: Annotated[int, typer.Option(help="runs of each graph in each configuration")] = 2,
+    transport: Annotated[
+        str, typer.Option(help="auto (the lane where it can be), middleware or both")
+    ] = "auto",
     out: OutOption = Path("bench"),
     json_only: JsonOption = False,
 ) -> None:
     """Time the graph beside a bare one: same processes, topics and messages, empty callbacks."""
     recorded = (False, True) if record is None else (record,)
-    # The plan refuses layouts that it does not know.
+    # The plan refuses layouts and transports that it does not know.
     layouts = cast("tuple[Layout, ...]", words(layout))
     rates_hz = tuple(numbers("--rates", rates, float))
-    plan = Plan(scene, rates_hz, layouts, recorded, seconds, repeats)
+    transports = cast("tuple[Transport, ...]", words(transport))
+    plan = Plan(scene, rates_hz, layouts, recorded, seconds, repeats, transports)
     carry_out(lambda show: run_benchmark(plan, out, show), out, json_only)
 
 

@@ -10,6 +10,7 @@ from typing import Literal
 
 from ruamel.yaml import YAML
 
+from hapticmech_ros.discovery import Transport
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import load_scene, scene_from_document
 from hapticmech_ros.scene.loader import document_of
@@ -18,6 +19,7 @@ Layout = Literal["separate", "composed"]
 Kind = Literal["real", "bare"]
 LAYOUTS: tuple[Layout, ...] = ("separate", "composed")
 KINDS: tuple[Kind, ...] = ("real", "bare")
+TRANSPORTS: tuple[Transport, ...] = ("auto", "middleware")
 RATE_LIMITS_HZ = (10.0, 10_000.0)
 
 
@@ -29,15 +31,18 @@ class Configuration:
         rate_hz: control rate of device and mechanism.
         layout: ``separate``, a process for each node, or ``composed``, one for all.
         recorded: whether a recorder writes every topic into a bag.
+        transport: of the real graph's nodes; the bare graph has the middleware alone.
     """
 
     rate_hz: float
     layout: Layout
     recorded: bool
+    transport: Transport = "auto"
 
     def __str__(self) -> str:
         recording = "recording" if self.recorded else "no recording"
-        return f"{self.rate_hz:g} Hz, {self.layout}, {recording}"
+        way = "" if self.transport == "auto" else f", {self.transport}"
+        return f"{self.rate_hz:g} Hz, {self.layout}, {recording}{way}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +65,7 @@ class Plan:
         recorded: with a recorder, without, or both.
         seconds: length of a run's window.
         repeats: how often each graph is run in each configuration.
+        transports: of the real graph.
 
     Raises:
         InvalidInputError: nothing to run, or a number out of its range.
@@ -71,6 +77,7 @@ class Plan:
     recorded: tuple[bool, ...] = (False, True)
     seconds: float = 20.0
     repeats: int = 2
+    transports: tuple[Transport, ...] = ("auto",)
 
     def __post_init__(self) -> None:
         low, high = RATE_LIMITS_HZ
@@ -80,8 +87,13 @@ class Plan:
         for layout in self.layouts:
             if layout not in LAYOUTS:
                 raise InvalidInputError("layout", layout, f"must be one of {', '.join(LAYOUTS)}")
-        if not (self.rates_hz and self.layouts and self.recorded):
-            raise InvalidInputError("plan", self, "must have a rate, a layout, and record or not")
+        for transport in self.transports:
+            if transport not in TRANSPORTS:
+                rule = f"must be one of {', '.join(TRANSPORTS)}"
+                raise InvalidInputError("transport", transport, rule)
+        if not (self.rates_hz and self.layouts and self.recorded and self.transports):
+            rule = "must have a rate, a layout, a transport, and record or not"
+            raise InvalidInputError("plan", self, rule)
         if not (math.isfinite(self.seconds) and self.seconds >= 1.0):
             raise InvalidInputError("seconds", self.seconds, "must be 1 or more")
         if self.repeats < 1:
@@ -90,10 +102,11 @@ class Plan:
     def configurations(self) -> tuple[Configuration, ...]:
         """Return every configuration once."""
         return tuple(
-            Configuration(rate, layout, recorded)
+            Configuration(rate, layout, recorded, transport)
             for layout in self.layouts
             for recorded in self.recorded
             for rate in self.rates_hz
+            for transport in self.transports
         )
 
     def steps(self) -> Iterator[Step]:

@@ -228,7 +228,8 @@ def start_graph(step: Step, scene: str, environment: Mapping[str, str]) -> Graph
     composed = step.configuration.layout == "composed"
     if step.kind == "bare":
         return BareGraph(scene, composed, environment)
-    return Graph(scene, composed, environment=environment)
+    parameters = {"transport": step.configuration.transport}
+    return Graph(scene, composed, parameters=parameters, environment=environment)
 
 
 def graph_environment() -> dict[str, str]:

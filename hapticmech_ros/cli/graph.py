@@ -9,18 +9,17 @@ import threading
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from hapticmech_ros.cli.console import ComposedOption, SceneArgument, console
 from hapticmech_ros.cli.durations import seconds_of
-from hapticmech_ros.discovery import Discovery, choose_discovery
+from hapticmech_ros.discovery import Discovery, Transport, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 
 CHECK_PERIOD_S = 0.2
-Transport = Literal["auto", "middleware"]
 
 NamespaceOption = Annotated[str, typer.Option(help="put nodes and topics under this name")]
 StorageOption = Annotated[str, typer.Option(help="mcap or sqlite3")]

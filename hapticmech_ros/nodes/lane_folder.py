@@ -20,9 +20,9 @@ SETTINGS = (
     *("RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"),
     *("ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT"),
     *("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE", "CYCLONEDDS_URI"),
-    *("ROS_SECURITY_ENABLE", "ROS_SECURITY_ENCLAVE_OVERRIDE", "ROS_SECURITY_KEYSTORE"),
 )
 DOMAIN = "ROS_DOMAIN_ID"
+SECURED = "ROS_SECURITY_ENABLE"
 
 
 class LaneError(HapticMechError):
@@ -35,8 +35,11 @@ def lane_folder(environment: Mapping[str, str]) -> Path:
     It is in ``XDG_RUNTIME_DIR``, or else in the folder for temporary files.
 
     Raises:
-        LaneError: it cannot be made, or others could write into it.
+        LaneError: it cannot be made, others could write into it, or permissions of DDS security
+            are to be kept, which only the middleware knows.
     """
+    if environment.get(SECURED, "").lower() == "true":
+        raise LaneError(f"{SECURED} is true: only the middleware keeps to its permissions")
     user = os.geteuid()
     runtime = environment.get("XDG_RUNTIME_DIR", "")
     above = Path(runtime if _is_private(runtime) else tempfile.gettempdir())

@@ -12,6 +12,7 @@ from annotated_types import Ge, Le
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from hapticmech_ros.control.tuning import SCENES, TUNED
+from hapticmech_ros.discovery import Transport
 from hapticmech_ros.errors import HapticMechError, shown
 
 # Never: given at the start. Unconfigured: only while nothing is built from it. Any: at any time.
@@ -94,7 +95,7 @@ class NodeParameters(BaseModel):
     lockstep: bool = flag(
         False, "advance by messages stamped with /clock, not by time; needs use_sim_time", "never"
     )
-    transport: Literal["auto", "middleware"] = text(
+    transport: Transport = text(
         "auto",
         "auto: to processes of this host and user directly where they are on it too; middleware: "
         "everything through the middleware",

@@ -20,6 +20,18 @@ def test_every_configuration_is_run_as_often_as_asked_with_both_graphs_in_turn()
         assert (real.configuration, real.repeat) == (bare.configuration, bare.repeat)
 
 
+def test_transports_are_configurations_of_their_own() -> None:
+    transports = ("auto", "middleware")
+    plan = Plan("five_bar", (1000.0,), ("separate",), (True,), 20.0, 2, transports)
+    assert [step.configuration.transport for step in plan.steps()] == [
+        way for way in transports for _ in range(4)
+    ]
+    assert [str(one) for one in plan.configurations()] == [
+        "1000 Hz, separate, recording",
+        "1000 Hz, separate, recording, middleware",
+    ]
+
+
 @pytest.mark.parametrize(
     ("changes", "rule"),
     [
@@ -28,6 +40,8 @@ def test_every_configuration_is_run_as_often_as_asked_with_both_graphs_in_turn()
         ({"rates_hz": (float("nan"),)}, "rate"),
         ({"layouts": ("scattered",)}, "separate, composed"),
         ({"recorded": ()}, "record or not"),
+        ({"transports": ()}, "a transport"),
+        ({"transports": ("pigeon",)}, "auto, middleware"),
         ({"seconds": 0.5}, "1 or more"),
         ({"seconds": float("inf")}, "1 or more"),
         ({"repeats": 0}, "1 or more"),

@@ -435,6 +435,15 @@ def test_a_folder_that_others_reach_is_refused(tmp_path: Path, mode: int) -> Non
     assert str(open_to_others) in exchange.refusal
 
 
+def test_graphs_with_security_leave_it_to_the_middleware(tmp_path: Path) -> None:
+    tmp_path.chmod(0o700)
+    base = {"XDG_RUNTIME_DIR": str(tmp_path)}
+    with pytest.raises(LaneError, match="ROS_SECURITY_ENABLE is true"):
+        lane_folder({**base, "ROS_SECURITY_ENABLE": "true"})
+    assert not list(tmp_path.iterdir())
+    assert lane_folder({**base, "ROS_SECURITY_ENABLE": "false"}).exists()
+
+
 def test_a_link_in_the_folders_place_is_refused(tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
     there = tmp_path / "there"
