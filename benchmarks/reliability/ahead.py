@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.nodes.scheduling import ask_for_real_time
+from hapticmech_ros.nodes.realtime import ask_for_real_time
 
 # Above what docs/nodes.md proposes for nodes.
 PRIORITY = 60

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from hapticmech_ros.cli.console import console
+from hapticmech_ros.cli.console import TransportOption, console
 from hapticmech_ros.errors import InvalidInputError
 
 app = typer.Typer(
@@ -68,6 +68,7 @@ def record(
     use_sim_time: Annotated[
         bool, typer.Option("--use-sim-time", help="times of reception by /clock")
     ] = False,
+    transport: TransportOption = "auto",
 ) -> None:
     """Record topics of the running graph, also those that appear later, until Ctrl-C."""
     from hapticmech_ros.nodes.bags.bag_recorder import RecordOptions
@@ -86,6 +87,7 @@ def record(
         split_s=split_duration,
         duration_s=duration,
         use_sim_time=use_sim_time,
+        transport=transport,
     )
     raise typer.Exit(record_bag(options))
 

@@ -9,6 +9,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from hapticmech_ros.discovery import Transport
+
 console = Console()
 errors = Console(stderr=True)
 
@@ -17,6 +19,9 @@ SceneArgument = Annotated[
 ]
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="folder for the results")]
 ComposedOption = Annotated[bool, typer.Option(help="all four nodes in one process")]
+TransportOption = Annotated[
+    Transport, typer.Option(help="auto: between processes of this host directly")
+]
 
 
 def progress() -> Progress:

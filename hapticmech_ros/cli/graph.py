@@ -13,9 +13,9 @@ from typing import Annotated
 
 import typer
 
-from hapticmech_ros.cli.console import ComposedOption, SceneArgument, console
+from hapticmech_ros.cli.console import ComposedOption, SceneArgument, TransportOption, console
 from hapticmech_ros.cli.durations import seconds_of
-from hapticmech_ros.discovery import Discovery, Transport, choose_discovery
+from hapticmech_ros.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 
@@ -65,9 +65,7 @@ def run(
     rate: Annotated[
         float, typer.Option(min=0.0, help="lockstep: times real time at most; 0: no limit")
     ] = 0.0,
-    transport: Annotated[
-        Transport, typer.Option(help="auto: between processes of this host directly")
-    ] = "auto",
+    transport: TransportOption = "auto",
     discovery: Annotated[
         Discovery | None, typer.Option(help="discovery range; default: as the environment sets it")
     ] = None,
@@ -121,7 +119,7 @@ def run(
         if record.exists():
             raise BagError(f"{record} exists: choose another place for --record")
         command = [sys.executable, "-m", "hapticmech_ros", "bag", "record", "--all"]
-        command += ["--out", str(record), "--storage", storage]
+        command += ["--out", str(record), "--storage", storage, "--transport", transport]
         loss = f"the bag {record} is incomplete (hapticmech bag repair {record} may help)"
         process = start_process(command, os.environ)
         recorder = Bystander("the recorder", process, loss, partial(typer.echo, err=True))

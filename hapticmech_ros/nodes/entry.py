@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.nodes.scheduling import QuickStart
+from hapticmech_ros.nodes.realtime import QuickStart
 
 NODES = {
     "haptic_device": "simulated impedance-type haptic device and the hand that holds it",

@@ -14,7 +14,8 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-from hapticmech_ros.nodes.lane import MOST_BYTES, Arrived, Lane
+from hapticmech_ros.nodes.lane import Arrived, Lane
+from hapticmech_ros.nodes.lane_connections import MOST_BYTES
 from hapticmech_ros.nodes.lane_folder import LaneError
 from hapticmech_ros.nodes.origin import INSIDE, Listener
 from hapticmech_ros.nodes.sent_numbers import check_finite

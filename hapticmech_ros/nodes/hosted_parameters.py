@@ -24,6 +24,7 @@ from hapticmech_ros.nodes.parameters import (
     ParameterError,
     changes_of,
     choices_of,
+    is_typed,
     locked_by,
     range_of,
     validated,
@@ -128,6 +129,7 @@ def descriptor_of(model: type[NodeParameters], name: str) -> ParameterDescriptor
         description=model.model_fields[name].description or "",
         additional_constraints="; ".join(rules),
         read_only=changes == "never",
+        dynamic_typing=not is_typed(model, name),
         floating_point_range=[FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
         if bounds and not whole
         else [],

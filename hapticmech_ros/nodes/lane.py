@@ -1,50 +1,41 @@
 """A lane between processes of one host and one user, for messages of the control rate.
 
-Sockets of the kind AF_UNIX, SOCK_SEQPACKET: messages stay whole and in order, a full one refuses
-instead of blocking, and the kernel ends a connection with the process at its other end, whatever
-killed it. Whoever listens has a socket in a folder of this user's own
+Whoever listens has a socket in a folder of this user's own
 (:mod:`~hapticmech_ros.nodes.lane_folder`); whoever speaks connects to it, is told which topics are
-heard there, and sends those. User ids are those that the kernel tells of the peer.
+heard there, and sends those (:mod:`~hapticmech_ros.nodes.lane_connections`).
 """
 
 from __future__ import annotations
 
-import json
 import os
 import secrets
 import select
 import socket
-import struct
 import time
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from hapticmech_ros.nodes.lane_connections import (
+    HEADER,
+    MESSAGE,
+    MOST_BYTES,
+    BrokenRuleError,
+    Ear,
+    Link,
+    connected,
+    is_ours,
+    listening,
+)
 from hapticmech_ros.nodes.lane_folder import LaneError, lane_folder
 from hapticmech_ros.nodes.origin import Listener, Origin
 from hapticmech_ros.times import NANOSECONDS
 
-# Larger messages go through the middleware.
-MOST_BYTES = 1 << 16
-# Of all topics that a process hears, as it tells them.
-MOST_TOLD = 1 << 17
-# What a listener that wants every message may fall behind by, in messages.
-MOST_BEHIND = 1000
-# How much a connection holds for such a listener, bytes; the system may grant less.
-KEPT_BYTES = 1 << 22
 # Looks for new processes, and at what could not be sent, come so often.
 LOOK_NS = NANOSECONDS // 10
 # Whoever has not looked for so long may have more than one message of each publisher.
 BEHIND_NS = 3_000_000
-_VERSION = 1
-_BACKLOG = 64
-# Kind, whether the middleware carries the message too, topic as numbered by whoever hears it,
-# which of the sending process's outlets, and number of its last message through the middleware.
-_HEADER = struct.Struct("<BBHIQ")
-_MESSAGE, _TOPICS = 1, 2
-_CREDENTIALS = struct.Struct("3i")
 
 
 class Arrived(NamedTuple):
@@ -63,60 +54,6 @@ class _Heard:
     code: int
     listeners: list[Listener] = field(default_factory=list)
     all: bool = False
-
-
-class _Link:
-    """A connection to a process that listens."""
-
-    def __init__(self, name: str, connection: socket.socket) -> None:
-        self.name = name
-        self.connection = connection
-        self.topics: dict[str, tuple[int, int]] = {}
-        self.behind: deque[bytes] | None = None
-        self.lost = 0
-
-    def send(self, frame: bytes) -> bool:
-        """Send or keep a frame; return whether the connection is still there."""
-        behind = self.behind
-        if behind:
-            self._keep(behind, frame)
-            return self.flush()
-        try:
-            self.connection.send(frame)
-        except BlockingIOError:
-            if behind is None:
-                self.lost += 1
-            else:
-                self._keep(behind, frame)
-        except OSError:
-            return False
-        return True
-
-    def flush(self) -> bool:
-        """Send what is kept, as far as possible; return whether the connection is still there."""
-        behind = self.behind
-        try:
-            while behind:
-                self.connection.send(behind[0])
-                behind.popleft()
-        except BlockingIOError:
-            pass
-        except OSError:
-            return False
-        return True
-
-    def _keep(self, behind: deque[bytes], frame: bytes) -> None:
-        self.lost += len(behind) == behind.maxlen
-        behind.append(frame)
-
-
-class _Ear:
-    """A connection from a process that speaks."""
-
-    def __init__(self, connection: socket.socket, serial: int) -> None:
-        self.connection = connection
-        self.serial = serial
-        self.told = -1
 
 
 class Lane:
@@ -144,15 +81,17 @@ class Lane:
         self._next_code = self._next_serial = 1
         # Raised with every change of what is heard.
         self._version = 0
-        self._links: dict[int, _Link] = {}
-        self._ears: dict[int, _Ear] = {}
-        self._to: dict[str, list[tuple[_Link, int]]] = {}
+        self._links: dict[int, Link] = {}
+        self._ears: dict[int, Ear] = {}
+        self._to: dict[str, list[tuple[Link, int]]] = {}
         self._readers: dict[str, int] = {}
+        # Messages of each outlet.
+        self._sent: dict[int, int] = {}
         self._known: set[str] = {self._name}
         self._folder_ns = self._looked_ns = self._collected_ns = -1
-        self._listening = self._listen()
+        self._listening = listening(folder, self._name)
         self._waited = [self._listening.fileno()]
-        self._frame = memoryview(bytearray(_HEADER.size + MOST_BYTES))
+        self._frame = memoryview(bytearray(HEADER.size + MOST_BYTES))
 
     @classmethod
     def open(cls, environment: Mapping[str, str]) -> Lane:
@@ -237,8 +176,9 @@ class Lane:
             both: whether the middleware carries it too.
         """
         gone = []
+        self._sent[outlet] = count = self._sent.get(outlet, 0) + 1
         for link, code in self._to.get(topic, ()):
-            frame = _HEADER.pack(_MESSAGE, both, code, outlet, number) + message
+            frame = HEADER.pack(MESSAGE, both, code, outlet, number, count) + message
             if not link.send(frame):
                 gone.append(link)
         for link in gone:
@@ -292,49 +232,21 @@ class Lane:
             if not name.startswith("."):
                 self._connect(name)
 
-    def _listen(self) -> socket.socket:
-        """Return the socket that others connect to.
-
-        Raises:
-            OSError: it cannot be had, or the folder is not there.
-        """
-        made = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        unready = self._folder / f".{self._name}"
-        try:
-            made.setblocking(False)
-            made.bind(str(unready))
-            made.listen(_BACKLOG)
-            # Seen only now that it answers: a socket that does not is a dead process's.
-            unready.rename(self._folder / self._name)
-            if made.fileno() >= 1024:
-                raise OSError("too many open files to wait for one more")
-        except OSError:
-            made.close()
-            unready.unlink(missing_ok=True)
-            raise
-        return made
-
     def _connect(self, name: str) -> None:
-        connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        connection.setblocking(False)
         path = self._folder / name
         try:
-            connection.connect(str(path))
+            connection = connected(path)
         except ConnectionRefusedError:
-            # Nobody is there any more.
-            connection.close()
             path.unlink(missing_ok=True)
             return
-        except OSError:
+        if connection is None:
             # Busy, or just gone: another time.
-            connection.close()
             self._folder_ns = -1
             return
         self._known.add(name)
-        if not self._is_ours(connection):
-            return
-        self._links[connection.fileno()] = _Link(name, connection)
-        self._wait_for_all()
+        if self._is_ours(connection):
+            self._links[connection.fileno()] = Link(name, connection)
+            self._wait_for_all()
 
     def _accept(self) -> None:
         try:
@@ -342,74 +254,41 @@ class Lane:
         except OSError:
             return
         connection.setblocking(False)
-        if not self._is_ours(connection):
-            return
-        ear = self._ears[connection.fileno()] = _Ear(connection, self._next_serial)
-        self._next_serial += 1
-        self._wait_for_all()
-        self._tell(ear)
+        if self._is_ours(connection):
+            ear = self._ears[connection.fileno()] = Ear(connection, self._next_serial)
+            self._next_serial += 1
+            self._wait_for_all()
+            self._tell(ear)
 
     def _is_ours(self, connection: socket.socket) -> bool:
-        """Return whether this user has the other end, and close a connection that is not kept."""
-        size = _CREDENTIALS.size
-        told = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size)
-        _, user, _ = _CREDENTIALS.unpack(told)
-        if user == os.geteuid() and connection.fileno() < 1024:
-            return True
-        self.refused += 1
-        connection.close()
-        return False
+        ours = is_ours(connection)
+        self.refused += not ours
+        return ours
 
     def _tell_anew(self) -> None:
         self._version += 1
         for ear in list(self._ears.values()):
             self._tell(ear)
 
-    def _tell(self, ear: _Ear) -> None:
-        """Tell a process that speaks which topics are heard here, unless it knows."""
-        if ear.told == self._version:
-            return
+    def _tell(self, ear: Ear) -> None:
+        """Tell a process that speaks which topics are heard here."""
         told = [(h.topic, h.code, len(h.listeners), h.all) for h in self._heard.values()]
-        text = json.dumps({"version": _VERSION, "topics": told}).encode()
-        if len(text) > MOST_TOLD:
-            text = json.dumps({"version": _VERSION, "topics": []}).encode()
         try:
-            ear.connection.send(_HEADER.pack(_TOPICS, 0, 0, 0, 0) + text)
-            ear.told = self._version
-        except BlockingIOError:
-            # Another time.
-            pass
+            ear.tell(told, self._version)
         except OSError:
             self._deafen(ear)
 
-    def _read_topics(self, link: _Link) -> None:
+    def _read_topics(self, link: Link) -> None:
         """Read what is heard at the other end."""
-        while True:
-            try:
-                frame = link.connection.recv(_HEADER.size + MOST_TOLD)
-                if not frame:
-                    self._drop(link)
-                    return
-                told = json.loads(frame[_HEADER.size :])
-                if told["version"] != _VERSION:
-                    self._drop(link, for_good=True)
-                    return
-                topics = {str(name): (int(code), int(n)) for name, code, n, _ in told["topics"]}
-                every = any(bool(all_) for *_, all_ in told["topics"])
-            except BlockingIOError:
-                return
-            except OSError:
-                self._drop(link)
-                return
-            except (KeyError, TypeError, ValueError):
-                self.refused += 1
-                self._drop(link, for_good=True)
-                return
-            link.topics = topics
-            if every and link.behind is None:
-                link.behind = deque(maxlen=MOST_BEHIND)
-                link.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KEPT_BYTES)
+        try:
+            link.read_topics()
+        except BlockingIOError:
             self._sort()
+        except OSError:
+            self._drop(link)
+        except BrokenRuleError:
+            self.refused += 1
+            self._drop(link, for_good=True)
 
     def _sort(self) -> None:
         """Find anew who hears what."""
@@ -419,14 +298,14 @@ class Lane:
                 self._to.setdefault(topic, []).append((link, code))
                 self._readers[topic] = self._readers.get(topic, 0) + listeners
 
-    def _receive(self, ear: _Ear, found: list[Arrived], whole: bool) -> None:
+    def _receive(self, ear: Ear, found: list[Arrived], whole: bool) -> None:
         """Take a message, or all; then the latest of those of which not every one is wanted.
 
         To ask for one more and be told that there is none costs as much as a message.
         """
         newest: dict[tuple[int, int], int] = {}
         base = ear.serial << 32
-        size, frame = _HEADER.size, self._frame
+        size, frame = HEADER.size, self._frame
         while True:
             try:
                 length = ear.connection.recv_into(frame)
@@ -438,15 +317,15 @@ class Lane:
             if not length:
                 self._deafen(ear)
                 return
-            if length <= size or frame[0] != _MESSAGE:
+            if length <= size or frame[0] != MESSAGE:
                 self.refused += 1
                 continue
-            _, both, code, outlet, number = _HEADER.unpack_from(frame)
+            _, both, code, outlet, number, count = HEADER.unpack_from(frame)
             heard = self._codes.get(code)
             if heard is None:
                 # Of before it was silenced.
                 continue
-            origin, message = Origin(base | outlet, number), bytes(frame[size:length])
+            origin, message = Origin(base | outlet, number, count), bytes(frame[size:length])
             if both:
                 self.copied.append((heard.topic, message))
             for listener in heard.listeners:
@@ -464,7 +343,7 @@ class Lane:
             if not (whole or heard.all):
                 return
 
-    def _drop(self, link: _Link, for_good: bool = False) -> None:
+    def _drop(self, link: Link, for_good: bool = False) -> None:
         """Speak to a process no more, unless it is found again."""
         if self._links.pop(link.connection.fileno(), None) is None:
             return
@@ -475,7 +354,7 @@ class Lane:
         self._wait_for_all()
         self._sort()
 
-    def _deafen(self, ear: _Ear) -> None:
+    def _deafen(self, ear: Ear) -> None:
         """Listen to a process no more."""
         if self._ears.pop(ear.connection.fileno(), None) is None:
             return

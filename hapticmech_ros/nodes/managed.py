@@ -25,7 +25,7 @@ from hapticmech_ros.nodes.origin import Listener
 from hapticmech_ros.nodes.parameters import NodeParameters, ParameterError
 from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
-from hapticmech_ros.nodes.scheduling import scheduling
+from hapticmech_ros.nodes.realtime import Realtime
 from hapticmech_ros.nodes.transitions import refuse_impossible_transitions
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.stamps import LAST_NS
@@ -51,6 +51,7 @@ class ManagedNode(LifecycleNode):
         active: whether it does it.
         refused: messages refused so far.
         in_sim_time: whether its time is what /clock says.
+        realtime: what its process has asked of the system; None: nothing yet.
     """
 
     def __init__(self, actor_type: type[Actor[Any]], exchange: Exchange) -> None:
@@ -62,6 +63,7 @@ class ManagedNode(LifecycleNode):
         self.actor: Actor[Any] | None = None
         self.active = False
         self.in_sim_time = False
+        self.realtime: Realtime | None = None
         self.failure: HapticMechError | None = None
         self.refused = 0
         self.last_refusal = ""
@@ -359,7 +361,8 @@ class ManagedNode(LifecycleNode):
         figures = {**figures, **actor.ages.summary("message_age")}
         figures.update(actor.ways())
         figures["transport"] = self._transport()
-        figures["scheduling"] = scheduling()
+        if self.realtime is not None:
+            figures.update(self.realtime.figures())
         figures["clock_steps"] = str(self._clock_steps)
         figures["last_clock_step"] = self._last_step
         figures["refused_messages"] = str(self.refused)

@@ -18,10 +18,12 @@ class Origin(NamedTuple):
         via: :data:`MIDDLEWARE`, :data:`WITHIN`, or the one publisher on the lane that this stands
             for in this process.
         number: by which its publisher counts what it sends through the middleware.
+        sent: by which it counts what it sends over the lane; 0: it came another way.
     """
 
     via: int
     number: int
+    sent: int = 0
 
 
 INSIDE = Origin(WITHIN, 0)

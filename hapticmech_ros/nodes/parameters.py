@@ -5,18 +5,20 @@ A change builds the whole model anew, so rules that concern several parameters h
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Literal, TypeVar, get_args
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from annotated_types import Ge, Le
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from hapticmech_ros.control.tuning import SCENES, TUNED
+from hapticmech_ros.cpu_list import cpus_of
 from hapticmech_ros.discovery import Transport
-from hapticmech_ros.errors import HapticMechError, shown
+from hapticmech_ros.errors import HapticMechError, InvalidInputError, shown
 
 # Never: given at the start. Unconfigured: only while nothing is built from it. Any: at any time.
 Changes = Literal["never", "unconfigured", "any"]
+RealtimeMode = Literal["auto", "on", "off"]
 P = TypeVar("P", bound="NodeParameters")
 # What keeps a device safe, and what keeps that as it was when the node started.
 LOCK = "lock_safety"
@@ -28,6 +30,21 @@ SAFETY = (
 
 class ParameterError(HapticMechError):
     """A parameter that breaks a rule."""
+
+
+def _cpu_list(given: object) -> object:
+    """Return CPUs as a list in text: ROS makes an integer of one, and an array of several."""
+    numbers = [given] if isinstance(given, int) else given
+    if isinstance(numbers, Sequence) and all(type(number) is int for number in numbers):
+        given = ",".join(map(str, numbers))
+    try:
+        cpus_of(given if isinstance(given, str) else shown(given))
+    except InvalidInputError as error:
+        raise ValueError(error.rule) from None
+    return given
+
+
+CpuList = Annotated[str, BeforeValidator(_cpu_list)]
 
 
 def text(default: str, description: str, changes: Changes = "unconfigured") -> Any:
@@ -101,8 +118,19 @@ class NodeParameters(BaseModel):
         "everything through the middleware",
         "never",
     )
+    realtime: RealtimeMode = text(
+        "auto",
+        "auto: real-time scheduling with four CPUs or more, locked memory and short idle states, "
+        "where the system grants them; on: with fewer CPUs too; off: none of these",
+        "never",
+    )
     thread_priority: int = count(
-        0, "real-time priority (SCHED_FIFO), where the system grants it; 0: none", 0, 99, "never"
+        50, "priority of real-time scheduling (SCHED_FIFO)", 1, 99, "never"
+    )
+    cpu_affinity: CpuList = Field(
+        "",
+        description="CPUs to run on, such as 0,2-3; empty: any",
+        json_schema_extra={"changes": "never", "untyped": True},
     )
     view_rate: float = number(100.0, "rate of topics outside the control loop", "Hz", 1.0, 1000.0)
     message_age_limit: float = number(0.25, "largest accepted age of a stamp", "s", 0.001, 3600.0)
@@ -206,8 +234,9 @@ class ControllerParameters(NodeParameters):
 
 
 class ViewerParameters(NodeParameters):
-    """Parameters of the scene viewer."""
+    """Parameters of the scene viewer, which has no deadlines to keep."""
 
+    realtime: RealtimeMode = text("off", "as for the other nodes", "never")
     marker_rate: float = number(30.0, "rate of markers, frames and joint states", "Hz", 1.0, 200.0)
     force_scale: float = number(0.05, "length of an arrow per force", "m/N", 1e-4, 10.0)
     torque_scale: float = number(4.0, "radius of a ring per torque", "m/(N m)", 1e-3, 1000.0)
@@ -220,6 +249,12 @@ def changes_of(model: type[NodeParameters], name: str) -> Changes:
     """Return when a parameter may change."""
     extra = model.model_fields[name].json_schema_extra
     return extra["changes"] if isinstance(extra, dict) else "never"  # type: ignore[return-value]
+
+
+def is_typed(model: type[NodeParameters], name: str) -> bool:
+    """Return whether ROS refuses values of another type than the default's."""
+    extra = model.model_fields[name].json_schema_extra
+    return not (isinstance(extra, dict) and extra.get("untyped"))
 
 
 def locked_by(parameters: NodeParameters, name: str) -> str:
@@ -240,7 +275,8 @@ def range_of(model: type[NodeParameters], name: str) -> tuple[float, float] | No
 
 def choices_of(model: type[NodeParameters], name: str) -> tuple[str, ...]:
     """Return the values that a choice may have; none for anything else."""
-    return tuple(map(str, get_args(model.model_fields[name].annotation)))
+    kind = model.model_fields[name].annotation
+    return tuple(map(str, get_args(kind))) if get_origin(kind) is Literal else ()
 
 
 def validated(model: type[P], values: Mapping[str, object]) -> P:

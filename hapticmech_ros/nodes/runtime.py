@@ -21,7 +21,7 @@ from hapticmech_ros.errors import HapticMechError, as_ours
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import StopRequest, print_report, run_until, wake_up_in_time
-from hapticmech_ros.nodes.scheduling import QuickStart, ask_for_real_time, priority_of
+from hapticmech_ros.nodes.realtime import QuickStart, Realtime, Request
 
 if TYPE_CHECKING:
     from hapticmech_ros.nodes.actor import Actor
@@ -67,6 +67,7 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
 
     nodes: list[ManagedNode] = []
     exchange = Exchange()
+    realtime: Realtime | None = None
     try:
         # One by one: those made before a failure are destroyed.
         for name in names:
@@ -74,7 +75,7 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
             nodes[-1].start()
         herald.destroy_node()
         starting.end()
-        _schedule(nodes)
+        realtime = _ask_for_real_time(nodes)
         if exchange.refusal:
             get_logger("lane").warning(f"all goes through the middleware: {exchange.refusal}")
         run_until(stop, nodes, exchange)
@@ -91,6 +92,8 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
         for node in nodes:
             node.destroy_node()
         exchange.close()
+        if realtime is not None:
+            realtime.close()
         rclpy.try_shutdown()
 
 
@@ -105,13 +108,15 @@ def _check_parameter_files(arguments: Sequence[str]) -> None:
             check_file(path, PARAMETER_FILE_LIMIT)
 
 
-def _schedule(nodes: Sequence[ManagedNode]) -> None:
-    """Ask for the real-time priority of nodes that are made: importing them was not urgent."""
+def _ask_for_real_time(nodes: Sequence[ManagedNode]) -> Realtime:
+    """Ask the system for what nodes that are made need: importing them was not urgent."""
     in_sim_time = any(node.in_sim_time for node in nodes)
-    priority = priority_of([node.parameters for node in nodes], in_sim_time)
-    refusal = ask_for_real_time(priority) if priority else ""
-    if refusal:
-        get_logger("scheduling").info(f"{refusal}: see docs/nodes.md, Scheduling")
+    realtime = Realtime(Request.of([node.parameters for node in nodes], in_sim_time))
+    for node in nodes:
+        node.realtime = realtime
+    for refusal in realtime.refusals:
+        get_logger("realtime").info(f"{refusal} (docs/realtime.md)")
+    return realtime
 
 
 def _herald() -> Node:

@@ -120,7 +120,7 @@ class Sources:
             now_ns: time of its arrival, ns.
         """
         self._heard_ns = now_ns
-        via, number = origin
+        via, number = origin.via, origin.number
         if via == MIDDLEWARE and number == UNNUMBERED:
             # There is only the middleware's list, in which the dead stand for a while.
             self._two = len(self._node.get_publishers_info_by_topic(self._topic)) > 1

@@ -17,7 +17,8 @@ import pytest
 
 from hapticmech_ros.nodes import lane as lane_module
 from hapticmech_ros.nodes.exchange import CENSUS_NS, Exchange
-from hapticmech_ros.nodes.lane import MOST_BEHIND, MOST_BYTES, Lane
+from hapticmech_ros.nodes.lane import Lane
+from hapticmech_ros.nodes.lane_connections import MOST_BEHIND, MOST_BYTES
 from hapticmech_ros.nodes.lane_folder import LaneError, lane_folder
 from hapticmech_ros.nodes.origin import Origin
 
@@ -96,6 +97,22 @@ def test_a_message_reaches_all_who_hear_its_topic_and_nobody_else(lanes: list[La
     assert deaf == []
     assert heard[0][1].number == 7
     assert heard[0][1].via > 0
+
+
+def test_messages_of_an_outlet_are_numbered_lost_ones_included(lanes: list[Lane]) -> None:
+    speaks, first, second = lanes
+    early, late = Heard(), Heard()
+    first.listen(TOPIC, early, every=True)
+    meet(lanes)
+    send(speaks, b"a")
+    send(speaks, b"b", outlet=2)
+    second.listen(TOPIC, late, every=True)
+    meet(lanes)
+    send(speaks, b"c", both=True)
+    hand_on(first)
+    hand_on(second)
+    assert [(m, o.sent) for m, o in early] == [(b"a", 1), (b"b", 1), (b"c", 2)]
+    assert [(m, o.sent) for m, o in late] == [(b"c", 2)]
 
 
 def test_publishers_are_told_apart_whoever_they_are(lanes: list[Lane]) -> None:

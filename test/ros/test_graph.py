@@ -63,15 +63,17 @@ def test_a_node_dies_and_comes_back(domain: int, peer: Peer, victim: str) -> Non
 def test_composed_nodes_hear_each_other_once_and_others_too(domain: int, peer: Peer) -> None:
     commands = peer.listen("device/servo_cf", WrenchStamped)
     statuses = peer.statuses()
-    with running(",".join(NODES), domain, diagnostics_period=0.1, thread_priority=50):
+    with running(",".join(NODES), domain, diagnostics_period=0.1, realtime="on"):
         # With a listener outside, each answer also comes back to the process: it counts once.
         peer.until(lambda: len(commands) > 400, "answers")
         stamps = [stamp_ns(message.header) for message in commands]
         assert len(set(stamps)) == len(stamps)
         heard = figures(statuses["haptic_device"])
         assert int(heard["loop_latency_count"]) <= int(heard["periods"])
-        expected = "SCHED_FIFO 50" if grants_real_time(50) else "SCHED_OTHER"
-        assert {figures(status)["scheduling"] for status in statuses.values()} == {expected}
+        expected = "SCHED_FIFO 50" if grants_real_time(50) else "SCHED_OTHER:"
+        assert all(
+            figures(status)["scheduling"].startswith(expected) for status in statuses.values()
+        )
         publish = peer.publisher("mechanism/handle/external_cf", WrenchStamped)
 
         def pushed() -> bool:

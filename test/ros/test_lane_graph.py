@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -10,9 +12,11 @@ import pytest
 from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import Float64MultiArray
 
+from hapticmech_ros.bag import BagReader
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane_folder import lane_folder
+from ros.bag_processes import bag_command
 from ros.harness import Peer, figures, six
 
 pytestmark = pytest.mark.ros
@@ -42,6 +46,12 @@ def renders(statuses: dict) -> Callable[[], bool]:
         node in statuses and ord(statuses[node].level) == 0
         for node in ("haptic_device", "teleoperation_controller")
     )
+
+
+def is_heard(peer: Peer, topic: str, node: str) -> bool:
+    """Return whether a node subscribes to a topic."""
+    readers = peer.node.get_subscriptions_info_by_topic(topic)
+    return any(reader.node_name == node for reader in readers)
 
 
 def folder_of(domain: int) -> Path:
@@ -119,6 +129,40 @@ def test_a_stranger_that_commands_is_noticed_on_the_lane_too(domain: int, peer: 
         # The stranger's was never more than slew and ramp let through.
         assert max(abs(value) for message in forces for value in six(message)) < 1.0
         peer.until(renders(statuses), "rendering again")
+
+
+def test_a_bag_is_recorded_from_the_lane_without_the_middleware(
+    domain: int, peer: Peer, tmp_path: Path
+) -> None:
+    statuses = peer.statuses()
+    bag = tmp_path / "bag"
+    with Graph("five_bar", parameters=OFTEN, environment=private_environment(domain)):
+        peer.until(all_go(statuses, "lane"), "the lane to carry everything")
+        with bag_command(domain, "record", "--all", "-o", bag) as recorder:
+            peer.until(
+                lambda: all(is_heard(peer, topic, "bag_recorder") for topic in SENDERS),
+                "the recorder's subscriptions",
+            )
+            before = int(figures(statuses["haptic_device"])["periods"])
+            peer.until(
+                lambda: int(figures(statuses["haptic_device"])["periods"]) > before + 1000,
+                "samples on the lane alone",
+            )
+            assert all_go(statuses, "lane")()
+            recorder.send_signal(signal.SIGINT)
+            assert recorder.wait(30.0) == 0
+            assert recorder.stdout is not None
+            text = recorder.stdout.read()
+    for topic in SENDERS:
+        assert re.search(rf"{topic}: \d+ messages, 0 lost", text), text
+    with BagReader(bag) as reader:
+        stamps = [
+            round(item.message.data[0] * 1e9) + round(item.message.data[1])
+            for item in reader.messages("/device/state")
+        ]
+    assert len(stamps) > 1000
+    # Samples that were missed have no message; no message is missing or there twice.
+    assert stamps == sorted(set(stamps))
 
 
 @pytest.mark.parametrize("victim", list(NODES))

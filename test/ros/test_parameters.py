@@ -44,7 +44,7 @@ def test_every_parameter_describes_itself(domain: int, peer: Peer) -> None:
                     assert descriptor.description.rsplit(", ", 1)[1] in UNITS, descriptor
                 if descriptor.name not in ("scene", "autostart"):
                     assert value == field.default
-                assert descriptor.dynamic_typing is False
+                assert descriptor.dynamic_typing is (descriptor.name == "cpu_affinity")
 
 
 @pytest.mark.parametrize("node", list(NODES))

@@ -68,7 +68,7 @@ def test_simulated_time_is_the_clocks(domain: int, peer: Peer) -> None:
     statuses = peer.statuses()
     clock = TestClock(peer)
     given = {"use_sim_time": True, "hand": "commanded", "diagnostics_period": 0.05}
-    given["thread_priority"] = 50
+    given["realtime"] = "on"
     with running("haptic_device,mechanism_simulator", domain, **given):
         push = peer.publisher("device/hand_cf", WrenchStamped)
         clock.begin(1000 * MS, clock.devices, clock.mechanisms)

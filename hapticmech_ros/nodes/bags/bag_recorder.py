@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import time
@@ -17,10 +18,12 @@ from rclpy.signals import SignalHandlerOptions
 from rosbags.typesys import Stores, get_typestore
 
 from hapticmech_ros.bag.writer import BagWriter
+from hapticmech_ros.discovery import Transport
 from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
 from hapticmech_ros.nodes.bags.heard_topic import HeardTopic
-from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
+from hapticmech_ros.nodes.exchange import Exchange
+from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, Inbox, StopRequest
 from hapticmech_ros.nodes.message_info import Info
 from hapticmech_ros.times import nanoseconds
 
@@ -42,6 +45,7 @@ class RecordOptions:
         split_s: begin a new file after so long, s.
         duration_s: end by itself after so long, s.
         use_sim_time: time of reception is the graph's ``/clock``, not the machine's.
+        transport: ``auto``: what processes of this host send directly is heard directly.
         ros_arguments: further arguments, beginning with ``--ros-args``.
     """
 
@@ -54,17 +58,23 @@ class RecordOptions:
     split_s: float | None = None
     duration_s: float | None = None
     use_sim_time: bool = False
+    transport: Transport = "auto"
     ros_arguments: tuple[str, ...] = field(default=())
 
 
 class BagRecorderNode(Node):
     """Subscribes to what is wanted as soon as somebody publishes it.
 
+    Args:
+        spool: of the bag.
+        options: what is wanted.
+        exchange: brings what comes over the lane.
+
     Raises:
         BagError: a regex that is none.
     """
 
-    def __init__(self, spool: BagSpool, options: RecordOptions) -> None:
+    def __init__(self, spool: BagSpool, options: RecordOptions, exchange: Exchange) -> None:
         super().__init__(
             "bag_recorder",
             namespace=options.namespace or None,
@@ -72,7 +82,7 @@ class BagRecorderNode(Node):
             start_parameter_services=False,
             parameter_overrides=[Parameter("use_sim_time", value=options.use_sim_time)],
         )
-        self._spool = spool
+        self._spool, self._exchange = spool, exchange
         self._by_graph = options.use_sim_time
         self._names = {self.resolve_topic_name(name) for name in options.topics}
         self._below = "/" + options.namespace.strip("/") if options.namespace.strip("/") else ""
@@ -129,7 +139,9 @@ class BagRecorderNode(Node):
         reason = self._refusal(types, hashes)
         if not reason:
             try:
-                self.heard[name] = HeardTopic(self, self._spool, name, types[0], self._time_ns)
+                self.heard[name] = HeardTopic(
+                    self, self._spool, name, types[0], self._time_ns, self._exchange
+                )
             except BagError as error:
                 reason = str(error)
         if reason:
@@ -159,6 +171,10 @@ def record(options: RecordOptions) -> int:
     stop = StopRequest()
     rclpy.init(args=list(options.ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
     node: BagRecorderNode | None = None
+    exchange = Exchange()
+    # Nodes that follow /clock are not on the lane.
+    if options.transport == "auto" and not options.use_sim_time:
+        exchange.join_lane(os.environ)
     try:
         writer = BagWriter(
             options.path,
@@ -168,8 +184,8 @@ def record(options: RecordOptions) -> int:
         )
         spool = BagSpool(writer)
         try:
-            node = BagRecorderNode(spool, options)
-            _record(node, spool, stop, options)
+            node = BagRecorderNode(spool, options, exchange)
+            _record(node, spool, exchange, stop, options)
         finally:
             spool.close()
         _report(node, spool, options.path)
@@ -180,14 +196,20 @@ def record(options: RecordOptions) -> int:
     finally:
         if node is not None:
             node.destroy_node()
+        exchange.close()
         rclpy.try_shutdown()
 
 
 def _record(
-    node: BagRecorderNode, spool: BagSpool, stop: StopRequest, options: RecordOptions
+    node: BagRecorderNode,
+    spool: BagSpool,
+    exchange: Exchange,
+    stop: StopRequest,
+    options: RecordOptions,
 ) -> None:
     executor = EventsExecutor()
     executor.add_node(node)
+    inbox = Inbox(executor, exchange)
     begun = time.monotonic()
     looked = -DISCOVERY_PERIOD_S
     print(f"recording into {options.path}; Ctrl-C ends it", flush=True)
@@ -198,7 +220,8 @@ def _record(
         if now - looked >= DISCOVERY_PERIOD_S:
             looked = now
             node.discover()
-        wait_for_messages(executor, LONGEST_WAIT_S)
+        inbox.wait(LONGEST_WAIT_S)
+        inbox.look()
     node.finish()
     executor.remove_node(node)
 

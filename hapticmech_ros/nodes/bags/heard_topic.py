@@ -11,8 +11,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from hapticmech_ros.nodes.bags.bag_qos import adapted_request, as_recorded
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
+from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.message_info import Info, WithInfo
+from hapticmech_ros.nodes.origin import Origin
 
 # All publishers of a topic are not discovered at once. Their offers are written down after this.
 SETTLE_S = 0.4
@@ -29,11 +31,12 @@ class HeardTopic:
         name: absolute name.
         msgtype: such as ``std_msgs/msg/UInt8``.
         clock: gives the time of reception, ns, of a message with its info; 0 if there is none yet.
+        exchange: brings what comes over the lane.
 
     Attributes:
         count: messages recorded.
         lost: numbers missing in the sequence of the topic's one publisher; None with several, whose
-            numbers cannot be told apart.
+            numbers the middleware does not tell apart.
         untimed: messages left out because there was no time yet.
 
     Raises:
@@ -47,6 +50,7 @@ class HeardTopic:
         name: str,
         msgtype: str,
         clock: Callable[[Info], int],
+        exchange: Exchange,
     ) -> None:
         self.name, self.type = name, msgtype
         self.count = 0
@@ -60,6 +64,8 @@ class HeardTopic:
         self._subscription: Any = None
         self._old: Any = None
         self._key = (0, 0)
+        self._sent: dict[int, int] = {}
+        self._had = exchange.listen(name, self._hear_on_lane, self._class.__name__, every=True)
         self._doubles: set[tuple[int, int]] = set()
         self._begun = self._replaced = time.monotonic()
 
@@ -110,21 +116,34 @@ class HeardTopic:
             self._class, self.name, WithInfo(self._hear), wanted, raw=True
         )
 
+    def _hear_on_lane(self, data: bytes, origin: Origin) -> None:
+        last = self._sent.get(origin.via)
+        if last is not None:
+            self._lost += origin.sent - last - 1
+        self._sent[origin.via] = origin.sent
+        self._keep(time.time_ns(), data)
+
     def _hear(self, data: bytes, info: Info) -> None:
+        had = self._had(data)
         number = info["publication_sequence_number"] or 0
         key = (info["source_timestamp"], number)
         if self._old is not None:
             if key in self._doubles:
                 return
             self._doubles.add(key)
-        time_ns = self._clock(info)
-        if not time_ns:
-            self.untimed += 1
-            return
         # A number that goes back is a publisher that was started anew.
-        if self.count and number > self._key[1] > 0:
+        if self._key[1] and number > self._key[1]:
             self._lost += number - self._key[1] - 1
         self._key = key
+        if had:
+            return
+        time_ns = self._clock(info)
+        if time_ns:
+            self._keep(time_ns, data)
+        else:
+            self.untimed += 1
+
+    def _keep(self, time_ns: int, data: bytes) -> None:
         self.count += 1
         if self._held is None:
             self._spool.put(self.name, time_ns, data)

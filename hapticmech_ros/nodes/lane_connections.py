@@ -1,0 +1,207 @@
+"""Connections of the lane: sockets, and what is written into them.
+
+Sockets of the kind AF_UNIX, SOCK_SEQPACKET: messages stay whole and in order, a full one refuses
+instead of blocking, and the kernel ends a connection with the process at its other end, whatever
+killed it. User ids are those that the kernel tells of the peer.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import struct
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+
+# Larger messages go through the middleware.
+MOST_BYTES = 1 << 16
+# Of all topics that a process hears, as it tells them.
+MOST_TOLD = 1 << 17
+# What a listener that wants every message may fall behind by, in messages.
+MOST_BEHIND = 1000
+# How much a connection holds for such a listener, bytes; the system may grant less.
+KEPT_BYTES = 1 << 22
+# Of sockets that a process waits for with select.
+MOST_SOCKETS = 1024
+# Kind, whether the middleware carries the message too, topic as numbered by whoever hears it,
+# which of the sending process's outlets, number of its last message through the middleware, and
+# of this one among those over the lane.
+HEADER = struct.Struct("<BBHIQQ")
+MESSAGE, TOPICS = 1, 2
+_VERSION = 2
+_BACKLOG = 64
+_CREDENTIALS = struct.Struct("3i")
+
+
+class BrokenRuleError(Exception):
+    """The other end does not keep to this module."""
+
+
+class Link:
+    """A connection to a process that listens.
+
+    Args:
+        name: of its socket.
+        connection: to it.
+
+    Attributes:
+        topics: that it hears: the number by which it knows each, and how many listen there.
+        lost: messages that it missed because it was full.
+    """
+
+    def __init__(self, name: str, connection: socket.socket) -> None:
+        self.name = name
+        self.connection = connection
+        self.topics: dict[str, tuple[int, int]] = {}
+        self.lost = 0
+        self._behind: deque[bytes] | None = None
+
+    def send(self, frame: bytes) -> bool:
+        """Send or keep a frame; return whether the connection is still there."""
+        behind = self._behind
+        if behind:
+            self._keep(behind, frame)
+            return self.flush()
+        try:
+            self.connection.send(frame)
+        except BlockingIOError:
+            if behind is None:
+                self.lost += 1
+            else:
+                self._keep(behind, frame)
+        except OSError:
+            return False
+        return True
+
+    def flush(self) -> bool:
+        """Send what is kept, as far as possible; return whether the connection is still there."""
+        behind = self._behind
+        try:
+            while behind:
+                self.connection.send(behind[0])
+                behind.popleft()
+        except BlockingIOError:
+            pass
+        except OSError:
+            return False
+        return True
+
+    def read_topics(self) -> None:
+        """Read what is heard at the other end now, as often as it has told that.
+
+        Raises:
+            BlockingIOError: all is read.
+            OSError: the connection is gone.
+            BrokenRuleError: what it tells cannot be read.
+        """
+        while True:
+            frame = self.connection.recv(HEADER.size + MOST_TOLD)
+            if not frame:
+                raise ConnectionResetError
+            try:
+                told = json.loads(frame[HEADER.size :])
+                if told["version"] != _VERSION:
+                    raise BrokenRuleError
+                topics = {str(name): (int(code), int(n)) for name, code, n, _ in told["topics"]}
+                every = any(bool(all_) for *_, all_ in told["topics"])
+            except (KeyError, TypeError, ValueError):
+                raise BrokenRuleError from None
+            self.topics = topics
+            if every and self._behind is None:
+                self._behind = deque(maxlen=MOST_BEHIND)
+                self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KEPT_BYTES)
+
+    def _keep(self, behind: deque[bytes], frame: bytes) -> None:
+        self.lost += len(behind) == behind.maxlen
+        behind.append(frame)
+
+
+class Ear:
+    """A connection from a process that speaks.
+
+    Args:
+        connection: to it.
+        serial: number of the connection in this process.
+
+    Attributes:
+        told: which version of what is heard here it knows.
+    """
+
+    def __init__(self, connection: socket.socket, serial: int) -> None:
+        self.connection = connection
+        self.serial = serial
+        self.told = -1
+
+    def tell(self, topics: Sequence[tuple[str, int, int, bool]], version: int) -> None:
+        """Tell it what is heard here, unless it knows: another time if its socket is full.
+
+        Args:
+            topics: name and type, number, how many listen, whether any of them wants all messages.
+            version: of this list.
+
+        Raises:
+            OSError: the connection is gone.
+        """
+        if self.told == version:
+            return
+        text = json.dumps({"version": _VERSION, "topics": topics}).encode()
+        if len(text) > MOST_TOLD:
+            text = json.dumps({"version": _VERSION, "topics": []}).encode()
+        try:
+            self.connection.send(HEADER.pack(TOPICS, 0, 0, 0, 0, 0) + text)
+        except BlockingIOError:
+            return
+        self.told = version
+
+
+def listening(folder: Path, name: str) -> socket.socket:
+    """Return a socket in a folder that others connect to.
+
+    Raises:
+        OSError: it cannot be had, or the folder is not there.
+    """
+    made = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    unready = folder / f".{name}"
+    try:
+        made.setblocking(False)
+        made.bind(str(unready))
+        made.listen(_BACKLOG)
+        # Seen only now that it answers: a socket that does not is a dead process's.
+        unready.rename(folder / name)
+        if made.fileno() >= MOST_SOCKETS:
+            raise OSError("too many open files to wait for one more")
+    except OSError:
+        made.close()
+        unready.unlink(missing_ok=True)
+        raise
+    return made
+
+
+def connected(path: Path) -> socket.socket | None:
+    """Return a connection to whoever listens there; None: another time.
+
+    Raises:
+        ConnectionRefusedError: nobody is there any more.
+    """
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    connection.setblocking(False)
+    try:
+        connection.connect(str(path))
+    except OSError as error:
+        connection.close()
+        if isinstance(error, ConnectionRefusedError):
+            raise
+        return None
+    return connection
+
+
+def is_ours(connection: socket.socket) -> bool:
+    """Return whether this user has the other end, and close a connection that is not kept."""
+    told = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    _, user, _ = _CREDENTIALS.unpack(told)
+    if user == os.geteuid() and connection.fileno() < MOST_SOCKETS:
+        return True
+    connection.close()
+    return False

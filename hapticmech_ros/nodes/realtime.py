@@ -1,0 +1,240 @@
+"""What a node's process asks of Linux to keep its deadlines, and what it was granted.
+
+Real-time scheduling, memory that stays in place, processors, and short idle states; each where this
+user may have it. What is refused is told, with the line of configuration that would allow it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import re
+import resource
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hapticmech_ros.cpu_list import cpus_of, listed
+
+if TYPE_CHECKING:
+    from hapticmech_ros.nodes.parameters import NodeParameters, RealtimeMode
+
+# With fewer processors, nodes that come before all else leave too little to everything else.
+ENOUGH_CPUS = 4
+# Of a node that is being made: after nodes that act, before what is ordinary.
+STARTING = 1
+# Idle states that take longer to leave are not entered, us: C1 takes up to 2, C1E about 10.
+LONGEST_IDLE_EXIT_US = 2
+# Where that is asked for: in force as long as the file is open.
+DMA_LATENCY = Path("/dev/cpu_dma_latency")
+
+ALLOWS_PRIORITY = (
+    "'@realtime - rtprio 98' in /etc/security/limits.d/realtime.conf, or LimitRTPRIO=98 in a "
+    "systemd unit, allows it"
+)
+ALLOWS_LOCK = (
+    "'@realtime - memlock unlimited' in /etc/security/limits.d/realtime.conf, or "
+    "LimitMEMLOCK=infinity in a systemd unit, allows it"
+)
+ALLOWS_LATENCY = (
+    'KERNEL=="cpu_dma_latency", GROUP="realtime", MODE="0660" in '
+    "/etc/udev/rules.d/99-realtime.rules allows it"
+)
+_ASKS = re.compile(r"\brealtime:=on\b")
+_IN_REAL_TIME = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+_NAMES = {
+    number: name
+    for name in ("SCHED_OTHER", "SCHED_FIFO", "SCHED_RR", "SCHED_BATCH", "SCHED_IDLE")
+    if (number := getattr(os, name, None)) is not None
+}
+_MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
+_CAP_IPC_LOCK = 14
+NOT_REQUESTED = "not requested"
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a process asks for.
+
+    Attributes:
+        mode: ``off``: nothing; ``auto``: what is granted, and real-time scheduling only with
+            :data:`ENOUGH_CPUS`; ``on``: that with fewer too.
+        priority: of SCHED_FIFO.
+        cpus: to run on; empty: any.
+    """
+
+    mode: RealtimeMode = "off"
+    priority: int = 0
+    cpus: frozenset[int] = frozenset()
+
+    @classmethod
+    def of(cls, nodes: Iterable[NodeParameters], in_sim_time: bool) -> Request:
+        """Return what a process with nodes of these parameters asks for.
+
+        The most that one of them asks for. Nodes that follow /clock have no deadlines to keep.
+        """
+        asking = [node for node in nodes if node.realtime != "off" and not in_sim_time]
+        if not asking:
+            return cls()
+        return cls(
+            "on" if any(node.realtime == "on" for node in asking) else "auto",
+            max(node.thread_priority for node in asking),
+            frozenset().union(*(cpus_of(node.cpu_affinity) for node in asking)),
+        )
+
+
+class Realtime:
+    """What this process has asked for, and how that went.
+
+    Threads begun later and processes started from here are ordinary ones, on all processors.
+
+    Args:
+        request: what to ask for, now.
+
+    Attributes:
+        refusals: a sentence for each thing that was refused.
+    """
+
+    def __init__(self, request: Request) -> None:
+        self._request = request
+        self._latency: int | None = None
+        asked = request.mode != "off"
+        # In this order: the first one says how many processors there are.
+        self._pinning = pin(request.cpus) if asked and request.cpus else ""
+        self._scheduling = self._schedule() if asked else ""
+        self._memory = lock_memory() if asked else NOT_REQUESTED
+        self._idle = self._keep_awake() if asked else NOT_REQUESTED
+        found = (self._pinning, self._scheduling, self._memory, self._idle)
+        self.refusals = [one for one in found if one not in ("", NOT_REQUESTED)]
+
+    def figures(self) -> dict[str, str]:
+        """Return what diagnostics say: how things are, and why what was asked for is not so."""
+        return {
+            "scheduling": _joined(scheduling(), self._scheduling),
+            "cpu_affinity": _joined(listed(os.sched_getaffinity(0)), self._pinning),
+            "memory_lock": self._memory or "locked",
+            "cpu_dma_latency": self._idle or f"{LONGEST_IDLE_EXIT_US} us",
+        }
+
+    def close(self) -> None:
+        """Let processors idle as they like again."""
+        if self._latency is not None:
+            os.close(self._latency)
+            self._latency = None
+
+    def _schedule(self) -> str:
+        cpus = len(os.sched_getaffinity(0))
+        if self._request.mode == "auto" and cpus < ENOUGH_CPUS:
+            some = f"{cpus} CPU{'s' if cpus > 1 else ''}"
+            return f"{some}, SCHED_FIFO is asked for with {ENOUGH_CPUS}, or with realtime:=on"
+        return ask_for_real_time(self._request.priority)
+
+    def _keep_awake(self) -> str:
+        """Ask for short idle states; return why that was refused, or nothing."""
+        try:
+            self._latency = os.open(DMA_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
+            os.write(self._latency, struct.pack("i", LONGEST_IDLE_EXIT_US))
+        except PermissionError:
+            return f"{DMA_LATENCY} is not granted to this user: {ALLOWS_LATENCY}"
+        except OSError as error:
+            return f"{DMA_LATENCY}: {error.strerror}"
+        return ""
+
+
+class QuickStart:
+    """Runs what makes a node before everything ordinary, and after every node that acts.
+
+    Beside nodes in real time an ordinary thread gets what they leave of the processor that it is
+    on, though another one may be free: a restart would take seconds. Nothing changes where the
+    priority is not granted, or whoever started the process has chosen its scheduling.
+
+    Args:
+        arguments: of the process; ``realtime:=on`` among them asks for it.
+    """
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        asked = any(_ASKS.search(argument) for argument in arguments)
+        self._begun = asked and os.sched_getscheduler(0) == os.SCHED_OTHER
+        if self._begun:
+            with contextlib.suppress(OSError):
+                os.sched_setscheduler(0, _IN_REAL_TIME, os.sched_param(STARTING))
+
+    def end(self) -> None:
+        """Make this thread an ordinary one again."""
+        if self._begun:
+            with contextlib.suppress(OSError):
+                os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+def ask_for_real_time(priority: int) -> str:
+    """Request real-time scheduling of all threads; return why it was refused, or nothing.
+
+    ``SCHED_FIFO``: a thread that has something to do runs before every ordinary one of the machine.
+    Processes started from here, and threads begun later, are ordinary ones.
+
+    Args:
+        priority: 1 to 99.
+    """
+    try:
+        for thread in _threads():
+            os.sched_setscheduler(thread, _IN_REAL_TIME, os.sched_param(priority))
+    except PermissionError:
+        return f"real-time priority {priority} is not granted to this user: {ALLOWS_PRIORITY}"
+    except OSError as error:
+        return f"real-time priority {priority} cannot be had here: {error.strerror}"
+    return ""
+
+
+def pin(cpus: Iterable[int]) -> str:
+    """Request that all threads run on these processors; return why it was refused, or nothing."""
+    wanted = set(cpus)
+    allowed = os.sched_getaffinity(0)
+    missing = wanted - allowed
+    if missing:
+        return f"cpu_affinity {listed(wanted)}: there is no CPU {listed(missing)} for this process"
+    try:
+        for thread in _threads():
+            os.sched_setaffinity(thread, wanted)
+    except OSError as error:
+        return f"cpu_affinity {listed(wanted)} cannot be had here: {error.strerror}"
+    return ""
+
+
+def lock_memory() -> str:
+    """Request that pages stay in memory once used; return why it was refused, or nothing.
+
+    Not where there is a limit: memory asked for later would be refused when it is reached.
+    """
+    _, most = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+    if most != resource.RLIM_INFINITY and not _has_capability(_CAP_IPC_LOCK):
+        return f"locked memory is limited to {most // 1024} KiB for this user: {ALLOWS_LOCK}"
+    libc = ctypes.CDLL(None, use_errno=True)
+    with contextlib.suppress(OSError, ValueError):
+        resource.setrlimit(resource.RLIMIT_MEMLOCK, (most, most))
+    if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT):
+        return f"memory cannot be locked here: {os.strerror(ctypes.get_errno())}"
+    return ""
+
+
+def scheduling() -> str:
+    """Return how the system schedules the thread that asks: policy, and priority if it has one."""
+    policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+    name = _NAMES.get(policy, f"policy {policy}")
+    priority = os.sched_getparam(0).sched_priority
+    return f"{name} {priority}" if priority else name
+
+
+def _threads() -> list[int]:
+    return [int(thread.name) for thread in Path("/proc/self/task").iterdir()]
+
+
+def _has_capability(number: int) -> bool:
+    found = re.search(r"^CapEff:\s*([0-9a-f]+)", Path("/proc/self/status").read_text(), re.M)
+    return found is not None and bool(int(found[1], 16) >> number & 1)
+
+
+def _joined(state: str, refusal: str) -> str:
+    return f"{state}: {refusal}" if refusal else state

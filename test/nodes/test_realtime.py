@@ -1,0 +1,233 @@
+"""What a node's process asks of Linux: granted or refused, and told; its children are ordinary."""
+
+import ctypes
+import os
+import resource
+import struct
+import subprocess
+import sys
+
+import pytest
+
+from hapticmech_ros.cpu_list import cpus_of, listed
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.nodes import realtime
+from hapticmech_ros.nodes.parameters import (
+    ControllerParameters,
+    DeviceParameters,
+    ParameterError,
+    ViewerParameters,
+    validated,
+)
+from hapticmech_ros.nodes.realtime import ENOUGH_CPUS, Realtime, Request
+from real_time import grants_real_time
+
+ASKING = """
+import os, re, subprocess, sys, threading
+from pathlib import Path
+from hapticmech_ros.nodes.realtime import Realtime, Request
+waiting = threading.Event()
+other = threading.Thread(target=waiting.wait)
+other.start()
+first = min(os.sched_getaffinity(0))
+asked = Realtime(Request("on", 7, frozenset({first})))
+threads = [int(name) for name in os.listdir("/proc/self/task")]
+policies = {os.sched_getscheduler(thread) & ~os.SCHED_RESET_ON_FORK for thread in threads}
+cpus = {frozenset(os.sched_getaffinity(thread)) for thread in threads}
+locked = int(re.search(r"VmLck:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
+show = "import os; print(os.sched_getscheduler(0))"
+child = int(subprocess.run([sys.executable, "-c", show], stdout=subprocess.PIPE).stdout)
+waiting.set()
+figures = asked.figures()
+asked.close()
+asked.close()
+print(repr((asked.refusals, figures, policies, cpus == {frozenset({first})}, locked, child)))
+"""
+
+
+def asking():
+    return eval(output_of(ASKING))
+
+
+def test_all_threads_are_in_real_time_and_children_are_not():
+    refusals, figures, policies, pinned, _, child = asking()
+    assert child == os.SCHED_OTHER
+    assert pinned
+    assert "," not in figures["cpu_affinity"]
+    if grants_real_time(7):
+        assert (figures["scheduling"], policies) == ("SCHED_FIFO 7", {os.SCHED_FIFO})
+    else:
+        assert policies == {os.SCHED_OTHER}
+        assert figures["scheduling"].startswith("SCHED_OTHER: real-time priority 7 is not granted")
+        assert any("LimitRTPRIO=98" in refusal for refusal in refusals)
+
+
+def test_memory_is_locked_or_it_is_said_what_would_allow_it():
+    refusals, figures, _, _, locked, _ = asking()
+    if figures["memory_lock"] == "locked":
+        assert locked > 10_000
+    else:
+        assert locked == 0
+        assert figures["memory_lock"] in refusals
+
+
+def output_of(code):
+    """Return what code prints in a process of its own."""
+    run = [sys.executable, "-c", code]
+    return subprocess.run(run, stdout=subprocess.PIPE, text=True, check=True).stdout
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs a process that may give up its rights")
+def test_an_ordinary_user_is_told_the_lines_that_allow_it():
+    code = """
+import ctypes, os, resource
+resource.setrlimit(resource.RLIMIT_MEMLOCK, (8 << 20, 8 << 20))
+resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+from hapticmech_ros.nodes.realtime import Realtime, Request
+os.setresuid(65534, 65534, 65534)
+asked = Realtime(Request("on", 50))
+print(*asked.refusals, sep="\\n")
+"""
+    said = output_of(code).splitlines()
+    assert said[0].startswith("real-time priority 50 is not granted to this user: '@realtime - rt")
+    assert said[1].startswith("locked memory is limited to 8192 KiB for this user: '@realtime - me")
+    assert said[2].startswith("/dev/cpu_dma_latency")
+
+
+def test_short_idle_states_are_asked_for_as_long_as_the_process_wants(tmp_path, monkeypatch):
+    place = tmp_path / "cpu_dma_latency"
+    place.touch()
+    monkeypatch.setattr(realtime, "DMA_LATENCY", place)
+    monkeypatch.setattr(realtime, "lock_memory", str)
+    asked = Realtime(Request("auto", 50))
+    assert asked.figures()["cpu_dma_latency"] == "2 us"
+    assert struct.unpack("i", place.read_bytes()) == (2,)
+    asked.close()
+    place.unlink()
+    asked = Realtime(Request("auto", 50))
+    assert asked.figures()["cpu_dma_latency"].endswith("No such file or directory")
+
+
+@pytest.mark.parametrize("cpus", [ENOUGH_CPUS - 1, ENOUGH_CPUS])
+def test_real_time_is_asked_for_by_itself_where_there_are_processors_enough(monkeypatch, cpus):
+    priorities = []
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cpus)))
+    monkeypatch.setattr(realtime, "ask_for_real_time", lambda p: priorities.append(p) or "")
+    monkeypatch.setattr(realtime, "lock_memory", str)
+    figures = Realtime(Request("auto", 50)).figures()
+    assert priorities == ([50] if cpus >= ENOUGH_CPUS else [])
+    told = "3 CPUs, SCHED_FIFO is asked for with 4, or with realtime:=on"
+    assert (told in figures["scheduling"]) == (cpus < ENOUGH_CPUS)
+    Realtime(Request("on", 40))
+    assert priorities[-1] == 40
+
+
+def test_whoever_wants_nothing_changes_nothing(monkeypatch):
+    def asked(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", asked)
+    monkeypatch.setattr(os, "sched_setaffinity", asked)
+    monkeypatch.setattr(realtime, "lock_memory", asked)
+    monkeypatch.setattr(realtime, "DMA_LATENCY", None)
+    figures = Realtime(Request()).figures()
+    assert figures["memory_lock"] == figures["cpu_dma_latency"] == "not requested"
+
+
+def test_cpus_that_are_not_there_are_refused_and_named():
+    highest = max(os.sched_getaffinity(0))
+    refusal = realtime.pin({highest, highest + 5, highest + 6})
+    assert refusal.endswith(f"there is no CPU {highest + 5}-{highest + 6} for this process")
+
+
+STARTING = """
+import os, subprocess, sys
+from hapticmech_ros.nodes.realtime import QuickStart, scheduling
+starting = QuickStart(sys.argv[1:])
+show = "import os; print(os.sched_getscheduler(0))"
+child = int(subprocess.run([sys.executable, "-c", show], stdout=subprocess.PIPE).stdout)
+quick = scheduling()
+starting.end()
+print(repr((quick, child, scheduling())))
+"""
+
+
+@pytest.mark.parametrize("argument", ["realtime:=on", "device.realtime:=off"])
+def test_a_start_comes_before_what_is_ordinary_and_after_nodes(argument):
+    command = [sys.executable, "-c", STARTING, "-p", argument]
+    said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+    wanted = grants_real_time(1) and argument.endswith("=on")
+    quick = "SCHED_FIFO 1" if wanted else "SCHED_OTHER"
+    assert eval(said) == (quick, os.SCHED_OTHER, "SCHED_OTHER")
+
+
+def test_a_start_leaves_alone_what_somebody_has_chosen():
+    if not grants_real_time(5):
+        pytest.skip("no real-time priority here")
+    code = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(5))" + STARTING
+    command = [sys.executable, "-c", code, "-p", "realtime:=on"]
+    said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+    assert eval(said) == ("SCHED_FIFO 5", os.SCHED_FIFO, "SCHED_FIFO 5")
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (PermissionError(1, "no"), "real-time priority 50 is not granted to this user"),
+        (OSError(22, "Invalid argument"), "real-time priority 50 cannot be had here: Invalid arg"),
+    ],
+)
+def test_a_refusal_changes_nothing_and_is_a_sentence(monkeypatch, error, sentence):
+    def refuse(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    before = realtime.scheduling()
+    assert realtime.ask_for_real_time(50).startswith(sentence)
+    assert realtime.scheduling() == before
+
+
+def test_memory_that_cannot_be_locked_is_told(monkeypatch):
+    class Refusing:
+        @staticmethod
+        def mlockall(_: int) -> int:
+            ctypes.set_errno(12)
+            return -1
+
+    infinite = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+    monkeypatch.setattr(resource, "getrlimit", lambda _: infinite)
+    monkeypatch.setattr(resource, "setrlimit", lambda *_: None)
+    monkeypatch.setattr(ctypes, "CDLL", lambda *_, **__: Refusing)
+    assert realtime.lock_memory() == "memory cannot be locked here: Cannot allocate memory"
+
+
+def test_a_process_asks_for_the_most_that_one_of_its_nodes_asks_for():
+    device = DeviceParameters(realtime="on", thread_priority=20, cpu_affinity="1")
+    controller = ControllerParameters(thread_priority=30, cpu_affinity="2-3")
+    both = Request("on", 30, frozenset({1, 2, 3}))
+    assert Request.of([device, controller], in_sim_time=False) == both
+    assert Request.of([device, controller], in_sim_time=True) == Request()
+    assert Request.of([controller], in_sim_time=False).mode == "auto"
+    assert Request.of([ViewerParameters()], in_sim_time=False) == Request()
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [("", ""), (2, "2"), ([0, 2], "0,2"), ("0,2-3", "0,2-3"), (" 1 , 3 ", " 1 , 3 ")],
+)
+def test_cpus_are_given_as_a_list_a_number_or_an_array(given, kept):
+    assert validated(DeviceParameters, {"cpu_affinity": given}).cpu_affinity == kept
+
+
+@pytest.mark.parametrize("given", ["a", "3-2", "1,,2", "-1", "0x1", True, 1.5, [True], "99999"])
+def test_what_is_no_list_of_cpus_is_refused(given):
+    with pytest.raises(ParameterError, match=r"numbers and ranges of CPUs.*\(got"):
+        validated(DeviceParameters, {"cpu_affinity": given})
+
+
+def test_lists_of_cpus_are_as_linux_writes_them():
+    assert cpus_of("0,2-4,4") == {0, 2, 3, 4}
+    assert listed({4, 0, 3, 2}) == "0,2-4"
+    assert listed(()) == ""
+    with pytest.raises(InvalidInputError, match="ranges of CPUs"):
+        cpus_of("1-")
