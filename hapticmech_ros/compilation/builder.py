@@ -38,11 +38,14 @@ from hapticmech_ros.errors import HapticMechError
 _HOMES = ("mechanism.stepping", "operational.analysis", "control.architecture")
 _MORE_HOMES = (
     *("device.impedance_device", "wire.readings", "contact.stepping"),
-    "session.session",
+    *("session.session", "nodes.watch_kernels"),
 )
 # Of the C library, which every process has.
 _C_LIBRARY = frozenset(
-    ("sqrt", "sin", "cos", "tan", "tanh", "atan2", "exp", "log", "pow", "memset", "memcpy")
+    (
+        *("sqrt", "sin", "cos", "tan", "tanh", "atan2", "exp", "log", "pow", "memset", "memcpy"),
+        *("usleep", "write", "abort"),
+    )
 )
 # Kernels with much in common, by what their names begin with; all others are one more family.
 _FAMILIES: tuple[tuple[str, ...], ...] = (("mechanism_", "operational_", "contact_step"),)

@@ -80,6 +80,7 @@ _SOURCES = (
     "session/data.py",
     "session/tick_kernels.py",
     "wire/kernels.py",
+    "nodes/watch_kernels.py",
 )
 
 

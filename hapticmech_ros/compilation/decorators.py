@@ -14,8 +14,9 @@ environment says ``HAPTICMECH_ROS_KERNELS=checked`` every call is checked.
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 from hapticmech_ros.compilation.library import function_of
 
@@ -74,13 +75,31 @@ def _translated(function: Function, in_place: bool = False) -> Function:
     return cast(Function, translated(function, in_place))
 
 
-def kernel(signature: str, linked: bool = False) -> Callable[[Function], Function]:
+def c_function(name: str, signature: str) -> Callable[..., Any]:
+    """Return a function of the C library, for kernels to call.
+
+    Args:
+        name: in the C library; one of those that the builder allows.
+        signature: types of result and arguments, as Numba writes them.
+    """
+    if not is_building():
+        return cast(Callable[..., Any], getattr(ctypes.CDLL(None), name))
+    from hapticmech_ros.compilation.inner_functions import called_in_c
+
+    return cast(Callable[..., Any], called_in_c(name, signature))
+
+
+def kernel(
+    signature: str, linked: bool = False, waits: bool = False
+) -> Callable[[Function], Function]:
     """Return a decorator that finds a function in the library.
 
     Args:
         signature: types of result and arguments, as Numba writes them.
         linked: whether other kernels call it. They do so by its name in the library: it is
             translated and optimised once, not as a part of each.
+        waits: whether other threads run Python meanwhile: it takes longer, or is not to wait for
+            them.
     """
 
     def found(function: Function) -> Function:
@@ -93,6 +112,6 @@ def kernel(signature: str, linked: bool = False) -> Callable[[Function], Functio
             from hapticmech_ros.compilation.inner_functions import called_by_name
 
             return cast(Function, called_by_name(function, name, signature))
-        return cast(Function, function_of(name, signature, function))
+        return cast(Function, function_of(name, signature, function, waits))
 
     return found

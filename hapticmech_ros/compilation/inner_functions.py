@@ -111,6 +111,25 @@ def called_by_name(function: Callable[..., Any], name: str, signature: str) -> A
     return _intrinsic(call, function.__name__, parameters)
 
 
+def called_in_c(name: str, signature: str) -> Any:
+    """Return a function of the C library as one that kernels can call.
+
+    Args:
+        name: in the C library.
+        signature: types of result and arguments.
+    """
+    types = signature_of(signature)
+    names = (f"a{number}" for number in range(len(types.args)))
+    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+    parameters = inspect.Signature([inspect.Parameter(one, kind) for one in names])
+
+    def call(_context: Any, *given: Any, **named: Any) -> Any:
+        parameters.bind(*given, **named)
+        return types, _call_of(name)
+
+    return _intrinsic(call, name, parameters)
+
+
 def signature_of(text: str) -> Any:
     """Return a signature as Numba has it."""
     return eval(text, {**vars(numba.types), "Array": numba.types.Array})

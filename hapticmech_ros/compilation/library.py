@@ -72,13 +72,16 @@ class Library(NamedTuple):
     engine: object
 
 
-def function_of(name: str, signature: str, function: Callable[..., object]) -> Callable[..., Any]:
+def function_of(
+    name: str, signature: str, function: Callable[..., object], waits: bool = False
+) -> Callable[..., Any]:
     """Return a kernel of the library as a function of NumPy arrays and numbers.
 
     Args:
         name: in the library.
         signature: types of result and arguments, as Numba writes them.
         function: that was compiled, for its name and documentation.
+        waits: whether other threads run Python meanwhile.
 
     Raises:
         LibraryError: there is no library, or no such kernel in it.
@@ -89,7 +92,8 @@ def function_of(name: str, signature: str, function: Callable[..., object]) -> C
         raise LibraryError(f"no kernel {name} in the library: is it among the builder's modules?")
     result, arguments = _parted(signature)
     kinds = [_SCALARS.get(argument, ctypes.py_object) for argument in arguments]
-    called: Any = ctypes.PYFUNCTYPE(_SCALARS[result], *kinds)(found)
+    prototype = ctypes.CFUNCTYPE if waits else ctypes.PYFUNCTYPE
+    called: Any = prototype(_SCALARS[result], *kinds)(found)
     # The memory that it is in goes with the library.
     called.library = loaded
     if os.environ.get("HAPTICMECH_ROS_KERNELS") == "checked":

@@ -34,6 +34,8 @@ from hapticmech_ros.times import NANOSECONDS
 
 # Looks for new processes, and at what could not be sent, come so often.
 LOOK_NS = NANOSECONDS // 10
+# A socket is made ready in less than this, s.
+UNREADY_S = 10.0
 # Whoever has not looked for so long may have more than one message of each publisher.
 BEHIND_NS = 3_000_000
 
@@ -229,8 +231,22 @@ class Lane:
         self._folder_ns = changed_ns
         self._known &= names
         for name in sorted(names - self._known):
-            if not name.startswith("."):
+            if name.startswith("."):
+                self._clear(name)
+            else:
                 self._connect(name)
+
+    def _clear(self, name: str) -> None:
+        """Remove a socket whose process was killed before others could see it."""
+        path = self._folder / name
+        try:
+            if time.time() - path.stat().st_ctime > UNREADY_S:
+                path.unlink()
+            else:
+                self._folder_ns = -1
+        except OSError:
+            # It is ready now, or another has removed it.
+            pass
 
     def _connect(self, name: str) -> None:
         path = self._folder / name

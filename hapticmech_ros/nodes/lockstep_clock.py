@@ -15,7 +15,6 @@ from pathlib import Path
 
 import rclpy
 from rclpy.experimental import EventsExecutor
-from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -28,6 +27,7 @@ from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_mess
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.nodes.qos import LATCHED, LOCKSTEP, RECORDER_SUBSCRIBER, STREAM_PUBLISHER
+from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.replay_feed import Feed, feed_from_bag
 from hapticmech_ros.scene import Scene, load_scene
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
@@ -46,7 +46,7 @@ class LockstepError(HapticMechError):
     """The graph does not go on: some topic is silent."""
 
 
-class LockstepClock(Node):
+class LockstepClock(QuietEventsNode):
     """Tells the time, tick by tick.
 
     Args:

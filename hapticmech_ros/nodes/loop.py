@@ -27,6 +27,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 
 from hapticmech_ros.nodes.exchange import Exchange
+from hapticmech_ros.nodes.watchdog import Watchdog
 from hapticmech_ros.times import NANOSECONDS
 
 # Longest wait for a message or deadline: also how late a signal is answered at the worst.
@@ -180,7 +181,9 @@ def run_until(
     _find_callers()
     gc.collect()
     gc.freeze()
+    watchdog = Watchdog()
     while rclpy.ok() and not stop.asked:
+        watchdog.go_round()
         inbox.wait(_wait_s(nodes))
         for node in nodes:
             node.look_at_clock()
@@ -189,6 +192,7 @@ def run_until(
                 node.act(now)
                 inbox.acted()
         inbox.look()
+    watchdog.end()
     executor.shutdown()
 
 

@@ -25,6 +25,7 @@ from hapticmech_ros.nodes.origin import Listener
 from hapticmech_ros.nodes.parameters import NodeParameters, ParameterError
 from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
+from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.realtime import Realtime
 from hapticmech_ros.nodes.transitions import refuse_impossible_transitions
 from hapticmech_ros.times import NANOSECONDS
@@ -39,7 +40,7 @@ CLOCK_STEP_NS = NANOSECONDS // 2
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
-class ManagedNode(LifecycleNode):
+class ManagedNode(QuietEventsNode, LifecycleNode):
     """A lifecycle node that hosts an actor.
 
     Args:

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import rclpy
 from rclpy.experimental import EventsExecutor
-from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray
@@ -30,6 +29,7 @@ from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, Inbox, StopRequest
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.origin import Origin
 from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
+from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.topic import Topic
@@ -40,7 +40,7 @@ TAIL_S = 1.2
 PROGRESS_PERIOD_S = 0.1
 
 
-class RecorderNode(Node):
+class RecorderNode(QuietEventsNode):
     """Writes every message of the table's topics to a bag, and sees when the hand starts.
 
     Args:

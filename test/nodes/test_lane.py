@@ -115,6 +115,20 @@ def test_messages_of_an_outlet_are_numbered_lost_ones_included(lanes: list[Lane]
     assert [(m, o.sent) for m, o in late] == [(b"c", 2)]
 
 
+def test_what_a_process_leaves_that_was_killed_before_it_was_ready_is_removed(
+    lanes: list[Lane], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = folder / ".123-abcdef"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as unready:
+        unready.bind(str(left))
+    meet(lanes)
+    assert left.exists()
+    monkeypatch.setattr(lane_module, "UNREADY_S", -1.0)
+    lanes[0]._looked_ns = -lane_module.LOOK_NS
+    lanes[0].look()
+    assert not left.exists()
+
+
 def test_publishers_are_told_apart_whoever_they_are(lanes: list[Lane]) -> None:
     hears, heard = lanes[0], Heard()
     hears.listen(TOPIC, heard)

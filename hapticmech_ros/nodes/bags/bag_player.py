@@ -13,7 +13,6 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.executors import Executor
 from rclpy.experimental import EventsExecutor
-from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
@@ -28,6 +27,7 @@ from hapticmech_ros.nodes.bags.bag_qos import adapted_offer
 from hapticmech_ros.nodes.bags.keyboard import Keyboard
 from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.nodes.message_class import message_class
+from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.times import NANOSECONDS
 
 CLOCK = "/clock"
@@ -72,7 +72,7 @@ class PlayOptions:
     ros_arguments: tuple[str, ...] = ()
 
 
-class BagPlayerNode(Node):
+class BagPlayerNode(QuietEventsNode):
     """Publishes messages of a bag when it is time.
 
     Attributes:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import rclpy
 from rclpy.experimental import EventsExecutor
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
@@ -25,6 +24,7 @@ from hapticmech_ros.nodes.bags.heard_topic import HeardTopic
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, Inbox, StopRequest
 from hapticmech_ros.nodes.message_info import Info
+from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.times import nanoseconds
 
 DISCOVERY_PERIOD_S = 0.2
@@ -62,7 +62,7 @@ class RecordOptions:
     ros_arguments: tuple[str, ...] = field(default=())
 
 
-class BagRecorderNode(Node):
+class BagRecorderNode(QuietEventsNode):
     """Subscribes to what is wanted as soon as somebody publishes it.
 
     Args:

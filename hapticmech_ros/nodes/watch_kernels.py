@@ -1,0 +1,38 @@
+"""Kernel that waits for a loop to stand still. It needs neither Python nor its lock."""
+
+from __future__ import annotations
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import c_function, kernel
+
+# Numbers shared with the loop: how often it went round, and whether it has ended.
+ROUNDS, ENDED = 0, 1
+LOOK_US = 250_000
+_STANDARD_ERROR = 2
+
+_usleep = c_function("usleep", "int32(uint32)")
+_write = c_function("write", "int64(int32, intp, int64)")
+_abort = c_function("abort", "void()")
+
+
+@kernel("void(int64[:], int64[:], int64)", waits=True)
+def abort_when_still(shared: Array, text: Array, looks: int) -> None:
+    """Abort the process when its loop has not gone round for so many looks.
+
+    Looks are counted, not time: while the whole process is stopped there are none.
+
+    Args:
+        shared: :data:`ROUNDS` and :data:`ENDED`.
+        text: bytes for standard error.
+        looks: :data:`LOOK_US` each.
+    """
+    still, last = 0, shared[ROUNDS]
+    while shared[ENDED] == 0:
+        _usleep(LOOK_US)
+        if shared[ROUNDS] != last:
+            still, last = 0, shared[ROUNDS]
+            continue
+        still += 1
+        if still >= looks and shared[ENDED] == 0:
+            _write(_STANDARD_ERROR, text.ctypes.data, 8 * text.size)
+            _abort()

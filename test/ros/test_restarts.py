@@ -1,0 +1,78 @@
+"""Nodes that are killed and started anew at random, two hundred times, and those that are not."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hapticmech_ros.graph import private_environment
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.nodes.lane_folder import lane_folder
+from ros.harness import Peer
+
+pytestmark = pytest.mark.ros
+
+STORM = Path(__file__).with_name("restart_storm.py")
+RESTARTS = 200
+
+# All that rclpy's events executor waits for at a node, once it is configured.
+EVENTS = """
+import sys
+import rclpy
+from hapticmech_ros.nodes.exchange import Exchange
+from hapticmech_ros.nodes.managed import ManagedNode
+from hapticmech_ros.nodes.runtime import actor_type
+rclpy.init(args=sys.argv[2:])
+node = ManagedNode(actor_type(sys.argv[1]), Exchange())
+node.start()
+ends = [*node.publishers, *node.subscriptions]
+print(len(ends), sum(len(end.event_handlers) for end in ends))
+"""
+
+
+@pytest.mark.parametrize("name", list(NODES))
+def test_no_node_asks_the_middleware_for_events(name: str, domain: int) -> None:
+    """Whoever takes one may wait for ever, while the middleware brings the next."""
+    command = [sys.executable, "-c", EVENTS, name]
+    environment = private_environment(domain)
+    run = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=environment)
+    ends, events = map(int, run.stdout.split())
+    assert ends > 5
+    assert events == 0
+
+
+@pytest.mark.parametrize("transport", ["auto", "middleware"])
+def test_a_storm_of_restarts_stops_nobody_else_and_leaves_nothing(
+    transport: str, domain: int, peer: Peer
+) -> None:
+    statuses = peer.statuses()
+    environment = private_environment(domain)
+    command = [sys.executable, str(STORM), "7", str(RESTARTS), transport]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+    ) as storm:
+        try:
+            assert storm.stdout is not None
+            told = json.loads(storm.stdout.readline())
+            assert sum(told["killed"].values()) == RESTARTS
+            assert told["unasked"] == []
+            statuses.clear()
+            peer.until(
+                lambda: all(n in statuses and ord(statuses[n].level) == 0 for n in NODES),
+                "all four to work",
+            )
+            if transport == "auto":
+                folder = lane_folder(environment)
+                end = time.monotonic() + 15.0
+                while len(list(folder.iterdir())) != len(NODES):
+                    assert time.monotonic() < end, list(folder.iterdir())
+                    peer.run(0.1)
+            storm.communicate(timeout=20.0)
+        finally:
+            storm.kill()
+    assert storm.returncode == 0
