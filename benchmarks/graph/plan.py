@@ -32,12 +32,15 @@ class Configuration:
         layout: ``separate``, a process for each node, or ``composed``, one for all.
         recorded: whether a recorder writes every topic into a bag.
         transport: of the real graph's nodes; the bare graph has the middleware alone.
+        settings: further parameters of the real graph's nodes, by ``node.parameter``, or
+            ``parameter`` for all of them.
     """
 
     rate_hz: float
     layout: Layout
     recorded: bool
     transport: Transport = "auto"
+    settings: tuple[tuple[str, object], ...] = ()
 
     def __str__(self) -> str:
         recording = "recording" if self.recorded else "no recording"

@@ -228,7 +228,7 @@ def start_graph(step: Step, scene: str, environment: Mapping[str, str]) -> Graph
     composed = step.configuration.layout == "composed"
     if step.kind == "bare":
         return BareGraph(scene, composed, environment)
-    parameters = {"transport": step.configuration.transport}
+    parameters = {"transport": step.configuration.transport, **dict(step.configuration.settings)}
     return Graph(scene, composed, parameters=parameters, environment=environment)
 
 

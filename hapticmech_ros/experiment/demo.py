@@ -27,10 +27,6 @@ from hapticmech_ros.scene import load_scene
 
 RECORDER = "hapticmech_ros.nodes.recorder"
 
-# With a simulated hand, stalls of a busy machine are tolerated instead of disengaging, which would
-# change the experiment. The default for a real hand is 12 ms.
-PATIENCE = {"haptic_device.command_timeout": 0.05, "teleoperation_controller.input_timeout": 0.05}
-
 # (stage, share done, or None if unknown)
 Show = Callable[[str, float | None], None]
 
@@ -107,7 +103,7 @@ def record_graph(
     command = [sys.executable, "-m", RECORDER, "--out", str(bag), "--scene", scene_name]
     command += ["--duration", str(seconds), "--storage", storage]
     recorder = start_process(command, environment, pipe_output=True)
-    parameters: dict[str, object] = {"haptic_device.wait_for_start": True, **PATIENCE}
+    parameters: dict[str, object] = {"haptic_device.wait_for_start": True}
     try:
         events = told_by(recorder)
         _expect(events, "ready")

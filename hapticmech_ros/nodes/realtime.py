@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hapticmech_ros.nodes.parameters import NodeParameters, RealtimeMode
 
 # With fewer processors, nodes that come before all else leave too little to everything else.
-ENOUGH_CPUS = 4
+ENOUGH_CPUS = 2
 # Of a node that is being made: after nodes that act, before what is ordinary.
 STARTING = 1
 # Idle states that take longer to leave are not entered, us: C1 takes up to 2, C1E about 10.

@@ -1,0 +1,1 @@
+"""What real-time scheduling and pinned processors bring to the graph."""

@@ -1,0 +1,217 @@
+"""The real-time benchmark: the graph with what a machine grants and without, idle and busy."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import statistics
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import typer
+
+from benchmarks.graph.checks import expected
+from benchmarks.graph.plan import Configuration, Step, scene_at_rate
+from benchmarks.graph.run import SETTLES_S, measure
+from benchmarks.graph.statuses import ROUND_TRIP, Percentiles
+from benchmarks.machine import MachineResults, machine
+from hapticmech_ros.analysis.study import Sheet, Show, number, silent
+from hapticmech_ros.cli.console import OutOption
+from hapticmech_ros.cli.study import JsonOption, carry_out
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene import load_scene
+from hapticmech_ros.wire.topic import DEVICE
+
+SCENE, RATE_HZ = "five_bar", 1000.0
+# How often somebody starts a program meanwhile.
+COMMAND_PERIOD_S = 0.5
+
+
+def ways() -> dict[str, dict[str, object]]:
+    """Return what is compared: parameters of the nodes, by name."""
+    cpus = sorted(os.sched_getaffinity(0))
+    first, second = str(cpus[0]), str(cpus[-1])
+    pinned = {
+        "haptic_device.cpu_affinity": first,
+        "teleoperation_controller.cpu_affinity": first,
+        "mechanism_simulator.cpu_affinity": second,
+        "nullspace_analyser.cpu_affinity": second,
+    }
+    return {
+        "off": {"realtime": "off"},
+        "auto": {"realtime": "auto"},
+        "auto, pinned": {"realtime": "auto", **pinned},
+        "on": {"realtime": "on"},
+        "on, pinned": {"realtime": "on", **pinned},
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """What was seen of one run.
+
+    Attributes:
+        way: by name; ``busy`` programs ran beside the graph.
+        failure: why there are no figures, or which check did not hold.
+        latency: from a device's sample to its answer; None without figures.
+        missed: share of the device's deadlines.
+        command_s: median and longest time that starting a program took.
+    """
+
+    way: str
+    busy: int
+    failure: str
+    latency: Percentiles | None
+    missed: float | None
+    command_s: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class RealtimeResults(MachineResults):
+    """All runs.
+
+    Attributes:
+        seconds: that each run was watched.
+        runs: in the order in which they were made.
+    """
+
+    NAME: ClassVar[str] = "bench_realtime"
+
+    seconds: float
+    runs: tuple[Watched, ...]
+
+    def sheets(self) -> Iterator[Sheet]:
+        """Yield medians of each way, on an idle and on a busy machine."""
+        groups: dict[tuple[int, str], list[Watched]] = {}
+        for run in self.runs:
+            groups.setdefault((run.busy, run.way), []).append(run)
+        rows = []
+        for (busy, way), runs in sorted(groups.items(), key=lambda item: item[0][0]):
+            seen = [run.latency for run in runs if run.latency is not None]
+            missed = [run.missed for run in runs if run.missed is not None]
+            middle = [statistics.median(run.command_s[0] for run in runs)]
+            rows.append(
+                (
+                    str(busy),
+                    way,
+                    f"{sum(not run.failure for run in runs)} of {len(runs)}",
+                    *(
+                        number(_median([getattr(one, name) for one in seen]), ".0f")
+                        for name in ("p50_us", "p99_us", "max_us")
+                    ),
+                    number(_median([100.0 * share for share in missed]), ".2f"),
+                    *(f"{1e3 * one:.0f}" for one in (*middle, max(r.command_s[1] for r in runs))),
+                )
+            )
+        headings = ("busy programs", "realtime", "sound", "p50", "p99", "max", "missed, %")
+        caption = (
+            f"medians of runs of {self.seconds:g} s; sample to answer, µs; deadlines missed by the "
+            "device; ms that starting a program takes, median and longest"
+        )
+        title = f"{SCENE} at {RATE_HZ:g} Hz in four processes"
+        yield Sheet(title, (*headings, "command", "longest"), tuple(rows), caption=caption)
+
+
+def run_benchmark(
+    out: Path, seconds: float, repeats: int, load: Sequence[int], show: Show = silent
+) -> RealtimeResults:
+    """Run every way in turn, so that a drifting machine meets all of them.
+
+    Args:
+        out: folder for the nodes' output.
+        seconds: that each run is watched.
+        repeats: runs of each way.
+        load: numbers of busy programs beside the graph.
+        show: called with what is being done.
+    """
+    scene = load_scene(SCENE)
+    point = scene.operational_point().name
+    place = scene_at_rate(SCENE, RATE_HZ, out / "scenes")
+    show("simulating the same without ROS")
+    session = expected(scene, seconds + SETTLES_S)
+    runs = []
+    for busy in load:
+        for repeat in range(1, repeats + 1):
+            for way, settings in ways().items():
+                show(f"{busy} busy programs, realtime {way}: run {repeat} of {repeats}")
+                configuration = Configuration(
+                    RATE_HZ, "separate", recorded=False, settings=tuple(settings.items())
+                )
+                with _beside(busy) as commands:
+                    step = Step(configuration, repeat, "real")
+                    run = measure(step, place, point, seconds, out, session)
+                failed = ", ".join(check.rule for check in run.checks if not check.held)
+                kept = run.clocked.get(DEVICE)
+                runs.append(
+                    Watched(
+                        way,
+                        busy,
+                        run.failure or failed,
+                        run.said.get(ROUND_TRIP),
+                        None if kept is None else kept.missed / max(1, kept.periods),
+                        (statistics.median(commands), max(commands)),
+                    )
+                )
+    return RealtimeResults(machine(), seconds, tuple(runs))
+
+
+def realtime(
+    seconds: Annotated[float, typer.Option(min=1.0, help="s that each run is watched")] = 20.0,
+    repeats: Annotated[int, typer.Option(min=1, help="runs of each way")] = 3,
+    load: Annotated[str, typer.Option(help="numbers of busy programs beside the graph")] = "0,2",
+    out: OutOption = Path("bench"),
+    json_only: JsonOption = False,
+) -> None:
+    """Time the graph with real-time scheduling and pinned processors, and without."""
+    try:
+        loads = [int(text) for text in load.split(",")]
+    except ValueError:
+        raise InvalidInputError("--load", load, "must be numbers between commas") from None
+    carry_out(lambda show: run_benchmark(out, seconds, repeats, loads, show), out, json_only)
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return statistics.median(values) if values else None
+
+
+@contextmanager
+def _beside(busy: int) -> Iterator[list[float]]:
+    """Keep programs busy, start short ones, and yield how long these take, s."""
+    context = multiprocessing.get_context("spawn")
+    working = [context.Process(target=_work, daemon=True) for _ in range(busy)]
+    taken: list[float] = []
+    over = threading.Event()
+    starting = threading.Thread(target=_start_programs, args=(taken, over))
+    for one in working:
+        one.start()
+    starting.start()
+    try:
+        yield taken
+    finally:
+        over.set()
+        starting.join()
+        for one in working:
+            one.kill()
+            one.join()
+
+
+def _work() -> None:
+    while True:
+        sum(range(1000))
+
+
+def _start_programs(taken: list[float], over: threading.Event) -> None:
+    environment: Mapping[str, str] = {}
+    while True:
+        begun = time.monotonic()
+        subprocess.run([sys.executable, "-S", "-c", ""], env=environment, check=True)
+        taken.append(time.monotonic() - begun)
+        if over.wait(COMMAND_PERIOD_S):
+            return
