@@ -12,7 +12,14 @@ from pathlib import Path
 from benchmarks.children import BenchError
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig
-from benchmarks.reliability.trial import Fault, Trial, observe, report_delays, summarised
+from benchmarks.reliability.trial import (
+    Fault,
+    Trial,
+    observe,
+    report_delays,
+    report_sockets,
+    summarised,
+)
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topic import DEVICE
 
@@ -35,7 +42,8 @@ def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Fig
                 seconds = SHORTEST_S * (LONGEST_S / SHORTEST_S) ** chance.random()
                 trials[node].append(try_freeze(rig, node, seconds))
                 told(trials[node][-1].log(rig.clean_max))
-        figures = report_delays(PART, rig)
+        rig.ready()
+        figures = [*report_delays(PART, rig), report_sockets(PART, rig)]
         for node, found in trials.items():
             figures += summarised(PART, node, found, rig.clean_max)
     return figures

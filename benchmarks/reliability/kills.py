@@ -8,7 +8,14 @@ from pathlib import Path
 
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig
-from benchmarks.reliability.trial import Fault, Trial, observe, report_delays, summarised
+from benchmarks.reliability.trial import (
+    Fault,
+    Trial,
+    observe,
+    report_delays,
+    report_sockets,
+    summarised,
+)
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topic import DEVICE
 
@@ -30,7 +37,8 @@ def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Fig
                     missed += 1
                 trials[node].append(trial)
                 told(trial.log(rig.clean_max))
-        figures = report_delays(PART, rig)
+        rig.ready()
+        figures = [*report_delays(PART, rig), report_sockets(PART, rig)]
         note = "the watcher met the new device later than the controller did"
         figures.append(
             Figure(PART, f"{DEVICE}: kills that are left out", missed, trials=number, note=note)

@@ -18,6 +18,7 @@ from benchmarks.reliability.stepped_clock import SteppedClock
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.nodes.lane_folder import lane_folder
 from hapticmech_ros.wire.topic import DEVICE as DEVICE_NODE
 
 FOLDER = Path(__file__).parent
@@ -154,6 +155,17 @@ class Rig:
     def ended(self) -> list[str]:
         """Return the nodes whose processes are no more."""
         return [name for graph in self._graphs for name in graph.ended()]
+
+    def sockets_left(self) -> int:
+        """Return how many sockets of nodes that are no more are left after a while."""
+        folder = lane_folder(self.environment)
+
+        def left() -> int:
+            return len(list(folder.iterdir())) - sum(len(graph.processes) for graph in self._graphs)
+
+        with suppress(BenchError):
+            wait_until(lambda: left() <= 0, WITHIN_S, "sockets to be removed", self.check)
+        return left()
 
     def restart(self, node: str) -> None:
         """Start a node again that has ended."""

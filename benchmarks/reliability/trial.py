@@ -258,6 +258,11 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
     ]
 
 
+def report_sockets(part: str, rig: Rig) -> Figure:
+    """Return how many sockets of the lane are left by nodes that are no more."""
+    return Figure(part, "sockets left behind", rig.sockets_left(), "", 0.0, None, 1)
+
+
 def report_delays(part: str, rig: Rig) -> list[Figure]:
     """Return how late the watcher itself is, and what a clean run's force is."""
     late = rig.lateness_ns / MS

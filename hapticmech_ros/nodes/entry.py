@@ -56,7 +56,8 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
     # Looking for plugins of pydantic, of which none is wanted here, takes a node 40 ms.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     choose_discovery(os.environ)
-    starting = QuickStart(arguments)
+    # Whoever only looks on may come late.
+    starting = QuickStart(["realtime:=off"] if list(names) == [VIEWER] else arguments)
     try:
         runtime = importlib.import_module("hapticmech_ros.nodes.runtime")
         return int(runtime.run(names, arguments, starting))

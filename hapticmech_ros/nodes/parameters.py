@@ -120,8 +120,8 @@ class NodeParameters(BaseModel):
     )
     realtime: RealtimeMode = text(
         "auto",
-        "auto: real-time scheduling with four CPUs or more, locked memory and short idle states, "
-        "where the system grants them; on: with fewer CPUs too; off: none of these",
+        "auto: real-time scheduling, locked memory and short idle states, where the system grants "
+        "them; on: real-time scheduling with a single CPU too; off: none of these",
         "never",
     )
     thread_priority: int = count(

@@ -22,7 +22,7 @@ from hapticmech_ros.cpu_list import cpus_of, listed
 if TYPE_CHECKING:
     from hapticmech_ros.nodes.parameters import NodeParameters, RealtimeMode
 
-# With fewer processors, nodes that come before all else leave too little to everything else.
+# With one processor, nodes that come before all else leave too little to everything else.
 ENOUGH_CPUS = 2
 # Of a node that is being made: after nodes that act, before what is ordinary.
 STARTING = 1
@@ -43,7 +43,7 @@ ALLOWS_LATENCY = (
     'KERNEL=="cpu_dma_latency", GROUP="realtime", MODE="0660" in '
     "/etc/udev/rules.d/99-realtime.rules allows it"
 )
-_ASKS = re.compile(r"\brealtime:=on\b")
+_DECLINES = re.compile(r"\b(?:realtime:=off|use_sim_time:=true)\b")
 _IN_REAL_TIME = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
 _NAMES = {
     number: name
@@ -129,7 +129,7 @@ class Realtime:
         cpus = len(os.sched_getaffinity(0))
         if self._request.mode == "auto" and cpus < ENOUGH_CPUS:
             some = f"{cpus} CPU{'s' if cpus > 1 else ''}"
-            return f"{some}, SCHED_FIFO is asked for with {ENOUGH_CPUS}, or with realtime:=on"
+            return f"{some}, SCHED_FIFO is requested with {ENOUGH_CPUS}, or with realtime:=on"
         return ask_for_real_time(self._request.priority)
 
     def _keep_awake(self) -> str:
@@ -152,12 +152,12 @@ class QuickStart:
     priority is not granted, or whoever started the process has chosen its scheduling.
 
     Args:
-        arguments: of the process; ``realtime:=on`` among them asks for it.
+        arguments: of the process; ``realtime:=off`` among them declines it.
     """
 
     def __init__(self, arguments: Sequence[str]) -> None:
-        asked = any(_ASKS.search(argument) for argument in arguments)
-        self._begun = asked and os.sched_getscheduler(0) == os.SCHED_OTHER
+        declined = any(_DECLINES.search(argument) for argument in arguments)
+        self._begun = not declined and os.sched_getscheduler(0) == os.SCHED_OTHER
         if self._begun:
             with contextlib.suppress(OSError):
                 os.sched_setscheduler(0, _IN_REAL_TIME, os.sched_param(STARTING))

@@ -116,7 +116,7 @@ def test_real_time_is_asked_for_by_itself_where_there_are_processors_enough(monk
     monkeypatch.setattr(realtime, "lock_memory", str)
     figures = Realtime(Request("auto", 50)).figures()
     assert priorities == ([50] if cpus >= ENOUGH_CPUS else [])
-    told = "3 CPUs, SCHED_FIFO is asked for with 4, or with realtime:=on"
+    told = "1 CPU, SCHED_FIFO is requested with 2, or with realtime:=on"
     assert (told in figures["scheduling"]) == (cpus < ENOUGH_CPUS)
     Realtime(Request("on", 40))
     assert priorities[-1] == 40
@@ -152,11 +152,13 @@ print(repr((quick, child, scheduling())))
 """
 
 
-@pytest.mark.parametrize("argument", ["realtime:=on", "device.realtime:=off"])
+@pytest.mark.parametrize(
+    "argument", ["realtime:=on", "scene:=five_bar", "device.realtime:=off", "use_sim_time:=true"]
+)
 def test_a_start_comes_before_what_is_ordinary_and_after_nodes(argument):
     command = [sys.executable, "-c", STARTING, "-p", argument]
     said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
-    wanted = grants_real_time(1) and argument.endswith("=on")
+    wanted = grants_real_time(1) and argument in ("realtime:=on", "scene:=five_bar")
     quick = "SCHED_FIFO 1" if wanted else "SCHED_OTHER"
     assert eval(said) == (quick, os.SCHED_OTHER, "SCHED_OTHER")
 
