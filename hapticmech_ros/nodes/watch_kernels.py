@@ -22,9 +22,9 @@ def abort_when_still(shared: Array, text: Array, looks: int) -> None:
     Looks are counted, not time: while the whole process is stopped there are none.
 
     Args:
-        shared: :data:`ROUNDS` and :data:`ENDED`.
-        text: bytes for standard error.
-        looks: :data:`LOOK_US` each.
+        shared: (2,), [:data:`ROUNDS`, :data:`ENDED`]; the loop writes them.
+        text: (n,), what is written to standard error, eight bytes a number.
+        looks: how many, :data:`LOOK_US` apart.
     """
     still, last = 0, shared[ROUNDS]
     while shared[ENDED] == 0:
