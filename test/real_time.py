@@ -6,6 +6,15 @@ import sys
 
 def grants_real_time(priority: int) -> bool:
     """Return whether this user may have a real-time priority: asked by a process of its own."""
-    code = f"import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param({priority}))"
+    return _succeeds(f"os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param({priority}))")
+
+
+def grants_nice(value: int) -> bool:
+    """Return whether this user may have a nice value."""
+    return _succeeds(f"os.setpriority(os.PRIO_PROCESS, 0, {value})")
+
+
+def _succeeds(call: str) -> bool:
+    code = f"import os; {call}"
     asked = subprocess.run([sys.executable, "-c", code], check=False, stderr=subprocess.DEVNULL)
     return asked.returncode == 0

@@ -29,7 +29,7 @@ from hapticmech_ros.nodes.child import watch, write_progress
 from hapticmech_ros.nodes.loop import wake_up_in_time
 from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.qos import RECORDER_SUBSCRIBER
-from hapticmech_ros.nodes.realtime import ask_for_real_time
+from hapticmech_ros.nodes.realtime import Realtime, Request
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire import topics
 from hapticmech_ros.wire.cdr import decode
@@ -37,9 +37,9 @@ from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.wrench import decode_wrench
 
 NAN = float("nan")
-# Real-time priority: after the nodes that are watched, before all else. An ordinary process gets
-# what they leave of the processor that it is on, and may be late by a second.
-PRIORITY = 10
+# After nodes in real time, before all else: an ordinary process gets what they leave of the
+# processor that it is on, and may be late by a second.
+REQUEST = Request("auto", 10)
 # What a sample of the ring can hold.
 LAST = 1 << 63
 Told = tuple[int, float, float]
@@ -60,8 +60,7 @@ class GraphWatch(Node):
         qos = RECORDER_SUBSCRIBER
         self.create_subscription(DiagnosticArray, topics.DIAGNOSTICS.name, self._on_status, qos)
         self.create_subscription(Log, "/rosout", self._on_log, qos)
-        # Where that is not granted, figures by arrival are the later.
-        ask_for_real_time(PRIORITY)
+        self._realtime = Realtime(REQUEST)
 
     def _listen(self, topic: int, name: str, kind: type, read: Callable[[bytes], Told]) -> None:
         ring = self._ring

@@ -120,8 +120,9 @@ class NodeParameters(BaseModel):
     )
     realtime: RealtimeMode = text(
         "auto",
-        "auto: real-time scheduling, locked memory and short idle states, where the system grants "
-        "them; on: real-time scheduling with a single CPU too; off: none of these",
+        "auto: real-time scheduling (nice -20 with fewer than 4 CPUs), locked memory, short idle "
+        "states, where the system grants them; on: real-time scheduling with any number of CPUs; "
+        "off: none of these",
         "never",
     )
     thread_priority: int = count(

@@ -22,8 +22,11 @@ from hapticmech_ros.cpu_list import cpus_of, listed
 if TYPE_CHECKING:
     from hapticmech_ros.nodes.parameters import NodeParameters, RealtimeMode
 
-# With one processor, nodes that come before all else leave too little to everything else.
-ENOUGH_CPUS = 2
+# With fewer processors, nodes that come before all else leave too little to everything else: a
+# program that is to stop the device would wait for seconds until it is started.
+ENOUGH_CPUS = 4
+# The largest share that ordinary scheduling gives.
+NICE = -20
 # Of a node that is being made: after nodes that act, before what is ordinary.
 STARTING = 1
 # Idle states that take longer to leave are not entered, us: C1 takes up to 2, C1E about 10.
@@ -35,6 +38,10 @@ ALLOWS_PRIORITY = (
     "'@realtime - rtprio 98' in /etc/security/limits.d/realtime.conf, or LimitRTPRIO=98 in a "
     "systemd unit, allows it"
 )
+ALLOWS_NICE = (
+    "'@realtime - nice -20' in /etc/security/limits.d/realtime.conf, or LimitNICE=-20 in a "
+    "systemd unit, allows it"
+)
 ALLOWS_LOCK = (
     "'@realtime - memlock unlimited' in /etc/security/limits.d/realtime.conf, or "
     "LimitMEMLOCK=infinity in a systemd unit, allows it"
@@ -43,8 +50,10 @@ ALLOWS_LATENCY = (
     'KERNEL=="cpu_dma_latency", GROUP="realtime", MODE="0660" in '
     "/etc/udev/rules.d/99-realtime.rules allows it"
 )
+_INSISTS = re.compile(r"\brealtime:=on\b")
 _DECLINES = re.compile(r"\b(?:realtime:=off|use_sim_time:=true)\b")
 _IN_REAL_TIME = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+_ORDINARY = os.SCHED_OTHER | os.SCHED_RESET_ON_FORK
 _NAMES = {
     number: name
     for name in ("SCHED_OTHER", "SCHED_FIFO", "SCHED_RR", "SCHED_BATCH", "SCHED_IDLE")
@@ -61,7 +70,7 @@ class Request:
 
     Attributes:
         mode: ``off``: nothing; ``auto``: what is granted, and real-time scheduling only with
-            :data:`ENOUGH_CPUS`; ``on``: that with fewer too.
+            :data:`ENOUGH_CPUS`, else :data:`NICE`; ``on``: that with fewer too.
         priority: of SCHED_FIFO.
         cpus: to run on; empty: any.
     """
@@ -127,10 +136,11 @@ class Realtime:
 
     def _schedule(self) -> str:
         cpus = len(os.sched_getaffinity(0))
-        if self._request.mode == "auto" and cpus < ENOUGH_CPUS:
-            some = f"{cpus} CPU{'s' if cpus > 1 else ''}"
-            return f"{some}, SCHED_FIFO is requested with {ENOUGH_CPUS}, or with realtime:=on"
-        return ask_for_real_time(self._request.priority)
+        if self._request.mode == "on" or cpus >= ENOUGH_CPUS:
+            return ask_for_real_time(self._request.priority)
+        some = f"{cpus} CPU{'s' if cpus > 1 else ''}"
+        told = f"{some}, SCHED_FIFO is requested with {ENOUGH_CPUS}, or with realtime:=on"
+        return "; ".join(filter(None, (told, ask_for_share())))
 
     def _keep_awake(self) -> str:
         """Ask for short idle states; return why that was refused, or nothing."""
@@ -149,14 +159,18 @@ class QuickStart:
 
     Beside nodes in real time an ordinary thread gets what they leave of the processor that it is
     on, though another one may be free: a restart would take seconds. Nothing changes where the
-    priority is not granted, or whoever started the process has chosen its scheduling.
+    priority is not granted, or whoever started the process has chosen its scheduling, nor with
+    fewer than :data:`ENOUGH_CPUS`: nodes that act are ordinary there.
 
     Args:
-        arguments: of the process; ``realtime:=off`` among them declines it.
+        arguments: of the process; ``realtime:=off`` among them declines it, ``realtime:=on``
+            insists whatever the number of processors.
     """
 
     def __init__(self, arguments: Sequence[str]) -> None:
-        declined = any(_DECLINES.search(argument) for argument in arguments)
+        on = any(_INSISTS.search(argument) for argument in arguments)
+        few = not on and len(os.sched_getaffinity(0)) < ENOUGH_CPUS
+        declined = few or any(_DECLINES.search(argument) for argument in arguments)
         self._begun = not declined and os.sched_getscheduler(0) == os.SCHED_OTHER
         if self._begun:
             with contextlib.suppress(OSError):
@@ -185,6 +199,23 @@ def ask_for_real_time(priority: int) -> str:
         return f"real-time priority {priority} is not granted to this user: {ALLOWS_PRIORITY}"
     except OSError as error:
         return f"real-time priority {priority} cannot be had here: {error.strerror}"
+    return ""
+
+
+def ask_for_share() -> str:
+    """Request nice :data:`NICE` for all threads; return why it was refused, or nothing.
+
+    Such a thread runs soon after it wakes up, and leaves others a share all the same. Processes
+    started from here, and threads begun later, have the nice value that all have.
+    """
+    try:
+        for thread in _threads():
+            os.sched_setscheduler(thread, _ORDINARY, os.sched_param(0))
+            os.setpriority(os.PRIO_PROCESS, thread, NICE)
+    except PermissionError:
+        return f"nice {NICE} is not granted to this user: {ALLOWS_NICE}"
+    except OSError as error:
+        return f"nice {NICE} cannot be had here: {error.strerror}"
     return ""
 
 
@@ -220,11 +251,14 @@ def lock_memory() -> str:
 
 
 def scheduling() -> str:
-    """Return how the system schedules the thread that asks: policy, and priority if it has one."""
+    """Return how the system schedules the thread that asks: policy, and priority or nice value."""
     policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
     name = _NAMES.get(policy, f"policy {policy}")
     priority = os.sched_getparam(0).sched_priority
-    return f"{name} {priority}" if priority else name
+    if priority:
+        return f"{name} {priority}"
+    nice = os.getpriority(os.PRIO_PROCESS, 0)
+    return f"{name}, nice {nice}" if nice else name
 
 
 def _threads() -> list[int]:

@@ -20,7 +20,7 @@ from hapticmech_ros.nodes.parameters import (
     validated,
 )
 from hapticmech_ros.nodes.realtime import ENOUGH_CPUS, Realtime, Request
-from real_time import grants_real_time
+from real_time import grants_nice, grants_real_time
 
 ASKING = """
 import os, re, subprocess, sys, threading
@@ -110,16 +110,57 @@ def test_short_idle_states_are_asked_for_as_long_as_the_process_wants(tmp_path, 
 
 @pytest.mark.parametrize("cpus", [ENOUGH_CPUS - 1, ENOUGH_CPUS])
 def test_real_time_is_asked_for_by_itself_where_there_are_processors_enough(monkeypatch, cpus):
-    priorities = []
+    priorities, shares = [], []
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cpus)))
+    monkeypatch.setattr(realtime, "ask_for_share", lambda: shares.append(True) or "")
     monkeypatch.setattr(realtime, "ask_for_real_time", lambda p: priorities.append(p) or "")
     monkeypatch.setattr(realtime, "lock_memory", str)
     figures = Realtime(Request("auto", 50)).figures()
     assert priorities == ([50] if cpus >= ENOUGH_CPUS else [])
-    told = "1 CPU, SCHED_FIFO is requested with 2, or with realtime:=on"
+    assert shares == ([] if cpus >= ENOUGH_CPUS else [True])
+    told = "3 CPUs, SCHED_FIFO is requested with 4, or with realtime:=on"
     assert (told in figures["scheduling"]) == (cpus < ENOUGH_CPUS)
     Realtime(Request("on", 40))
     assert priorities[-1] == 40
+
+
+SHARING = """
+import os, subprocess, sys, threading
+from hapticmech_ros.nodes import realtime
+waiting = threading.Event()
+other = threading.Thread(target=waiting.wait)
+other.start()
+refusal = realtime.ask_for_share()
+threads = [int(name) for name in os.listdir("/proc/self/task")]
+nice = {os.getpriority(os.PRIO_PROCESS, thread) for thread in threads}
+show = "import os; print(os.getpriority(os.PRIO_PROCESS, 0))"
+child = int(subprocess.run([sys.executable, "-c", show], stdout=subprocess.PIPE).stdout)
+waiting.set()
+print(repr((refusal, realtime.scheduling(), nice, child)))
+"""
+
+
+def test_all_threads_are_preferred_among_ordinary_ones_and_children_are_not():
+    refusal, told, nice, child = eval(output_of(SHARING))
+    assert child == 0
+    if grants_nice(realtime.NICE):
+        assert (refusal, told, nice) == ("", "SCHED_OTHER, nice -20", {-20})
+    else:
+        assert (told, nice) == ("SCHED_OTHER", {0})
+        assert refusal.startswith("nice -20 is not granted to this user: '@realtime - nice -20'")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs a process that may give up its rights")
+def test_an_ordinary_user_is_told_the_line_that_allows_a_share():
+    code = """
+import os
+from hapticmech_ros.nodes.realtime import ask_for_share
+os.setresuid(65534, 65534, 65534)
+print(ask_for_share())
+"""
+    assert output_of(code).startswith(
+        "nice -20 is not granted to this user: '@realtime - nice -20'"
+    )
 
 
 def test_whoever_wants_nothing_changes_nothing(monkeypatch):
@@ -128,6 +169,7 @@ def test_whoever_wants_nothing_changes_nothing(monkeypatch):
 
     monkeypatch.setattr(os, "sched_setscheduler", asked)
     monkeypatch.setattr(os, "sched_setaffinity", asked)
+    monkeypatch.setattr(os, "setpriority", asked)
     monkeypatch.setattr(realtime, "lock_memory", asked)
     monkeypatch.setattr(realtime, "DMA_LATENCY", None)
     figures = Realtime(Request()).figures()
@@ -158,7 +200,10 @@ print(repr((quick, child, scheduling())))
 def test_a_start_comes_before_what_is_ordinary_and_after_nodes(argument):
     command = [sys.executable, "-c", STARTING, "-p", argument]
     said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
-    wanted = grants_real_time(1) and argument in ("realtime:=on", "scene:=five_bar")
+    enough = len(os.sched_getaffinity(0)) >= ENOUGH_CPUS
+    wanted = grants_real_time(1) and (
+        argument == "realtime:=on" or (enough and argument == "scene:=five_bar")
+    )
     quick = "SCHED_FIFO 1" if wanted else "SCHED_OTHER"
     assert eval(said) == (quick, os.SCHED_OTHER, "SCHED_OTHER")
 
