@@ -37,7 +37,8 @@ _counter = itertools.count()
 def next_domain() -> int:
     """Return a domain id that no other test of this run uses: 1 to 100 are safe on Linux."""
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
-    return 1 + (os.getpid() + 40 * worker + next(_counter)) % 100
+    each = 100 // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    return 1 + each * worker + (os.getpid() + next(_counter)) % each
 
 
 class Peer:

@@ -21,7 +21,7 @@ from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.alone]
 
 SECONDS, RATE_HZ = 2.0, 500.0
 # Figures are said once a second and rates are taken between them: to a sample or two at each end.

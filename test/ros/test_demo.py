@@ -10,7 +10,7 @@ import pytest
 from hapticmech_ros.experiment.demo import run_demo
 from hapticmech_ros.graph import private_environment
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.alone]
 
 # How far the graph may be from the session on five_bar: what the project promises.
 POSITION_MM, ROTATION_DEG = 0.5, 0.5

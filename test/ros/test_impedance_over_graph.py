@@ -6,7 +6,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis.over_graph import FREQUENCIES_HZ, FeelGraphError, felt_over_graph
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.alone]
 
 
 def test_a_graph_is_felt_as_heavy_as_the_mechanism() -> None:

@@ -11,7 +11,7 @@ sys.path.insert(0, str(FilePath(__file__).parents[2]))
 from benchmarks.reliability.emulated_network import EmulatedNetwork, Path, not_permitted
 from benchmarks.reliability.split_graph import SplitGraph, run_for
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.alone]
 REASON = not_permitted()
 DELAY_S = 0.01
 MARGIN_S = 0.02

@@ -20,7 +20,7 @@ from benchmarks.reliability.trial import Trial
 from hapticmech_ros.nodes.entry import NODES
 from ros.harness import next_domain
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.alone]
 ZERO_S = 0.020
 # A stale tie or two masters pull with 4 N and more; engaging on a busy machine, with 1 N.
 PEAK_N = 2.0

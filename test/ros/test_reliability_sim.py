@@ -12,7 +12,7 @@ from benchmarks.reliability.stepped_clock import SteppedClock
 from ros.harness import next_domain
 from ros.test_reliability import survived
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.alone]
 
 
 def test_a_clock_of_simulated_time_that_goes_back(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane_folder import lane_folder
 from ros.harness import Peer
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.alone]
 
 STORM = Path(__file__).with_name("restart_storm.py")
 RESTARTS = 200
