@@ -75,8 +75,9 @@ def exposure() -> str:
     given = [name for name in (PEERS, PROFILES) if os.environ.get(name, ours) != ours]
     unset = f"unset {' '.join(given)}; " if given else ""
     return (
-        f"open to the network ({', '.join(found)}): whoever reaches this machine can push, set "
-        f"parameters and stop nodes; closed by: {unset}export {RANGE}=LOCALHOST"
+        f"open to the network ({', '.join(found)}): any host that reaches this machine can "
+        "apply forces, set parameters and stop nodes; to restrict nodes to this machine: "
+        f"{unset}export {RANGE}=LOCALHOST"
     )
 
 

@@ -93,7 +93,7 @@ def run_lockstep(
                     raise LockstepError(f"lockstep: {event['reason']}")
                 if asked_to_stop():
                     clock.terminate()
-            raise LockstepError("lockstep: the clock ended without a word")
+            raise LockstepError("lockstep: the clock's process ended without a result")
         finally:
             stop_process(clock)
 

@@ -34,14 +34,6 @@ def multiply_transposed(a: Array, b: Array, out: Array) -> None:
 
 
 @inner
-def transposed_multiply(a: Array, b: Array, out: Array) -> None:
-    """Put aᵀ b into ``out``."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = a[0, i] * b[0, j] + a[1, i] * b[1, j] + a[2, i] * b[2, j]
-
-
-@inner
 def exp3(vector: Array, out: Array) -> None:
     """Fill ``out`` with the rotation by a rotation vector θ u, rad.
 

@@ -20,7 +20,6 @@ from hapticmech_ros.analysis.scene_variants import (
     held_by_nobody,
     held_still,
     scaled,
-    with_loop,
 )
 from hapticmech_ros.analysis.stability_rules import lightest_mass
 from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, touched
@@ -111,11 +110,6 @@ def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None =
         rule=None if share is None else lightest_mass(1.0, share),
         heaviest=max(heavy, default=0.0),
     )
-
-
-def both_loops(scene: Scene) -> tuple[Scene, Scene]:
-    """Return two scenes: force channel closed by the device, and by the controller alone."""
-    return with_loop(scene, True), with_loop(scene, False)
 
 
 class _Case:

@@ -68,10 +68,10 @@ def sweep(
     point: Annotated[
         str, typer.Option(help="operational point", show_default="the scene's first")
     ] = "",
-    processes: Annotated[int, typer.Option(help="that share the work", min=1)] = 2,
+    processes: Annotated[int, typer.Option(help="number of processes", min=1)] = 2,
     out: OutOption = Path("sweep"),
 ) -> None:
-    """Lead joints over a grid, loops closed, and compute what is felt there: a table and a plot."""
+    """Compute the inertia felt over a grid of joint positions, loops closed: table and plot."""
     from hapticmech_ros.experiment.figure_style import save
     from hapticmech_ros.offline import sweep as run_sweep
     from hapticmech_ros.offline.figure import sweep_figure

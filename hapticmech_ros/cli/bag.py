@@ -191,11 +191,11 @@ def check(
     _write(report, compared.as_dict())
     failures = []
     if (exact or tolerance is not None) and not any(t.matched for t in compared.topics):
-        failures.append("no message of one bag belongs to one of the other")
+        failures.append("no message of one bag has a counterpart in the other")
     if tolerance is not None and not compared.largest <= tolerance:
         failures.append(f"a deviation of {compared.largest:g} is above {tolerance:g}")
     if exact and not compared.is_exact:
-        failures.append("not every message is there bit for bit")
+        failures.append("messages are missing or differ")
     for failure in failures:
         console.print(failure, style="red")
     raise typer.Exit(1 if failures else 0)

@@ -14,7 +14,7 @@ def _options() -> None:
 
 @app.command("list")
 def list_devices() -> None:
-    """List the devices that come with the package, with what a scene then starts from."""
+    """List the device presets of the package and their main values."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 

@@ -24,7 +24,7 @@ SampleScenes = Annotated[
     list[str] | None, typer.Argument(help=f"shipped scenes or paths; {', '.join(SAMPLE)} if none")
 ]
 PeriodsOption = Annotated[str, typer.Option(help="periods from measuring to acting, with commas")]
-AllOption = Annotated[bool, typer.Option("--all", help="all shipped scenes, and all of the rest")]
+AllOption = Annotated[bool, typer.Option("--all", help="all shipped scenes, delays and rates")]
 
 app = typer.Typer(
     help="What the hand feels: transparency, stability limits, passivity.", no_args_is_help=True
@@ -63,7 +63,9 @@ def limits(
     scenes: SampleScenes = None,
     delays: PeriodsOption = "",
     rates: Annotated[str, typer.Option(help="further rates of the loop, Hz, with commas")] = "",
-    what: Annotated[str, typer.Option(help="of z, m and loads")] = "z,m,loads",
+    what: Annotated[
+        str, typer.Option(help="z: Z-width; m: M-width; loads: drift and energy")
+    ] = "z,m,loads",
     device: Annotated[str, typer.Option(help="preset instead of the scenes' devices")] = "",
     everything: AllOption = False,
     processes: ProcessesOption = 2,
@@ -115,7 +117,7 @@ def passivity(
     out: OutOption = OUT,
     json_only: JsonOption = False,
 ) -> None:
-    """Move over delayed, uneven and lossy connections: does the hand get more out than in?"""
+    """Test passivity over delay, jitter and loss: does the hand get more energy than it gave?"""
     from hapticmech_ros.analysis.passivity import passivity as try_passivity
     from hapticmech_ros.analysis.passivity import trials
     from hapticmech_ros.scene import shipped_scenes

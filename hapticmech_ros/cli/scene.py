@@ -58,7 +58,7 @@ def check(
         bool, typer.Option("--json", help="print the result as JSON, and nothing else")
     ] = False,
 ) -> None:
-    """Load SCENE, say what it is, what of its model's file it leaves out, and what to look at."""
+    """Print what SCENE is, which parts of its model file are not used, and possible problems."""
     from hapticmech_ros.cli.scene_tables import show_check
     from hapticmech_ros.formats import left_out
     from hapticmech_ros.plan.scene_check import check_scene

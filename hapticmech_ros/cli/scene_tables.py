@@ -81,14 +81,14 @@ def _accuracy(found: StepAccuracy) -> Iterator[tuple[str, str]]:
         return
     yield (
         "accuracy of steps",
-        f"over {found.duration_s:g} s, steps of a tenth change the operational point by"
+        f"over {found.duration_s:g} s, with steps of a tenth the operational point differs by"
         f" {found.position_m:.1e} m and {found.rotation_rad:.1e} rad, the force by"
         f" {found.force_n:.1e} N",
     )
-    done_again = f"; {found.refined} steps done again in smaller ones" if found.refined else ""
+    done_again = f"; {found.refined} steps repeated in smaller ones" if found.refined else ""
     yield (
         "energy of steps",
-        f"off by {found.surplus_j:.1e} J of {found.exchanged_j:.1e} J exchanged{done_again}",
+        f"error of {found.surplus_j:.1e} J, of {found.exchanged_j:.1e} J exchanged{done_again}",
     )
 
 

@@ -22,7 +22,7 @@ JsonOption = Annotated[
 FigureOption = Annotated[
     Path | None, typer.Option(help="where the plot goes", show_default="in the folder")
 ]
-ProcessesOption = Annotated[int, typer.Option(help="how many share the work", min=1)]
+ProcessesOption = Annotated[int, typer.Option(help="number of processes", min=1)]
 
 
 def carry_out(

@@ -44,7 +44,7 @@ _MORE_HOMES = (
 _C_LIBRARY = frozenset(
     (
         *("sqrt", "sin", "cos", "tan", "tanh", "atan2", "exp", "log", "pow", "memset", "memcpy"),
-        *("usleep", "write", "abort"),
+        *("usleep", "poll", "write", "abort", "_exit"),
     )
 )
 # Kernels with much in common, by what their names begin with; all others are one more family.

@@ -85,7 +85,7 @@ class Contacts(Structure):
         joint_force: (nv,) mean of Σ J_cᵀ λ over the period so far, zero in what is left of it, N m
             or N.
         step_force: (nv,) Σ J_cᵀ λ of the substep.
-        report: (6,) see ``HELD``.
+        report: (4,) see ``HELD``.
         begun: (nq + nv,) state at the period's start.
         external: (l + links, 10) what contacts do to links, then what else pushes on them.
         frames: (4 p, 9) normal and tangents of points.

@@ -371,21 +371,6 @@ def account_for_answer(
     conclude(account, settings, device, operational_model, time, locality, answer)
 
 
-@kernel("float64(float64[::1], float64[:,::1], float64[::1], float64[::1])")
-def predict_model(
-    account: Array, queue: Array, operational_model: Array, predicted: Array
-) -> float:
-    """Fill the operational model once the queue has acted; return how long that takes, s.
-
-    Args:
-        account: (account,) of the controller; see ``loop_layout``.
-        queue: (d, 6) commands to the mechanism that do not act yet, N and N m.
-        operational_model: (139,) now, in SI units; see ``layout.OPERATIONAL_MODEL``.
-        predicted: (139,) to fill, likewise.
-    """
-    return predict(account, queue, operational_model, predicted)
-
-
 @kernel("void(float64[::1], float64[:,::1], float64[::1], float64[:,::1])")
 def command_mechanism(account: Array, queue: Array, answer: Array, wrenches: Array) -> None:
     """Fill what the mechanism is told, and what acts on it from now on: rows of (2, 6).

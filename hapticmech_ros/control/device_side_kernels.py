@@ -190,8 +190,8 @@ def enforce(account: Array, command: Array, sample: Array, added: Array) -> bool
 def allow(account: Array, safety: Array, command: Array, sample: Array, added: Array) -> None:
     """Change a command (6,) into what leaves: within the safety envelope, and passive.
 
-    Passivity control comes last but for the bounds of force and workspace: it has to foresee what
-    is given, a slew rate after it would have old commands give on.
+    Passivity control comes last but for the bounds of force and workspace: it has to predict the
+    energy that is given, and a slew rate after it would let old commands give more.
     """
     stay_within(safety, command, sample[:3])
     if enforce(account, command, sample, added):

@@ -46,6 +46,7 @@ MOST_DAMPING = 0.4
 _TWIST = DEVICE_SAMPLE.slice("twist")
 _STARTS = {name: DEVICE_ACCOUNT.start(name) for name in DEVICE_ACCOUNT}
 _MEMORY = DEVICE_ACCOUNT.slice("pose_known", "applied")
+_INERTIA = DEVICE_ACCOUNT.slice("inertia")
 
 
 class PassivityController:
@@ -135,7 +136,7 @@ class PassivityController:
             sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
         """
         twist = sample[_TWIST]
-        return self.actuators + 0.5 * float(twist @ (self.account[:6] * twist))
+        return self.actuators + 0.5 * float(twist @ (self.account[_INERTIA] * twist))
 
     @property
     def available(self) -> float:

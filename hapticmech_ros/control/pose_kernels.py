@@ -1,9 +1,9 @@
 """Poses inside kernels: the logarithm, and the error between device and operational point.
 
-Readable counterparts are in :mod:`~hapticmech_ros.control.clutch` and
-:mod:`~hapticmech_ros.control.prediction`. Rotations are quaternions x, y, z, w here, as they come:
-of any length but 0. Two that are equal then differ by no rotation at all, to the bit, so a device
-at rest on a mechanism at rest is left at rest.
+Control laws in Python have :mod:`~hapticmech_ros.control.clutch` and
+:mod:`~hapticmech_ros.control.prediction` for the same. Rotations are quaternions x, y, z, w here,
+as they come: of any length but 0. Two that are equal then differ by no rotation at all, to the bit,
+so a device at rest on a mechanism at rest is left at rest.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ _MODELLED, _TO_MECHANISM = ANSWER.starts("modelled", "to_mechanism")
 _ENERGIES = CONTROLLER_ACCOUNT.slice("to_mechanism", "dissipated")
 _FROM_HAND, _CHANGED, _HEARD = CONTROLLER_ACCOUNT.starts("from_hand", "changed", "sample_known")
 _ACTING, _PASSIVE = CONTROLLER_ACCOUNT.slice("acting"), CONTROLLER_ACCOUNT.start("passive")
-_SLACK = CONTROLLER_ACCOUNT.start("slack")
+_PERIOD, _SLACK = CONTROLLER_ACCOUNT.starts("period", "slack")
 _MOVING, _STRETCHED = CONTROLLER_ACCOUNT.starts("twist_known", "error_known")
 
 
@@ -262,5 +262,5 @@ class RenderingController:
 
     def in_flight(self) -> InFlight | None:
         """Return what the mechanism was told, and a device that corrects commands has done."""
-        delay, period = len(self.queue), float(self.account[0])
+        delay, period = len(self.queue), float(self.account[_PERIOD])
         return InFlight(delay * period, period * self.queue.sum(axis=0)) if delay else None

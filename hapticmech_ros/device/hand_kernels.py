@@ -38,7 +38,6 @@ NOBODY, CONSTANT, SPRING, SCRIPT, STAIRS = 0.0, 1.0, 2.0, 3.0, 4.0
 KIND, START, STIFFNESS, DAMPING, TREMBLING, SWAY = 0, 1, 2, 8, 14, 20
 SPEED, HOLDS_FIRST, SWITCHES, TIMES = 26, 27, 28, 29
 ROW_SIZE = 7
-BODY_SIZE = 18
 # Numbers that the laws need for what they compute on the way.
 WORK_SIZE = 36
 

@@ -53,7 +53,7 @@ SPEED, REPORTED, APPLIED, BODY, SEEN = DEVICE_STATE.starts(
     "twist", "hand_wrench", "applied", "body", "seen"
 )
 HOME, ANCHOR, WINDOW, OWN = DEVICE_STATE.starts("home", "anchor", "window", "own")
-PUBLISHED_SIZE, STATE_SIZE = BODY, DEVICE_STATE.size
+PUBLISHED_SIZE = BODY
 
 
 @inner

@@ -2,7 +2,7 @@
 
 A mechanism is compiled once from a scene: Pinocchio's model of the tree (:mod:`model`,
 :mod:`multibody`) and the constants that kernels take (:mod:`kernels.model`). What is known at a
-configuration is one array (:mod:`kernels.packed`), and kernels compute on both. The names below
+configuration is one array (:mod:`kernels.data`), and kernels compute on both. The names below
 are loaded when first used: reading a scene needs no kernels.
 """
 

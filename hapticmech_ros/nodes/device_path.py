@@ -80,7 +80,7 @@ class DevicePath(InOrder):
         """
         if time is not None and self._follower.delay != self._said_for:
             self._said_for = self._follower.delay
-            short = f"gains are made for {1e3 * self._said_for:.0f} ms each way again"
+            short = f"gains are set for a one-way delay of {1e3 * self._said_for:.0f} ms again"
             self._say(self.warning(gains, soften) or short)
         delay = self._follower.delay if soften else self._scene.connection.designed
         if delay != self._scene.connection.designed:
@@ -106,13 +106,13 @@ class DevicePath(InOrder):
         admissible = max(admissible, designed)
         if self.round_trip <= admissible:
             return ""
-        done = "nothing is softened (parameter soften)"
+        done = "gains are not reduced (parameter soften)"
         if soften:
-            done = f"softened for {1e3 * self._follower.delay:.0f} ms each way"
+            done = f"gains are reduced to a one-way delay of {1e3 * self._follower.delay:.0f} ms"
         return (
-            f"the round trip to the device takes {1e3 * self.round_trip:.0f} ms; declared are "
-            f"{1e3 * designed:.0f} ms, the gains allow {1e3 * admissible:.0f} ms: {done}; declare "
-            "it by network_delay, on all nodes"
+            f"the round trip to the device takes {1e3 * self.round_trip:.0f} ms, declared are "
+            f"{1e3 * designed:.0f} ms, and the gains allow {1e3 * admissible:.0f} ms: {done}; "
+            "set network_delay to the one-way delay on all nodes"
         )
 
     def put(self, sample: Array, stamp_ns: int) -> None:

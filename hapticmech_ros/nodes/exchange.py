@@ -19,12 +19,18 @@ from hapticmech_ros.nodes.lane_connections import MOST_BYTES
 from hapticmech_ros.nodes.lane_folder import LaneError
 from hapticmech_ros.nodes.origin import INSIDE, Listener
 from hapticmech_ros.nodes.sent_numbers import check_finite
+from hapticmech_ros.times import NANOSECONDS
 
-# How many messages may be on their way through the middleware to those who had them already.
+# How many messages may be on their way through the middleware to those who had them already, and
+# for how long: what comes later is somebody else's.
 MOST_UNDERWAY = 1024
+UNDERWAY_NS = 2 * NANOSECONDS
 # How long an answer holds to the question of who listens: asked each time it would cost as much as
 # a message. Somebody new outside hears a topic at most so much later.
 CENSUS_NS = 20_000_000
+# After a change on the lane the middleware carries messages too for so long: it may know of a
+# listener that comes or goes only then.
+SETTLES_NS = NANOSECONDS
 # Of messages that wait for the loop to have time.
 MOST_LATER = 200
 
@@ -46,14 +52,19 @@ class _Line:
 
     def __init__(self) -> None:
         self.listeners: list[Listener] = []
-        self.underway: dict[bytes, None] = {}
+        self.underway: dict[bytes, int] = {}
 
     def note(self, message: bytes) -> None:
         """Note that the middleware will bring what was handed over."""
         underway = self.underway
-        underway[message] = None
+        underway[message] = time.monotonic_ns()
         if len(underway) > MOST_UNDERWAY:
             del underway[next(iter(underway))]
+
+    def had(self, message: bytes) -> bool:
+        """Return whether a message that the middleware brings was handed over before."""
+        noted = self.underway.get(message)
+        return noted is not None and time.monotonic_ns() - noted < UNDERWAY_NS
 
 
 class Outlet:
@@ -89,6 +100,8 @@ class Outlet:
         self._published = 0
         self._readers = 0
         self._census_ns = -CENSUS_NS
+        self._on_lane = 0
+        self._settled_ns = 0
 
     @property
     def wanted(self) -> bool:
@@ -106,7 +119,7 @@ class Outlet:
             if self.wanted:
                 check_finite(message)
                 self.publish_outside(message)
-        elif self.later and self._exchange.is_linked:
+        elif self.later and (self._exchange.is_linked or self._exchange.has_later):
             self._exchange.publish_later(self, message)
         else:
             self.publish_bytes(message)
@@ -116,13 +129,15 @@ class Outlet:
         line, lane = self._line, self._exchange.lane
         if not self._topic or len(message) > MOST_BYTES:
             lane = None
-        given = len(line.listeners)
-        if lane is not None:
-            given += lane.readers(self._topic)
+        readers = 0 if lane is None else lane.readers(self._topic)
+        given = len(line.listeners) + readers
+        now = time.monotonic_ns()
+        if readers != self._on_lane:
+            self._on_lane, self._settled_ns = readers, now + SETTLES_NS
         if not given:
             self.publish_outside(message)
             return
-        both = self._stays or self._count() > given
+        both = self._stays or now < self._settled_ns or self._count(now) > given
         if lane is not None:
             # First, so that whoever has both knows the second one when it comes.
             lane.send(self._topic, self._number, self._published + both, message, both)
@@ -140,7 +155,9 @@ class Outlet:
         ways = {
             "process": here > 0,
             "lane": readers > 0,
-            "middleware": self._stays or self.publisher.get_subscription_count() > here + readers,
+            "middleware": self._stays
+            or time.monotonic_ns() < self._settled_ns
+            or self.publisher.get_subscription_count() > here + readers,
         }
         return ", ".join(way for way, goes in ways.items() if goes) or "nobody"
 
@@ -149,9 +166,8 @@ class Outlet:
         self._published += 1
         self.publisher.publish(message)
 
-    def _count(self) -> int:
+    def _count(self, now: int) -> int:
         """Return how many subscriptions there are, those of this process included."""
-        now = time.monotonic_ns()
         if now - self._census_ns >= CENSUS_NS:
             self._census_ns = now
             self._readers = self.publisher.get_subscription_count()
@@ -230,7 +246,7 @@ class Exchange:
         line, lane = self._line(topic), self.lane
         line.listeners.append(listener)
         if lane is None or not kind:
-            return line.underway.__contains__
+            return line.had
         lane.listen(f"{topic} {kind}", listener, every)
 
         def had(message: bytes) -> bool:
@@ -238,11 +254,11 @@ class Exchange:
                 # Whoever sends both ways sends over the lane first: now it has come.
                 self.collect(whole=True)
                 self.deliver()
-                if message not in line.underway:
+                if not line.had(message):
                     self.strange_ns = time.monotonic_ns()
                     return False
                 return True
-            return message in line.underway
+            return line.had(message)
 
         return had
 
@@ -283,6 +299,11 @@ class Exchange:
         """Send the oldest of what :meth:`publish_later` keeps."""
         outlet, message = self._later.popleft()
         outlet.publish_bytes(message)
+
+    def publish_kept(self) -> None:
+        """Send all that :meth:`publish_later` keeps."""
+        while self._later:
+            self.publish_one()
 
     def collect(self, timeout_s: float = 0.0, whole: bool = False) -> None:
         """Let what has come over the lane wait for its listeners.

@@ -156,7 +156,9 @@ class ExternalWrenches:
         if below != name and name not in self._named and self._verb in below.split("/"):
             self._named.add(name)
             known = ", ".join(self._bodies)
-            node.get_logger().warning(f"{name} pushes nobody: must be below one of {known}")
+            node.get_logger().warning(
+                f"{name} acts on no body of the scene: must be below one of {known}"
+            )
 
     def _add(self, name: str, body: str, persistent: bool, found: bool) -> None:
         actor = self._actor

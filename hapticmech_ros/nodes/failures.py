@@ -112,7 +112,10 @@ class Failures:
         last = self._logged.get(what)
         if last is None or now - last > LOG_PERIOD_NS:
             self._logged[what] = now
-            self._node.get_logger().error(f"begins anew at rest, {self.last}")
+            self._node.get_logger().error(
+                f"error in {self.last}: forces are zero, this node restarts at rest from its last "
+                "valid state"
+            )
         if isinstance(error, HapticMechError):
             self._begin_anew()
             return
@@ -134,7 +137,9 @@ class Failures:
     def _give_up(self) -> None:
         """Deactivate the node, whatever becomes of it meanwhile."""
         self._lately.clear()
-        self._node.get_logger().fatal(f"gives up and deactivates itself, {self.last}")
+        self._node.get_logger().fatal(
+            f"this node deactivates itself after repeated errors; last error: {self.last}"
+        )
         try:
             self._node.end()
         except Exception as error:  # noqa: BLE001 - as in run(): it does nothing more either way

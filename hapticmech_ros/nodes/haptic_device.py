@@ -14,6 +14,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
@@ -38,6 +39,8 @@ from hapticmech_ros.wire.topics import (
     EMERGENCY_STOP,
     START_HAND,
 )
+
+_HAND_WRENCH = DEVICE_SAMPLE.slice("hand_wrench")
 
 
 class HapticDevice(ClockedActor[DeviceParameters]):
@@ -183,7 +186,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         now, counts = self.now_ns(), self._side.envelope.counts
         fault = self._guard.fault(now)
         if not fault and self._refuge.resting:
-            fault = f"begins anew, {self.failures.last}"
+            fault = f"restarting after an error: {self.failures.last}"
         rendering = not fault and self._command.fresh(now, self.timeout_ns)
         sentence = "rendering" if rendering else f"{fault or 'no commands'}: actuators at zero"
         return (
@@ -240,8 +243,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def _sample(self) -> Array:
         """Return the device's sample (19,) as it is now."""
-        numbers = self._state.published[:19].copy()
-        numbers[13:] += self._device.sensed(self._push)
+        numbers = self._state.published[: DEVICE_SAMPLE.size].copy()
+        numbers[_HAND_WRENCH] += self._device.sensed(self._push)
         return numbers
 
     def _lose(self, what: str) -> None:
@@ -279,6 +282,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         if not self.lockstep:
             self._publish(stamp_ns)
         self._publish_view(stamp_ns)
+        self.node.exchange.publish_kept()
 
     def _warn(self, reason: str) -> None:
         self.node.get_logger().warning(f"{reason}: actuators at zero")

@@ -85,7 +85,9 @@ class HostedParameters:
         for name in self._node._parameter_overrides:
             if not self._node.has_parameter(name) and not name.startswith("qos_overrides"):
                 known = ", ".join(self._names)
-                self._node.get_logger().warning(f"no parameter {name!r} here; there are: {known}")
+                self._node.get_logger().warning(
+                    f"unknown parameter {name!r} is ignored; this node has: {known}"
+                )
 
     def _proposed(self, changes: Sequence[Parameter]) -> NodeParameters:
         new = {p.name: p.value for p in changes if p.name in self._model.model_fields}

@@ -21,12 +21,14 @@ from hapticmech_ros.nodes.lane_connections import (
     HEADER,
     MESSAGE,
     MOST_BYTES,
+    MOST_CODES,
     BrokenRuleError,
     Ear,
     Link,
     connected,
     is_ours,
     listening,
+    remove_socket,
 )
 from hapticmech_ros.nodes.lane_folder import LaneError, lane_folder
 from hapticmech_ros.nodes.origin import Listener, Origin
@@ -36,8 +38,9 @@ from hapticmech_ros.times import NANOSECONDS
 LOOK_NS = NANOSECONDS // 10
 # A socket is made ready in less than this, s.
 UNREADY_S = 10.0
-# Whoever has not looked for so long may have more than one message of each publisher.
-BEHIND_NS = 3_000_000
+# Whoever has found messages for so long without waiting for them is behind: of what has piled up,
+# it gets the newest. It has waited where it took longer than this to find them.
+BEHIND_NS, WAITED_NS = 3_000_000, 20_000
 
 
 class Arrived(NamedTuple):
@@ -90,7 +93,7 @@ class Lane:
         # Messages of each outlet.
         self._sent: dict[int, int] = {}
         self._known: set[str] = {self._name}
-        self._folder_ns = self._looked_ns = self._collected_ns = -1
+        self._folder_ns = self._looked_ns = self._idle_ns = -1
         self._listening = listening(folder, self._name)
         self._waited = [self._listening.fileno()]
         self._frame = memoryview(bytearray(HEADER.size + MOST_BYTES))
@@ -112,7 +115,7 @@ class Lane:
                 continue
             except OSError as error:
                 raise LaneError(f"no socket for the lane: {error}") from None
-        raise LaneError("no socket for the lane: its folder vanishes again and again")
+        raise LaneError("no socket for the lane: its folder was removed again and again")
 
     def close(self) -> None:
         """Leave: nothing of this process stays behind."""
@@ -148,9 +151,11 @@ class Lane:
         """
         heard = self._heard.get(topic)
         if heard is None:
+            while self._next_code in self._codes:
+                self._next_code = (self._next_code + 1) % MOST_CODES
             heard = self._heard[topic] = _Heard(topic, self._next_code)
             self._codes[self._next_code] = heard
-            self._next_code += 1
+            self._next_code = (self._next_code + 1) % MOST_CODES
         heard.listeners.append(listener)
         heard.all |= every
         self._tell_anew()
@@ -164,7 +169,7 @@ class Lane:
         self._tell_anew()
 
     def readers(self, topic: str) -> int:
-        """Return how many listeners of other processes a message reaches."""
+        """Return how many listeners of other processes a message reaches that take any."""
         return self._readers.get(topic, 0)
 
     def send(self, topic: str, outlet: int, number: int, message: bytes, both: bool) -> None:
@@ -177,29 +182,36 @@ class Lane:
             message: serialized.
             both: whether the middleware carries it too.
         """
-        gone = []
+        gone, turned = [], False
         self._sent[outlet] = count = self._sent.get(outlet, 0) + 1
         for link, code in self._to.get(topic, ()):
             frame = HEADER.pack(MESSAGE, both, code, outlet, number, count) + message
             if not link.send(frame):
                 gone.append(link)
+            elif link.is_full or link.stalled:
+                turned |= link.stalls_or_goes_on()
         for link in gone:
             self._drop(link)
+        if turned:
+            self._sort()
 
     def collect(self, timeout_s: float = 0.0, whole: bool = False) -> list[Arrived]:
         """Return what has come, and look after connections.
 
         Args:
             timeout_s: how long to wait for anything to come.
-            whole: whether all that has come is wanted now; else the rest comes with the next call.
+            whole: whether all that has come is wanted now; else the rest comes with the next call,
+                unless this process is behind.
         """
         found: list[Arrived] = []
+        asked = time.monotonic_ns()
         ready, _, _ = select.select(self._waited, (), (), timeout_s)
+        now = time.monotonic_ns()
+        whole |= now - self._idle_ns > BEHIND_NS
+        if not ready or now - asked > WAITED_NS:
+            self._idle_ns = now
         if not ready:
             return found
-        now = time.monotonic_ns()
-        whole |= now - self._collected_ns > BEHIND_NS
-        self._collected_ns = now
         for number in ready:
             ear = self._ears.get(number)
             if ear is not None:
@@ -228,7 +240,9 @@ class Lane:
             names = {path.name for path in self._folder.iterdir()}
         except OSError:
             return
-        self._folder_ns = changed_ns
+        # Another change may have the same time.
+        settled = abs(time.time_ns() - changed_ns) > LOOK_NS
+        self._folder_ns = changed_ns if settled else -1
         self._known &= names
         for name in sorted(names - self._known):
             if name.startswith("."):
@@ -253,7 +267,7 @@ class Lane:
         try:
             connection = connected(path)
         except ConnectionRefusedError:
-            path.unlink(missing_ok=True)
+            remove_socket(path)
             return
         if connection is None:
             # Busy, or just gone: another time.
@@ -312,7 +326,8 @@ class Lane:
         for link in self._links.values():
             for topic, (code, listeners) in link.topics.items():
                 self._to.setdefault(topic, []).append((link, code))
-                self._readers[topic] = self._readers.get(topic, 0) + listeners
+                counted = 0 if link.stalled else listeners
+                self._readers[topic] = self._readers.get(topic, 0) + counted
 
     def _receive(self, ear: Ear, found: list[Arrived], whole: bool) -> None:
         """Take a message, or all; then the latest of those of which not every one is wanted.

@@ -10,10 +10,14 @@ from __future__ import annotations
 import json
 import os
 import socket
+import stat
 import struct
+import time
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
+
+from hapticmech_ros.times import NANOSECONDS
 
 # Larger messages go through the middleware.
 MOST_BYTES = 1 << 16
@@ -21,6 +25,10 @@ MOST_BYTES = 1 << 16
 MOST_TOLD = 1 << 17
 # What a listener that wants every message may fall behind by, in messages.
 MOST_BEHIND = 1000
+# So many of those are sent at once, so that a sender's own work is not held up.
+MOST_AT_ONCE = 16
+# Whoever has taken nothing for so long stands still: others may be the only ones who listen.
+STALLED_NS = NANOSECONDS // 2
 # How much a connection holds for such a listener, bytes; the system may grant less.
 KEPT_BYTES = 1 << 22
 # Of sockets that a process waits for with select.
@@ -30,6 +38,8 @@ MOST_SOCKETS = 1024
 # of this one among those over the lane.
 HEADER = struct.Struct("<BBHIQQ")
 MESSAGE, TOPICS = 1, 2
+# By which a process that hears numbers its topics.
+MOST_CODES = 1 << 16
 _VERSION = 2
 _BACKLOG = 64
 _CREDENTIALS = struct.Struct("3i")
@@ -49,6 +59,7 @@ class Link:
     Attributes:
         topics: that it hears: the number by which it knows each, and how many listen there.
         lost: messages that it missed because it was full.
+        stalled: whether it has taken nothing for :data:`STALLED_NS`.
     """
 
     def __init__(self, name: str, connection: socket.socket) -> None:
@@ -56,7 +67,10 @@ class Link:
         self.connection = connection
         self.topics: dict[str, tuple[int, int]] = {}
         self.lost = 0
+        self.stalled = False
         self._behind: deque[bytes] | None = None
+        # Since when it refuses messages; 0: it takes them.
+        self._full_ns = 0
 
     def send(self, frame: bytes) -> bool:
         """Send or keep a frame; return whether the connection is still there."""
@@ -67,23 +81,40 @@ class Link:
         try:
             self.connection.send(frame)
         except BlockingIOError:
+            self._full_ns = self._full_ns or time.monotonic_ns()
             if behind is None:
                 self.lost += 1
             else:
                 self._keep(behind, frame)
         except OSError:
             return False
+        else:
+            self._full_ns = 0
         return True
 
+    @property
+    def is_full(self) -> bool:
+        """Whether it refuses messages at present."""
+        return self._full_ns > 0
+
+    def stalls_or_goes_on(self) -> bool:
+        """Look whether it stalls; return whether that has changed."""
+        before, full = self.stalled, self._full_ns
+        self.stalled = full > 0 and time.monotonic_ns() - full > STALLED_NS
+        return self.stalled != before
+
     def flush(self) -> bool:
-        """Send what is kept, as far as possible; return whether the connection is still there."""
+        """Send of what is kept as much as it takes; return whether the connection is there."""
         behind = self._behind
+        if not behind:
+            return True
         try:
-            while behind:
+            for _ in range(min(len(behind), MOST_AT_ONCE)):
                 self.connection.send(behind[0])
                 behind.popleft()
+                self._full_ns = 0
         except BlockingIOError:
-            pass
+            self._full_ns = self._full_ns or time.monotonic_ns()
         except OSError:
             return False
         return True
@@ -106,8 +137,10 @@ class Link:
                     raise BrokenRuleError
                 topics = {str(name): (int(code), int(n)) for name, code, n, _ in told["topics"]}
                 every = any(bool(all_) for *_, all_ in told["topics"])
-            except (KeyError, TypeError, ValueError):
+            except (KeyError, TypeError, ValueError, ArithmeticError, RecursionError):
                 raise BrokenRuleError from None
+            if not all(0 <= code < MOST_CODES and n > 0 for code, n in topics.values()):
+                raise BrokenRuleError
             self.topics = topics
             if every and self._behind is None:
                 self._behind = deque(maxlen=MOST_BEHIND)
@@ -185,7 +218,11 @@ def connected(path: Path) -> socket.socket | None:
     Raises:
         ConnectionRefusedError: nobody is there any more.
     """
-    connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    except OSError:
+        # Too many open files.
+        return None
     connection.setblocking(False)
     try:
         connection.connect(str(path))
@@ -195,6 +232,16 @@ def connected(path: Path) -> socket.socket | None:
             raise
         return None
     return connection
+
+
+def remove_socket(path: Path) -> None:
+    """Remove a socket that nobody answers at; anything else stays."""
+    try:
+        if stat.S_ISSOCK(path.lstat().st_mode):
+            path.unlink()
+    except OSError:
+        # It is not there any more, or not to be removed.
+        pass
 
 
 def is_ours(connection: socket.socket) -> bool:

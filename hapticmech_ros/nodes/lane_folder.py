@@ -61,11 +61,14 @@ def _private(folder: Path) -> Path:
 
     Raises:
         LaneError: it cannot be made, or is not this user's alone.
+        FileNotFoundError: it was removed in between.
     """
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
     except OSError as error:
         raise LaneError(f"{folder}: {error.strerror}") from None
+    if not folder.exists():
+        raise FileNotFoundError(folder)
     if not _is_private(str(folder)):
         raise LaneError(f"{folder}: must be a folder of mode 0700 of this user")
     return folder

@@ -38,9 +38,9 @@ SHORTEST_WAIT_S = 20e-6
 # brings messages of the lane's topics, as it did within the time below.
 LOOK_NS, LOOK_OFTEN_NS = 1_000_000, 200_000
 STRANGE_NS = NANOSECONDS // 2
-# Callbacks in one look, and what a call that finds nothing to do takes less than.
+# Callbacks in one look. A call that finds nothing to do takes less than so many times the shortest.
 MOST_CALLBACKS = 32
-NOTHING_NS = 8_000
+NOTHING = 2.5
 # Messages for people are sent while nothing else is to be done for so long, and, after a deadline,
 # not before its answer has come or so much time has passed.
 SENDS_NS, ANSWER_NS = 150_000, 400_000
@@ -97,6 +97,7 @@ class Inbox:
         self._executor = executor
         self._exchange = exchange
         self._look_ns = self._latest_ns = self._answer_ns = 0
+        self._shortest_ns = 1 << 62
 
     def wait(self, timeout_s: float) -> None:
         """Wait for messages, no longer than ``timeout_s``, and hand on what has come.
@@ -110,6 +111,7 @@ class Inbox:
             return
         lane.look()
         if not lane.linked:
+            exchange.publish_kept()
             wait_for_messages(self._executor, timeout_s)
             exchange.collect()
             exchange.deliver()
@@ -145,7 +147,9 @@ class Inbox:
         for _ in range(MOST_CALLBACKS):
             self._executor.spin_once(timeout_sec=NO_WAIT_S)
             before, now = now, time.monotonic_ns()
-            if now - before < NOTHING_NS:
+            took = now - before
+            self._shortest_ns = min(self._shortest_ns, took)
+            if took < NOTHING * self._shortest_ns:
                 break
         if now - self._exchange.strange_ns < STRANGE_NS:
             self._look_ns = self._latest_ns = now + LOOK_OFTEN_NS

@@ -238,7 +238,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             return
         self._clock_steps += 1
         self._last_step = reason
-        self.get_logger().warning(f"{reason}: begun anew")
+        self.get_logger().warning(f"{reason}: forces are zero, this node starts anew")
         self.actor.deactivate()
         self._activate(self.actor)
 
@@ -280,6 +280,8 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
     def _stop(self) -> None:
         if self.active and self.actor is not None:
             self.actor.deactivate()
+            # The last ones say that all is at zero; their publishers may be gone soon.
+            self.exchange.publish_kept()
         self.active = False
         if self._jumps is not None:
             self._jumps.unregister()

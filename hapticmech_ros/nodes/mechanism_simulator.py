@@ -208,7 +208,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         fault = next((fault for port in self._ports if (fault := port.fault(now))), "")
         figures["fault"] = fault
         if not fault and self._refuge.resting:
-            fault = f"begins anew, {self.failures.last}"
+            fault = f"restarting after an error: {self.failures.last}"
         if not fault and now - self._inaccurate_ns < NANOSECONDS:
             fault = self._inaccuracy()
         if not fault and drift > MOST_DRIFT:
@@ -228,8 +228,10 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def _inaccuracy(self) -> str:
         account = self._state.account
-        off = f"energy is off by {account.surplus:.3g} J"
-        return f"inaccurate steps, {account.inaccurate} so far, {off}: shorten the period"
+        return (
+            f"{account.inaccurate} steps so far have an energy error above the scene's tolerance "
+            f"({account.surplus:.3g} J in all): shorten the period, or add substeps"
+        )
 
     def _commanded(self, deadline_ns: int) -> Array:
         """Return the wrench (points, 6) by the controllers that acts until a deadline."""

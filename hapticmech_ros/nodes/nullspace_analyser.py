@@ -134,7 +134,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             return
         self._silenced = True
         self._count = None
-        self.node.get_logger().warning(f"{fault}: silent")
+        self.node.get_logger().warning(f"{fault}: no operational model is published")
         if not self._model.values[0]:
             return  # nobody was told anything
         self._model.values[COMMANDED] = 0.0

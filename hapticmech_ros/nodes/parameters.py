@@ -114,8 +114,8 @@ class NodeParameters(BaseModel):
     )
     transport: Transport = text(
         "auto",
-        "auto: to processes of this host and user directly where they are on it too; middleware: "
-        "everything through the middleware",
+        "auto: directly to processes of the same user and host where they use auto too; "
+        "middleware: always through the middleware",
         "never",
     )
     realtime: RealtimeMode = text(
@@ -165,13 +165,15 @@ class DeviceParameters(NodeParameters):
     )
     workspace_radius: float = number(
         0.0,
-        "no outward force beyond this from the start; 0: the scene's device.safety",
+        "radius about the start pose, no outward force beyond it; 0: the scene's device.safety",
         "m",
         0.0,
         100.0,
     )
     lock_safety: bool = flag(
-        False, "the parameters above, message_age_limit, scene and rate cannot change", "never"
+        False,
+        "limits and timeouts of the device, message_age_limit, scene and rate cannot change",
+        "never",
     )
     hand: Literal["scene", "commanded"] = text(
         "scene", "scene: the scene's hand; commanded: only hand_cf moves the device"
@@ -214,13 +216,17 @@ class ControllerParameters(NodeParameters):
         0.012, "an input older than this counts as lost: disengaged", "s", 0.001, 1.0
     )
     soften: bool = flag(True, "lower gains while the loop's delay exceeds what they allow", "any")
-    constraint_stiffness: float = gain("k of the joint constraint", "N/m", 1000000.0)
-    constraint_damping: float = gain("b of the joint constraint", "N s/m", 10000.0)
-    constraint_feedforward: float = gain("beta of the joint constraint", "1", 1.0)
-    position_stiffness: float = gain("spring of C", "N/m", 1000000.0)
-    position_damping: float = gain("damper of C", "N s/m", 10000.0)
-    position_angular_stiffness: float = gain("angular spring of C", "N m/rad", 10000.0)
-    position_angular_damping: float = gain("angular damper of C", "N m s/rad", 1000.0)
+    constraint_stiffness: float = gain("stiffness k of the joint constraint", "N/m", 1000000.0)
+    constraint_damping: float = gain("damping b of the joint constraint", "N s/m", 10000.0)
+    constraint_feedforward: float = gain("feedforward share beta of the joint constraint", "1", 1.0)
+    position_stiffness: float = gain("stiffness of the position channel", "N/m", 1000000.0)
+    position_damping: float = gain("damping of the position channel", "N s/m", 10000.0)
+    position_angular_stiffness: float = gain(
+        "angular stiffness of the position channel", "N m/rad", 10000.0
+    )
+    position_angular_damping: float = gain(
+        "angular damping of the position channel", "N m s/rad", 1000.0
+    )
     c1: float = gain("C1, device's position to the mechanism", "1", 1.0)
     c2: float = gain("C2, contact to the hand", "1", 1.0)
     c3: float = gain("C3, hand to the mechanism", "1", 1.0)

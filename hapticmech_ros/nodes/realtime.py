@@ -139,7 +139,7 @@ class Realtime:
         if self._request.mode == "on" or cpus >= ENOUGH_CPUS:
             return ask_for_real_time(self._request.priority)
         some = f"{cpus} CPU{'s' if cpus > 1 else ''}"
-        told = f"{some}, SCHED_FIFO is requested with {ENOUGH_CPUS}, or with realtime:=on"
+        told = f"no SCHED_FIFO with {some} (from {ENOUGH_CPUS} on, or with realtime:=on)"
         return "; ".join(filter(None, (told, ask_for_share())))
 
     def _keep_awake(self) -> str:
@@ -180,7 +180,8 @@ class QuickStart:
         """Make this thread an ordinary one again."""
         if self._begun:
             with contextlib.suppress(OSError):
-                os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+                # Only who may have everything may take the flag away.
+                os.sched_setscheduler(0, _ORDINARY, os.sched_param(0))
 
 
 def ask_for_real_time(priority: int) -> str:

@@ -123,6 +123,8 @@ def main(arguments: Sequence[str]) -> int:
             node = RecorderNode(writer, point, exchange)
             failure = _record_until_done(node, exchange, stop, options)
             messages = node.messages
+            # First, so that others do not count on who is about to leave.
+            exchange.close()
             node.destroy_node()
         if failure:
             write_progress("failed", reason=failure)

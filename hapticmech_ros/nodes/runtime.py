@@ -77,7 +77,9 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
         starting.end()
         realtime = _ask_for_real_time(nodes)
         if exchange.refusal:
-            get_logger("lane").warning(f"all goes through the middleware: {exchange.refusal}")
+            get_logger("lane").warning(
+                f"all messages go through the middleware: {exchange.refusal}"
+            )
         run_until(stop, nodes, exchange)
         for node in nodes:
             print_report(node)
@@ -89,9 +91,10 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
     except ExternalShutdownException:
         return 0
     finally:
+        # First, so that others do not count on who is about to leave.
+        exchange.close()
         for node in nodes:
             node.destroy_node()
-        exchange.close()
         if realtime is not None:
             realtime.close()
         rclpy.try_shutdown()

@@ -20,6 +20,8 @@ UNNUMBERED = (1 << 64) - 1
 ALIVE_NS = NANOSECONDS // 10
 ALIVE_PERIODS = 3
 LONGEST_ALIVE_NS = NANOSECONDS // 2
+# What a publisher gave to the middleware before it sent another way has come after so long.
+ARRIVED_NS = NANOSECONDS // 20
 # Two are two until one of them has been silent for so long: a process may stand still for a while.
 FORGET_NS = NANOSECONDS
 # Names are asked for anew so often: messages may come before the middleware lists their publisher
@@ -54,6 +56,7 @@ class _Source:
     heard_ns: int
     gap_ns: int = 0
     still: int = 0
+    moved_ns: int = -1
 
     def takes(self, number: int) -> bool:
         """Return whether what the middleware brings can be this publisher's next, or a late one."""
@@ -73,9 +76,11 @@ class _Source:
         if origin.via == MIDDLEWARE:
             self.recent |= 1 << max(-ahead, 0)
         else:
-            # So many messages later, nothing that the middleware carried is still under way.
-            self.still = self.still + 1 if ahead == 0 else 0
-            if self.still == REORDERED:
+            # So many messages and so long after, nothing that the middleware carried is under way.
+            if ahead or self.moved_ns < 0:
+                self.still, self.moved_ns = 0, now_ns
+            self.still += ahead == 0
+            if self.still >= REORDERED and now_ns - self.moved_ns >= ARRIVED_NS:
                 self.recent = _MASK
         self.gap_ns = now_ns - self.heard_ns
         self.heard_ns = now_ns

@@ -262,7 +262,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._disengage_for([DEVICE_STATE.name])
         if not model.commanded:
             # The mechanism does not hear us (yet): the device is left alone until it does.
-            self._disengage_for([POINT_COMMAND.of(self.point) + " at the mechanism"])
+            self._disengage_for([POINT_COMMAND.of(self.point) + " (not received by the mechanism)"])
             self._outputs.mechanism(NO_WRENCH, stamp)
             return
         self._answer_to(device, model, stamp, now_ns)
@@ -278,7 +278,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         if now_ns - self._last_ns > self.timeout_ns:
             lost.append(DEVICE_STATE.name)
         if not model.commanded:
-            lost.append(POINT_COMMAND.of(self.point) + " at the mechanism")
+            lost.append(POINT_COMMAND.of(self.point) + " (not received by the mechanism)")
             self._outputs.mechanism(NO_WRENCH, model.stamp_ns)
         if lost:
             self._disengage_for(lost)

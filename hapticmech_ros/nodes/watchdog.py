@@ -35,6 +35,7 @@ class Watchdog:
         arguments = (
             self._shared,
             np.frombuffer(padded, dtype=np.int64).copy(),
+            np.zeros(1, dtype=np.int64),
             max(1, round(still_s * 1e6 / LOOK_US)),
         )
         threading.Thread(target=abort_when_still, args=arguments, daemon=True).start()

@@ -148,8 +148,8 @@ def _accuracy(found: StepAccuracy, length: float) -> Iterator[str]:
         yield f"{found.inaccurate} steps of the experiment are inaccurate: shorten the period"
     if found.position_m > COARSE * length:
         yield (
-            f"steps of a tenth move the operational point by {found.position_m:.2g} m in the"
-            " scene's experiment: shorten the period, or add substeps"
+            f"with steps of a tenth the operational point differs by {found.position_m:.2g} m in"
+            " the scene's experiment: shorten the period, or add substeps"
         )
 
 

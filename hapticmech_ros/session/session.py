@@ -2,8 +2,8 @@
 
 The reference for the graph of nodes: same core objects, same order, no clock. Bitwise repeatable.
 
-A tick is one call of a kernel, and so are many. What is written in Python, a device, a control law
-or contacts, is called in its place, and the kernel does the rest of the tick around it.
+A tick is one call of a kernel, and so are many. What is written in Python, a device, a hand or a
+control law, is called in its place, and the kernel does the rest of the tick around it.
 """
 
 from __future__ import annotations

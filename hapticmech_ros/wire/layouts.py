@@ -220,7 +220,7 @@ def unpack_energy(data: object) -> Energy:
         InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
     stamp_ns, values = checked_values(data, _ENERGY)
-    return Energy(stamp_ns, *map(float, values[2:]))
+    return Energy(stamp_ns, *map(float, values[STAMP.size :]))
 
 
 def pose_of(position: Array, quaternion: Array) -> pin.SE3:

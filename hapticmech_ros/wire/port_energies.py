@@ -42,7 +42,6 @@ class DeviceEnergy(NamedTuple):
 
 _NAMES = tuple(name for name in DeviceEnergy._fields if name != "stamp_ns")
 DEVICE_ENERGY_FIELDS = Layout({"stamp": STAMP, **dict.fromkeys(_NAMES, _ENERGY)})
-_CONTROLLER = bounds_of("controller energy", CONTROLLER_ENERGY_FIELDS)
 _DEVICE = bounds_of("device energy", DEVICE_ENERGY_FIELDS)
 _AVAILABLE = _NAMES.index("available")
 
@@ -50,16 +49,6 @@ _AVAILABLE = _NAMES.index("available")
 def pack_controller_energy(entry: LedgerEntry, stamp_ns: int) -> Array:
     """Return the data (6,) of a ``controller/energy`` message."""
     return np.array((*seconds_of(stamp_ns), *entry))
-
-
-def unpack_controller_energy(data: object) -> tuple[int, LedgerEntry]:
-    """Return stamp, ns, and energies of a ``controller/energy`` message.
-
-    Raises:
-        InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
-    """
-    stamp_ns, values = checked_values(data, _CONTROLLER)
-    return stamp_ns, LedgerEntry(*map(float, values[2:]))
 
 
 def pack_device_energy(energy: DeviceEnergy) -> Array:
@@ -76,4 +65,4 @@ def unpack_device_energy(data: object) -> DeviceEnergy:
         InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
     stamp_ns, values = checked_values(data, _DEVICE)
-    return DeviceEnergy(stamp_ns, *map(float, values[2:]))
+    return DeviceEnergy(stamp_ns, *map(float, values[STAMP.size :]))

@@ -15,10 +15,12 @@ from pathlib import Path
 
 import pytest
 
+from hapticmech_ros.nodes import exchange as exchange_module
 from hapticmech_ros.nodes import lane as lane_module
+from hapticmech_ros.nodes import lane_connections
 from hapticmech_ros.nodes.exchange import CENSUS_NS, Exchange
 from hapticmech_ros.nodes.lane import Lane
-from hapticmech_ros.nodes.lane_connections import MOST_BEHIND, MOST_BYTES
+from hapticmech_ros.nodes.lane_connections import HEADER, MOST_BEHIND, MOST_BYTES
 from hapticmech_ros.nodes.lane_folder import LaneError, lane_folder
 from hapticmech_ros.nodes.origin import Origin
 
@@ -159,13 +161,49 @@ def test_whoever_looked_a_moment_ago_takes_one_at_a_time_and_loses_none(lanes: l
     heard = Heard()
     hears.listen(TOPIC, heard)
     meet(lanes)
-    hears._collected_ns = time.monotonic_ns() + 10**9
+    hears._idle_ns = time.monotonic_ns() + 10**9
     for number in range(3):
         send(speaks, b"%d" % number)
     for _ in range(3):
         for listener, message, origin in hears.collect():
             listener(message, origin)
     assert heard.messages == [b"0", b"1", b"2"]
+
+
+def test_whoever_is_slower_than_a_publisher_has_its_newest_messages(lanes: list[Lane]) -> None:
+    hears, speaks, _ = lanes
+    heard, behind = Heard(), []
+    hears.listen(TOPIC, heard)
+    meet(lanes)
+    for number in range(0, 600, 3):
+        for late in range(3):
+            send(speaks, b"%d" % (number + late))
+        for listener, message, origin in hears.collect():
+            listener(message, origin)
+        behind.append(number + 2 - int(heard.messages[-1]))
+        time.sleep(0.001)
+    # What comes in three milliseconds, and in one round more.
+    assert max(behind) <= 20
+
+
+def test_who_stalls_is_not_counted_until_it_goes_on(
+    lanes: list[Lane], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stalls, speaks, _ = lanes
+    heard = Heard()
+    stalls.listen(TOPIC, heard)
+    meet(lanes)
+    monkeypatch.setattr(lane_connections, "STALLED_NS", 0)
+    while not speaks.lost:
+        assert speaks.readers(TOPIC) == 1
+        send(speaks, b"m" * 1000)
+    send(speaks, b"m")
+    assert speaks.readers(TOPIC) == 0
+    hand_on(stalls)
+    send(speaks, b"goes on")
+    assert speaks.readers(TOPIC) == 1
+    hand_on(stalls)
+    assert heard.messages[-1] == b"goes on"
 
 
 def test_who_wants_all_gets_all_in_order_though_it_falls_behind(lanes: list[Lane]) -> None:
@@ -313,7 +351,16 @@ def test_bytes_that_are_no_messages_harm_nobody(lanes: list[Lane], folder: Path)
 
 
 @pytest.mark.parametrize(
-    "text", [b"", b"{", b"[]", b'{"version": 1}', b'{"version": 2, "topics": []}', b"\xff" * 100]
+    "text",
+    [
+        *(b"", b"{", b"[]", b'{"version": 1, "topics": []}', b'{"version": 2}', b"\xff" * 100),
+        *(b"[" * 50_000, b'{"version": Infinity}'),
+        *(
+            b'{"version": 2, "topics": [["/topic Kind", %s, %s, false]]}' % numbers
+            for numbers in [(b"-1", b"1"), (b"65536", b"1"), (b"1", b"0"), (b"1", b"-7")]
+        ),
+        b'{"version": 2, "topics": [["/topic Kind", Infinity, 1, false]]}',
+    ],
 )
 def test_a_listener_that_tells_nonsense_is_left_alone(
     lanes: list[Lane], folder: Path, text: bytes
@@ -326,7 +373,7 @@ def test_a_listener_that_tells_nonsense_is_left_alone(
         speaks.look()
         links = len(speaks._links)
         there, _ = liar.accept()
-        there.send(bytes(16) + text)
+        there.send(bytes(HEADER.size) + text)
         hand_on(speaks)
         assert len(speaks._links) == links - 1
         there.close()
@@ -335,6 +382,45 @@ def test_a_listener_that_tells_nonsense_is_left_alone(
         speaks.look()
         assert len(speaks._links) == links - 1
     (folder / "1-liar").unlink()
+
+
+def test_what_is_no_socket_is_left_alone(lanes: list[Lane], folder: Path) -> None:
+    (folder / "folder").mkdir()
+    (folder / "file").write_bytes(b"of somebody's")
+    meet(lanes)
+    assert (folder / "file").read_bytes() == b"of somebody's"
+    (folder / "file").unlink()
+    (folder / "folder").rmdir()
+
+
+def test_without_a_descriptor_left_a_newcomer_is_met_later(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lane = Lane(folder)
+    other = Lane(folder)
+
+    def none_left(*_: object) -> socket.socket:
+        raise OSError(24, "Too many open files")
+
+    with monkeypatch.context() as few:
+        few.setattr(lane_connections.socket, "socket", none_left)
+        lane.look()
+    assert not lane._links
+    meet([lane, other])
+    lane.close()
+    other.close()
+
+
+def test_numbers_of_topics_begin_again(lanes: list[Lane]) -> None:
+    hears, speaks, _ = lanes
+    heard = Heard()
+    hears._next_code = (1 << 16) - 1
+    hears.listen("/last Kind", Heard())
+    hears.listen(TOPIC, heard)
+    meet(lanes)
+    send(speaks, b"a")
+    hand_on(hears)
+    assert heard.messages == [b"a"]
 
 
 def test_connections_of_another_user_are_refused(
@@ -368,8 +454,9 @@ class FakePublisher:
 
 
 @pytest.fixture
-def pair(folder: Path) -> Iterator[tuple[Exchange, Exchange]]:
+def pair(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Exchange, Exchange]]:
     made = Exchange(), Exchange()
+    monkeypatch.setattr(exchange_module, "SETTLES_NS", 0)
     for exchange in made:
         exchange.lane = Lane(folder)
     yield made
@@ -402,6 +489,58 @@ def test_the_middleware_carries_what_somebody_else_hears_and_the_copy_is_known(
     assert heard.messages[-1] == b"for both"
     assert heard[-1][1].number == 2
     assert not had(b"of somebody else")
+
+
+def test_while_listeners_come_and_go_the_middleware_carries_all(
+    pair: tuple[Exchange, Exchange], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may not know yet of the one on the lane, but of one that only it reaches."""
+    monkeypatch.setattr(exchange_module, "SETTLES_NS", 300_000_000)
+    speaks, hears = pair
+    publisher, heard = FakePublisher(1), Heard()
+    outlet = speaks.outlet(publisher, "/topic", False, "Kind")
+    hears.listen("/topic", heard, "Kind")
+    meet([speaks.lane, hears.lane])
+    outlet.publish(b"a")
+    assert publisher.sent == [b"a"]
+    assert outlet.ways() == "lane, middleware"
+    time.sleep(0.31)
+    outlet.publish(b"b")
+    assert publisher.sent == [b"a"]
+    assert outlet.ways() == "lane"
+
+
+def test_what_waits_for_the_loop_is_sent_before_the_loop_stands_alone(
+    pair: tuple[Exchange, Exchange],
+) -> None:
+    speaks, hears = pair
+    publisher = FakePublisher(1)
+    outlet = speaks.outlet(publisher, "/view", False, "Kind", later=True)
+    hears.listen("/other", Heard(), "Kind")
+    meet([speaks.lane, hears.lane])
+    outlet.publish(b"a")
+    assert speaks.has_later
+    assert publisher.sent == []
+    hears.close()
+    hand_on(speaks.lane)
+    assert not speaks.is_linked
+    # In order, though nobody is on the lane any more.
+    outlet.publish(b"b")
+    speaks.publish_kept()
+    assert publisher.sent == [b"a", b"b"]
+
+
+def test_a_copy_that_comes_much_later_is_somebody_elses(
+    pair: tuple[Exchange, Exchange], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    speaks, hears = pair
+    outlet = speaks.outlet(FakePublisher(2), "/topic", False, "Kind")
+    had = hears.listen("/topic", Heard(), "Kind")
+    meet([speaks.lane, hears.lane])
+    outlet.publish(b"the same")
+    assert had(b"the same")
+    monkeypatch.setattr(exchange_module, "UNDERWAY_NS", 0)
+    assert not had(b"the same")
 
 
 def test_a_message_too_long_for_the_lane_goes_through_the_middleware(

@@ -199,14 +199,14 @@ def test_a_longer_way_than_declared_is_said_and_softened_for():
     assert control.aim == (gains, 0.05)
     assert control.way == 1.0
     assert "takes 100 ms" in said[0]
-    assert "softened for 50 ms" in said[0]
+    assert "reduced to a one-way delay of 50 ms" in said[0]
     figures = way.figures(gains, True, "")
     assert figures["loop_warning"] == said[0]
     assert figures["round_trip_ms"] == "100.0"
     # Forbidden: it is warned of, and gains stay as they are.
     way.tune(control, gains, soften=False, time=2.0)
     assert control.aim == (gains, 0.0)
-    assert "nothing is softened" in way.warning(gains, soften=False)
+    assert "gains are not reduced" in way.warning(gains, soften=False)
 
 
 def test_a_way_as_declared_is_not_warned_of():

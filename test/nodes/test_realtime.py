@@ -118,7 +118,7 @@ def test_real_time_is_asked_for_by_itself_where_there_are_processors_enough(monk
     figures = Realtime(Request("auto", 50)).figures()
     assert priorities == ([50] if cpus >= ENOUGH_CPUS else [])
     assert shares == ([] if cpus >= ENOUGH_CPUS else [True])
-    told = "3 CPUs, SCHED_FIFO is requested with 4, or with realtime:=on"
+    told = "no SCHED_FIFO with 3 CPUs (from 4 on, or with realtime:=on)"
     assert (told in figures["scheduling"]) == (cpus < ENOUGH_CPUS)
     Realtime(Request("on", 40))
     assert priorities[-1] == 40
@@ -206,6 +206,16 @@ def test_a_start_comes_before_what_is_ordinary_and_after_nodes(argument):
     )
     quick = "SCHED_FIFO 1" if wanted else "SCHED_OTHER"
     assert eval(said) == (quick, os.SCHED_OTHER, "SCHED_OTHER")
+
+
+def test_a_start_ends_as_an_ordinary_user_may_end_it(monkeypatch):
+    """Once set, the flag that keeps children ordinary is taken away by the privileged only."""
+    policies = []
+    monkeypatch.setattr(os, "sched_getscheduler", lambda _: os.SCHED_OTHER)
+    monkeypatch.setattr(os, "sched_setscheduler", lambda _, policy, __: policies.append(policy))
+    realtime.QuickStart(["realtime:=on"]).end()
+    flag = os.SCHED_RESET_ON_FORK
+    assert policies == [os.SCHED_FIFO | flag, os.SCHED_OTHER | flag]
 
 
 def test_a_start_leaves_alone_what_somebody_has_chosen():

@@ -216,6 +216,19 @@ def test_one_that_changes_to_the_lane_and_back_is_one(sources: Sources) -> None:
         assert sources.fault(now * MS) == ""
 
 
+def test_what_is_under_way_when_the_lane_takes_over_is_its_own_at_any_rate(
+    sources: Sources,
+) -> None:
+    for now in range(100):
+        heard(sources, now, now * MS)
+    # At 10 kHz many messages come before the middleware is looked at.
+    for tenth in range(60):
+        sources.heard(Origin(LANE, 101), 100 * MS + tenth * MS // 10)
+    for number in (100, 101):
+        heard(sources, number, 107 * MS)
+    assert sources.fault(107 * MS) == ""
+
+
 def test_a_full_lane_whose_messages_come_through_the_middleware_is_one(sources: Sources) -> None:
     for now in range(200):
         if now % 7 == 3:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -54,6 +56,20 @@ def test_the_exit_status_is_that_of_an_abort() -> None:
     process = started("time.sleep(60)")
     process.communicate(timeout=30.0)
     assert process.returncode == -signal.SIGABRT
+
+
+def test_a_standard_error_that_takes_nothing_does_not_keep_it_alive() -> None:
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writing, bytes(4096))
+    os.set_blocking(writing, True)
+    code = BEGINNING + "time.sleep(60)"
+    with subprocess.Popen([sys.executable, "-c", code], stderr=writing) as process:
+        assert process.wait(timeout=30.0) == 134
+    os.close(reading)
+    os.close(writing)
 
 
 def test_a_process_that_was_stopped_goes_on() -> None:

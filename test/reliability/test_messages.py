@@ -157,8 +157,8 @@ def test_a_push_that_a_mechanism_cannot_bear_is_forgotten_and_the_graph_comes_ba
     assert mechanism.failures.defects == 0
     told = mechanism.status()
     assert not told[0]
-    assert "begins anew" in told[1]
-    assert "begins anew" in graph.hosts[MECHANISM].log.lines[-1][1]
+    assert "restarting after an error" in told[1]
+    assert "restarts at rest" in graph.hosts[MECHANISM].log.lines[-1][1]
     # It is silent for half a second, and then all goes on.
     before = mechanism.failures.count
     graph.run(0.8)

@@ -82,4 +82,4 @@ def test_another_host_finds_what_was_opened_and_that_is_said(tmp_path: Path) -> 
     assert found.parameters == 1
     assert found.transitions > 0
     assert "open to the network (UDP 0.0.0.0" in found.told
-    assert f"closed by: export {RANGE}=LOCALHOST" in found.told
+    assert f"to restrict nodes to this machine: export {RANGE}=LOCALHOST" in found.told

@@ -194,6 +194,6 @@ def test_slips_are_refused_and_named(domain: int, peer: Peer) -> None:
         arm.stop("handle/external_cf")
         arm.push("handle/external_cf", 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, frame="handle")
         arm.until_status("pushed_by", "/mechanism/handle/external_cf")
-    warnings = [log.msg for log in arm.logs if "pushes nobody" in log.msg]
+    warnings = [log.msg for log in arm.logs if "acts on no body" in log.msg]
     assert len(warnings) == 1
     assert all(np.isfinite(six(force)).all() for force in arm.forces)

@@ -91,6 +91,23 @@ def test_without_it_everything_takes_the_middleware(domain: int, peer: Peer) -> 
         assert list(folder_of(domain).iterdir()) == []
 
 
+@pytest.mark.parametrize("transitions", [["active_shutdown"], ["deactivate", "cleanup"]])
+def test_a_node_that_is_shut_down_or_cleaned_up_stays_and_has_said_that_all_is_at_zero(
+    domain: int, peer: Peer, transitions: list[str]
+) -> None:
+    statuses = peer.statuses()
+    with Graph("five_bar", parameters=OFTEN, environment=private_environment(domain)) as graph:
+        peer.until(renders(statuses), "rendering")
+        setpoints = peer.listen("device/setpoint_cf", WrenchStamped)
+        peer.until(lambda: setpoints and any(six(setpoints[-1])), "a force")
+        assert peer.transition("haptic_device", *transitions)
+        peer.until(lambda: not any(six(setpoints[-1])), "the last one to be zero")
+        peer.run(0.5)
+        assert graph.ended() == []
+        wanted = "finalized" if "active_shutdown" in transitions else "unconfigured"
+        assert peer.state_of("haptic_device") == wanted
+
+
 @pytest.mark.parametrize("alone", list(NODES))
 def test_a_node_that_keeps_off_the_lane_is_served_by_the_middleware(
     domain: int, peer: Peer, alone: str

@@ -169,7 +169,7 @@ def test_files_set_parameters_and_slips_are_named(
     error = capfd.readouterr().err
     assert "'veiw_rate'" in error
     assert "view_rate, " in error
-    assert error.count("no parameter") == 1
+    assert error.count("unknown parameter") == 1
 
 
 def test_the_shipped_file_is_taken(domain: int, peer: Peer) -> None:

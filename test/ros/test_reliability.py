@@ -87,7 +87,9 @@ def test_a_freeze(graph: Graph, node: str) -> None:
 
 
 def test_only_a_sentence_on_the_clock_is_one() -> None:
-    assert about_clock("the machine's clock set back by 5 s: begun anew")
+    assert about_clock(
+        "the machine's clock set back by 5 s: forces are zero, this node starts anew"
+    )
     stale = "age of stamp, s: must be within 0.25 s of this node's clock (got 5.001252848)"
     assert not about_clock(f"message on device/servo_cf refused: {stale}")
     assert not about_clock("servo_cf is lost: actuators at zero")

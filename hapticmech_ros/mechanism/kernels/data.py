@@ -36,7 +36,7 @@ class Data(Structure):
         row_places: (m, 5) per closure row where its band begins, its pivot or -1, the inverse of
             R's diagonal, the band's last row, and the first row before it that reaches into it;
             sparse.
-        tail: (4,) largest |φ|, the rank, and ``least`` and ``resolved`` of a ConstraintSpace.
+        tail: (4,) largest |φ|, the rank, and ``least`` and ``resolved`` of a Closing.
     """
 
     __slots__ = ()

@@ -194,9 +194,10 @@ def record(options: RecordOptions) -> int:
         sys.stderr.write(f"error: {error}\n")
         return 1
     finally:
+        # First, so that others do not count on who is about to leave.
+        exchange.close()
         if node is not None:
             node.destroy_node()
-        exchange.close()
         rclpy.try_shutdown()
 
 

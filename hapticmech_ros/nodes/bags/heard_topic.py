@@ -18,6 +18,8 @@ from hapticmech_ros.nodes.origin import Origin
 
 # All publishers of a topic are not discovered at once. Their offers are written down after this.
 SETTLE_S = 0.4
+# So many messages of the middleware may be ahead of their copies on the lane.
+MOST_AHEAD = 2048
 # A subscription that replaces another one runs beside it for so long, so that nothing is missed.
 OVERLAP_S = 1.0
 
@@ -67,6 +69,8 @@ class HeardTopic:
         self._sent: dict[int, int] = {}
         self._had = exchange.listen(name, self._hear_on_lane, self._class.__name__, every=True)
         self._doubles: set[tuple[int, int]] = set()
+        self._had_last = False
+        self._ahead: dict[tuple[int, bytes], None] = {}
         self._begun = self._replaced = time.monotonic()
 
     @property
@@ -121,7 +125,10 @@ class HeardTopic:
         if last is not None:
             self._lost += origin.sent - last - 1
         self._sent[origin.via] = origin.sent
-        self._keep(time.time_ns(), data)
+        if (origin.number, data) in self._ahead:
+            del self._ahead[origin.number, data]
+        else:
+            self._keep(time.time_ns(), data)
 
     def _hear(self, data: bytes, info: Info) -> None:
         had = self._had(data)
@@ -131,12 +138,17 @@ class HeardTopic:
             if key in self._doubles:
                 return
             self._doubles.add(key)
-        # A number that goes back is a publisher that was started anew.
-        if self._key[1] and number > self._key[1]:
+        # A number that goes back is a publisher that was started anew. What comes over the lane too
+        # is counted there.
+        if self._key[1] and number > self._key[1] and not (had or self._had_last):
             self._lost += number - self._key[1] - 1
-        self._key = key
+        self._key, self._had_last = key, had
         if had:
             return
+        if self._sent:
+            self._ahead[number, data] = None
+            if len(self._ahead) > MOST_AHEAD:
+                del self._ahead[next(iter(self._ahead))]
         time_ns = self._clock(info)
         if time_ns:
             self._keep(time_ns, data)
