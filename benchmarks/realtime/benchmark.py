@@ -79,12 +79,14 @@ class RealtimeResults(MachineResults):
 
     Attributes:
         seconds: that each run was watched.
+        recorded: whether a recorder ran beside the graph.
         runs: in the order in which they were made.
     """
 
     NAME: ClassVar[str] = "bench_realtime"
 
     seconds: float
+    recorded: bool
     runs: tuple[Watched, ...]
 
     def sheets(self) -> Iterator[Sheet]:
@@ -115,12 +117,18 @@ class RealtimeResults(MachineResults):
             f"medians of runs of {self.seconds:g} s; sample to answer, µs; deadlines missed by the "
             "device; ms that starting a program takes, median and longest"
         )
-        title = f"{SCENE} at {RATE_HZ:g} Hz in four processes"
+        beside = ", and a recorder" if self.recorded else ""
+        title = f"{SCENE} at {RATE_HZ:g} Hz in four processes{beside}"
         yield Sheet(title, (*headings, "command", "longest"), tuple(rows), caption=caption)
 
 
 def run_benchmark(
-    out: Path, seconds: float, repeats: int, load: Sequence[int], show: Show = silent
+    out: Path,
+    seconds: float,
+    repeats: int,
+    load: Sequence[int],
+    recorded: bool = False,
+    show: Show = silent,
 ) -> RealtimeResults:
     """Run every way in turn, so that a drifting machine meets all of them.
 
@@ -129,6 +137,7 @@ def run_benchmark(
         seconds: that each run is watched.
         repeats: runs of each way.
         load: numbers of busy programs beside the graph.
+        recorded: whether a recorder writes all topics into a bag meanwhile.
         show: called with what is being done.
     """
     scene = load_scene(SCENE)
@@ -142,7 +151,7 @@ def run_benchmark(
             for way, settings in ways().items():
                 show(f"{busy} busy programs, realtime {way}: run {repeat} of {repeats}")
                 configuration = Configuration(
-                    RATE_HZ, "separate", recorded=False, settings=tuple(settings.items())
+                    RATE_HZ, "separate", recorded, settings=tuple(settings.items())
                 )
                 with _beside(busy) as commands:
                     step = Step(configuration, repeat, "real")
@@ -159,13 +168,16 @@ def run_benchmark(
                         (statistics.median(commands), max(commands)),
                     )
                 )
-    return RealtimeResults(machine(), seconds, tuple(runs))
+    return RealtimeResults(machine(), seconds, recorded, tuple(runs))
 
 
 def realtime(
     seconds: Annotated[float, typer.Option(min=1.0, help="s that each run is watched")] = 20.0,
     repeats: Annotated[int, typer.Option(min=1, help="runs of each way")] = 3,
     load: Annotated[str, typer.Option(help="numbers of busy programs beside the graph")] = "0,2",
+    record: Annotated[
+        bool, typer.Option("--record/--no-record", help="with a recorder of all topics")
+    ] = False,
     out: OutOption = Path("bench"),
     json_only: JsonOption = False,
 ) -> None:
@@ -174,7 +186,9 @@ def realtime(
         loads = [int(text) for text in load.split(",")]
     except ValueError:
         raise InvalidInputError("--load", load, "must be numbers between commas") from None
-    carry_out(lambda show: run_benchmark(out, seconds, repeats, loads, show), out, json_only)
+    carry_out(
+        lambda show: run_benchmark(out, seconds, repeats, loads, record, show), out, json_only
+    )
 
 
 def _median(values: Sequence[float]) -> float | None:

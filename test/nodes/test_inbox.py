@@ -1,0 +1,93 @@
+"""The wait of a node's loop: deadlines are met though the system wakes it up late."""
+
+from __future__ import annotations
+
+import pytest
+
+from hapticmech_ros.nodes import loop
+from hapticmech_ros.nodes.loop import AWAKE_SHARE, Inbox
+
+US = 1_000
+
+
+class LateSystem:
+    """A clock, and an exchange that waits by it, too long by ``late_ns``."""
+
+    def __init__(self, late_ns: int) -> None:
+        self.now, self.late_ns = 0, late_ns
+        self.lane, self.linked, self.has_later, self.is_waiting = self, True, False, False
+        self.looks = self.awake_ns = 0
+        self.message_ns: int | None = None
+
+    def monotonic_ns(self) -> int:
+        return self.now
+
+    def look(self) -> None:
+        """As of a lane."""
+
+    def deliver(self) -> None:
+        self.is_waiting = False
+
+    def collect(self, timeout_s: float = 0.0) -> None:
+        waited = round(timeout_s * 1e9)
+        end = self.now + (waited + self.late_ns if waited else 4 * US)
+        if self.message_ns is not None and self.message_ns <= end:
+            end, self.message_ns = max(self.now, self.message_ns), None
+            self.is_waiting = True
+        elif not waited:
+            self.looks += 1
+            self.awake_ns += end - self.now
+        self.now = end
+
+
+@pytest.fixture
+def system(monkeypatch: pytest.MonkeyPatch) -> LateSystem:
+    made = LateSystem(70 * US)
+    monkeypatch.setattr(loop.time, "monotonic_ns", made.monotonic_ns)
+    return made
+
+
+def inbox_of(system: LateSystem) -> Inbox:
+    made = Inbox(None, system)  # type: ignore[arg-type]
+    made._latest_ns = 1 << 62
+    return made
+
+
+@pytest.mark.parametrize("late_us", [0, 5, 30, 60])
+def test_deadlines_are_met_however_late_the_system_wakes_up(
+    system: LateSystem, late_us: int
+) -> None:
+    inbox = inbox_of(system)
+    system.late_ns = late_us * US
+    lateness = []
+    for _ in range(60):
+        begun = system.now
+        inbox.wait(0.9e-3)
+        lateness.append(system.now - begun - 900 * US)
+    # The first ones tell how late it is.
+    assert max(lateness[40:]) <= 8 * US
+    assert min(lateness) >= 0
+    # No more than is needed: half as much again.
+    assert system.awake_ns <= 60 * (late_us / 2 + 10) * US
+
+
+def test_of_a_wait_no_more_than_a_share_is_spent_awake(system: LateSystem) -> None:
+    inbox = inbox_of(system)
+    system.late_ns = 500 * US
+    for _ in range(50):
+        inbox.wait(0.9e-3)
+    begun, system.late_ns, system.awake_ns = system.now, 0, 0
+    inbox.wait(0.9e-3)
+    assert system.awake_ns <= 900 * US // AWAKE_SHARE + 8 * US
+    assert system.now - begun <= 908 * US
+
+
+def test_a_message_ends_the_wait_also_while_it_looks(system: LateSystem) -> None:
+    inbox = inbox_of(system)
+    for _ in range(50):
+        inbox.wait(0.9e-3)
+    for after in (300 * US, 880 * US):
+        begun = system.now
+        system.message_ns = begun + after
+        inbox.wait(0.9e-3)
+        assert system.now - begun == after
