@@ -28,7 +28,7 @@ class NodeDiedError(HapticMechError):
     """A node's process ended by itself."""
 
 
-class Bystander:
+class AuxiliaryProcess:
     """A process beside a graph that nobody in it needs: its death is told, and the graph goes on.
 
     Args:

@@ -33,7 +33,7 @@ from hapticmech_ros.wire import topics as table
 from hapticmech_ros.wire.cdr import FlatArray, encode_matrix
 from hapticmech_ros.wire.energies import energy_of
 from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY, DEVICE_ENERGY, ENERGY
-from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, ServoGain, pack_gain
+from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, pack_gain
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import (
     DEVICE_FIELDS,
@@ -136,7 +136,7 @@ class Examples:
                 FlatArray(OPERATIONAL_MODEL_FIELDS), pack_operational_model(rendering)
             ),
             table.DEVICE_GAIN: StampedArray(
-                FlatArray(GAIN_FIELDS), pack_gain(ServoGain(0, 0, 0.0, np.zeros(108)))
+                FlatArray(GAIN_FIELDS), pack_gain(LocalFeedbackGain(0, 0, 0.0, np.zeros(108)))
             ),
             DEVICE_ENERGY: StampedArray(
                 FlatArray(DEVICE_ENERGY_FIELDS),

@@ -34,8 +34,8 @@ SCENE, RATE_HZ = "five_bar", 1000.0
 COMMAND_PERIOD_S = 0.5
 
 
-def ways() -> dict[str, dict[str, object]]:
-    """Return what is compared: parameters of the nodes, by name."""
+def ways() -> dict[str, dict[str, object] | None]:
+    """Return what is compared: parameters of the nodes, by name; None for the bare graph."""
     cpus = sorted(os.sched_getaffinity(0))
     first, second = str(cpus[0]), str(cpus[-1])
     pinned = {
@@ -50,6 +50,7 @@ def ways() -> dict[str, dict[str, object]]:
         "auto, pinned": {"realtime": "auto", **pinned},
         "on": {"realtime": "on"},
         "on, pinned": {"realtime": "on", **pinned},
+        "bare graph": None,
     }
 
 
@@ -150,11 +151,10 @@ def run_benchmark(
         for repeat in range(1, repeats + 1):
             for way, settings in ways().items():
                 show(f"{busy} busy programs, realtime {way}: run {repeat} of {repeats}")
-                configuration = Configuration(
-                    RATE_HZ, "separate", recorded, settings=tuple(settings.items())
-                )
+                given = tuple((settings or {}).items())
+                configuration = Configuration(RATE_HZ, "separate", recorded, settings=given)
                 with _beside(busy) as commands:
-                    step = Step(configuration, repeat, "real")
+                    step = Step(configuration, repeat, "bare" if settings is None else "real")
                     run = measure(step, place, point, seconds, out, session)
                 failed = ", ".join(check.rule for check in run.checks if not check.held)
                 kept = run.clocked.get(DEVICE)

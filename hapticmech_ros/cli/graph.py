@@ -71,7 +71,7 @@ def run(
     ] = None,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
-    from hapticmech_ros.graph import Bystander, Graph, start_process
+    from hapticmech_ros.graph import AuxiliaryProcess, Graph, start_process
     from hapticmech_ros.lockstep import LockstepRun, run_lockstep
     from hapticmech_ros.nodes.entry import VIEWER
     from hapticmech_ros.scene import load_scene
@@ -122,7 +122,7 @@ def run(
         command += ["--out", str(record), "--storage", storage, "--transport", transport]
         loss = f"the bag {record} is incomplete (hapticmech bag repair {record} may help)"
         process = start_process(command, os.environ)
-        recorder = Bystander("the recorder", process, loss, partial(typer.echo, err=True))
+        recorder = AuxiliaryProcess("the recorder", process, loss, partial(typer.echo, err=True))
     whole = True
     try:
         with Graph(

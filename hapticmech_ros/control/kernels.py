@@ -12,7 +12,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, shaped
 from hapticmech_ros.control.loop_layout import BRAKE, SETTINGS
-from hapticmech_ros.control.pose_kernels import tied_error
+from hapticmech_ros.control.pose_kernels import clutch_error
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.saturation_kernels import limit
@@ -20,7 +20,7 @@ from hapticmech_ros.saturation_kernels import limit
 INERTIA, STIFFNESS, DAMPING, HELD_STIFFNESS, HELD_DAMPING, JOINT, CHANNELS = SETTINGS.starts(
     *("inertia", "stiffness", "damping", "held_stiffness", "held_damping", "feedforward", "c1")
 )
-RAMP, CARRIES, FORCE_LIMIT, TORQUE_LIMIT, ENGAGED, TIE = SETTINGS.starts(
+RAMP, CARRIES, FORCE_LIMIT, TORQUE_LIMIT, ENGAGED, CLUTCH = SETTINGS.starts(
     "ramp", "carries", "force_limit", "torque_limit", "engaged_at", "displacement"
 )
 DEVICE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
@@ -124,7 +124,7 @@ def answer_measurements(
 ) -> None:
     """Fill a control period's wrenches; see :func:`control_wrenches`."""
     place, twist = operational_model[PLACE:TWIST], operational_model[TWIST : TWIST + 6]
-    tied_error(settings[TIE:], device[:7], place, twist, ahead, out[5])
+    clutch_error(settings[CLUTCH:], device[:7], place, twist, ahead, out[5])
     parts(settings, device, operational_model, time, out)
     for i in range(6):
         out[0, i] = out[2, i] + out[3, i] + out[4, i]

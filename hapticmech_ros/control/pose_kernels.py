@@ -94,7 +94,7 @@ def carry_on(place: Array, twist: Array, duration: float, out: Array) -> None:
 
 
 @inner
-def tied_error(
+def clutch_error(
     clutch: Array, device: Array, place: Array, twist: Array, ahead: float, error: Array
 ) -> None:
     """Fill ``error`` (6,) with e, from the point, carried on, to the device through the clutch.

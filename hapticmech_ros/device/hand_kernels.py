@@ -43,7 +43,7 @@ WORK_SIZE = 36
 
 
 @inner
-def grip_window(hand: Array, elapsed: float) -> int:
+def grasp_window(hand: Array, elapsed: float) -> int:
     """Return the number of switches passed if the hand holds, else -1; see ``GraspSchedule``."""
     moving = elapsed - hand[START]
     if moving < -START_TOLERANCE:

@@ -29,7 +29,7 @@ from hapticmech_ros.device.driver_kernels import (
 )
 from hapticmech_ros.device.friction_kernels import rub, stop
 from hapticmech_ros.device.grasp_schedule import OPEN
-from hapticmech_ros.device.hand_kernels import WORK_SIZE, grip_window, hand_wrench
+from hapticmech_ros.device.hand_kernels import WORK_SIZE, grasp_window, hand_wrench
 from hapticmech_ros.rotation_kernels import (
     exp3,
     log3,
@@ -117,7 +117,7 @@ def time_of(data: Array, ticks: int, index: int) -> float:
 @inner
 def _take(data: Array, ticks: int, index: int, out: Array) -> None:
     """Fill the window in which the hand holds, and from where."""
-    window = OPEN if ticks < 0 else grip_window(data[HAND:], time_of(data, ticks, index))
+    window = OPEN if ticks < 0 else grasp_window(data[HAND:], time_of(data, ticks, index))
     anchor = out[ANCHOR:WINDOW]
     if window == 0:
         put(anchor, data[HELD:TASK])
@@ -327,7 +327,7 @@ def stand(data: Array, holds: bool, out: Array) -> None:
         out: (83,) zero but for where it is, its home and its anchor.
     """
     work = local(WORK_SIZE)
-    out[WINDOW] = grip_window(data[HAND:], 0.0) if holds else OPEN
+    out[WINDOW] = grasp_window(data[HAND:], 0.0) if holds else OPEN
     _push(data, 0, 0, out, work)
     _quantise(data, out[BODY:SEEN], out[:3], out[SEEN:HOME], work)
     quaternion_of(shaped(out[SEEN:HOME], (3, 3)), out[3:SPEED])

@@ -64,7 +64,7 @@ class BranchMotion:
 
     Attributes:
         span: how far the step moves a joint, rad, or m over the length, to first order in forces.
-        is_led: whether a branch was found, or none is needed.
+        has_branch: whether a branch was found, or none is needed.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class BranchMotion:
         change = free_change(closing.space, step * v + 0.5 * step**2 * free)
         self.span = mechanism.span(change)
         self._rank = closing.rank
-        self._direction, self.is_led = change, True
+        self._direction, self.has_branch = change, True
         if self.span > 0.0:
             there = mechanism.integrate(q, change * (2.0 * REACH / self.span))
             with suppress(ClosureError):
@@ -88,7 +88,7 @@ class BranchMotion:
                 self._rank = max(self._rank, beside.closing.rank)
         if self._is_near(closing):
             found = nearest_branch(mechanism, q, start.active, closing.space, change)
-            self.is_led = found is not None
+            self.has_branch = found is not None
             if found is not None:
                 self._direction = found
 
@@ -128,7 +128,7 @@ class BranchMotion:
             (nv, nv) Lᵀ P L⁻ᵀ, in the mass metric.
         """
         closing = self._mechanism.closing_terms(q, self._active)
-        if not (self.is_led and self._is_near(closing)):
+        if not (self.has_branch and self._is_near(closing)):
             return None
         branch, space = self._branch(q, closing), closing.space
         if branch is None:
@@ -191,7 +191,7 @@ def careful_step(
         ClosureError: a closed loop came apart, or turned to its other branch.
     """
     motion = BranchMotion(mechanism, start, external, step)
-    if not motion.is_led:
+    if not motion.has_branch:
         return None
     first = motion.at(start.q, start.v)
     parts = max(1, math.ceil(motion.span / LARGEST_PART))

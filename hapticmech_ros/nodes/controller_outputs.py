@@ -15,7 +15,7 @@ from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY
-from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, ServoGain, gain_bounds, pack_gain
+from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, gain_bounds, pack_gain
 from hapticmech_ros.wire.port_energies import CONTROLLER_ENERGY_FIELDS, pack_controller_energy
 from hapticmech_ros.wire.topics import (
     CHANNEL_PART,
@@ -64,7 +64,7 @@ class ControllerOutputs:
     def gain(self, answer: ControllerCommand, stamp_ns: int) -> None:
         """Publish how an answer depends on the device."""
         self._gain_ns = stamp_ns
-        told = ServoGain(stamp_ns, answer.answered_ns, answer.to_mechanism, answer.model)
+        told = LocalFeedbackGain(stamp_ns, answer.answered_ns, answer.to_mechanism, answer.model)
         self._publish_gain.publish(self._gain.encode(pack_gain(told)))
 
     def device(self, wrenches: Array, stamp_ns: int, energies: LedgerEntry) -> None:

@@ -23,9 +23,9 @@ from hapticmech_ros.nodes.device_view import DeviceView
 from hapticmech_ros.nodes.hand_wrenches import HandWrenches
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Stamped, Standing
+from hapticmech_ros.nodes.last_valid_state import LastValidState
 from hapticmech_ros.nodes.local_loop import LocalLoop
 from hapticmech_ros.nodes.parameters import DeviceParameters
-from hapticmech_ros.nodes.refuge import Refuge
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
@@ -67,7 +67,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._command: Standing[tuple[Array, int]] = Standing()
         self._commands: Stamped[Array] = Stamped()
         self._state: DeviceState = self._device.at_rest(self._start_pose())
-        self._refuge = Refuge(self._state, self.period_s)
+        self._last_valid = LastValidState(self._state, self.period_s)
         self._held: DeviceState | None = None
         self._ticks_held = 0
         # Whether people have not been told yet that commands are obeyed no more.
@@ -133,7 +133,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def reseat(self) -> None:
         """Stand still where all was well, with the actuators at zero, held by nobody."""
-        self._state, self._push = self._refuge.go_back(self.now_ns()), NO_WRENCH
+        self._state, self._push = self._last_valid.go_back(self.now_ns()), NO_WRENCH
         self.deactivate()
         self.activate()
 
@@ -147,7 +147,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Move the device on under the command that stands, and publish what it measures."""
-        if self._refuge.rests(deadline_ns, self.activate):
+        if self._last_valid.rests(deadline_ns, self.activate):
             return
         if not self.lockstep and self._command.lapsed(self.now_ns(), self.timeout_ns):
             # Now, and not once all that was missed has been caught up.
@@ -159,7 +159,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
                 self._command.sampled()
         self._push = NO_WRENCH if self._hand is None else self._hand.at(deadline_ns)
         self._publish(deadline_ns)
-        self._refuge.keep(self._state)
+        self._last_valid.keep(self._state)
         self._loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
         if self._ticks % self.view_every == 0 or self._let_go_untold:
             self._publish_view(deadline_ns)
@@ -185,7 +185,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Return the device's state and figures."""
         now, counts = self.now_ns(), self._side.envelope.counts
         fault = self._guard.fault(now)
-        if not fault and self._refuge.resting:
+        if not fault and self._last_valid.resting:
             fault = f"restarting after an error: {self.failures.last}"
         rendering = not fault and self._command.fresh(now, self.timeout_ns)
         sentence = "rendering" if rendering else f"{fault or 'no commands'}: actuators at zero"

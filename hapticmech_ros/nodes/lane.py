@@ -23,8 +23,8 @@ from hapticmech_ros.nodes.lane_connections import (
     MOST_BYTES,
     MOST_CODES,
     BrokenRuleError,
-    Ear,
-    Link,
+    Incoming,
+    Outgoing,
     connected,
     is_ours,
     listening,
@@ -86,9 +86,9 @@ class Lane:
         self._next_code = self._next_serial = 1
         # Raised with every change of what is heard.
         self._version = 0
-        self._links: dict[int, Link] = {}
-        self._ears: dict[int, Ear] = {}
-        self._to: dict[str, list[tuple[Link, int]]] = {}
+        self._outgoing: dict[int, Outgoing] = {}
+        self._incoming: dict[int, Incoming] = {}
+        self._to: dict[str, list[tuple[Outgoing, int]]] = {}
         self._readers: dict[str, int] = {}
         # Messages of each outlet.
         self._sent: dict[int, int] = {}
@@ -119,10 +119,10 @@ class Lane:
 
     def close(self) -> None:
         """Leave: nothing of this process stays behind."""
-        for link in list(self._links.values()):
-            self._drop(link)
-        for ear in list(self._ears.values()):
-            self._deafen(ear)
+        for outgoing in list(self._outgoing.values()):
+            self._drop(outgoing)
+        for incoming in list(self._incoming.values()):
+            self._close_incoming(incoming)
         self._listening.close()
         try:
             (self._folder / self._name).unlink()
@@ -134,12 +134,12 @@ class Lane:
     @property
     def linked(self) -> bool:
         """Whether another process is, or may be, speaking to this one."""
-        return bool(self._ears)
+        return bool(self._incoming)
 
     @property
     def lost(self) -> int:
         """Messages that a full connection has not taken."""
-        return sum(link.lost for link in self._links.values())
+        return sum(outgoing.lost for outgoing in self._outgoing.values())
 
     def listen(self, topic: str, listener: Listener, every: bool = False) -> None:
         """Hear a topic.
@@ -184,14 +184,14 @@ class Lane:
         """
         gone, turned = [], False
         self._sent[outlet] = count = self._sent.get(outlet, 0) + 1
-        for link, code in self._to.get(topic, ()):
+        for outgoing, code in self._to.get(topic, ()):
             frame = HEADER.pack(MESSAGE, both, code, outlet, number, count) + message
-            if not link.send(frame):
-                gone.append(link)
-            elif link.is_full or link.stalled:
-                turned |= link.stalls_or_goes_on()
-        for link in gone:
-            self._drop(link)
+            if not outgoing.send(frame):
+                gone.append(outgoing)
+            elif outgoing.is_full or outgoing.stalled:
+                turned |= outgoing.stalls_or_goes_on()
+        for outgoing in gone:
+            self._drop(outgoing)
         if turned:
             self._sort()
 
@@ -213,11 +213,11 @@ class Lane:
         if not ready:
             return found
         for number in ready:
-            ear = self._ears.get(number)
-            if ear is not None:
-                self._receive(ear, found, whole)
-            elif (link := self._links.get(number)) is not None:
-                self._read_topics(link)
+            incoming = self._incoming.get(number)
+            if incoming is not None:
+                self._receive(incoming, found, whole)
+            elif (outgoing := self._outgoing.get(number)) is not None:
+                self._read_topics(outgoing)
             else:
                 self._accept()
         return found
@@ -228,11 +228,11 @@ class Lane:
         if now - self._looked_ns < LOOK_NS:
             return
         self._looked_ns = now
-        for ear in list(self._ears.values()):
-            self._tell(ear)
-        for link in list(self._links.values()):
-            if not link.flush():
-                self._drop(link)
+        for incoming in list(self._incoming.values()):
+            self._tell(incoming)
+        for outgoing in list(self._outgoing.values()):
+            if not outgoing.flush():
+                self._drop(outgoing)
         try:
             changed_ns = self._folder.stat().st_mtime_ns
             if changed_ns == self._folder_ns:
@@ -275,7 +275,7 @@ class Lane:
             return
         self._known.add(name)
         if self._is_ours(connection):
-            self._links[connection.fileno()] = Link(name, connection)
+            self._outgoing[connection.fileno()] = Outgoing(name, connection)
             self._wait_for_all()
 
     def _accept(self) -> None:
@@ -285,10 +285,10 @@ class Lane:
             return
         connection.setblocking(False)
         if self._is_ours(connection):
-            ear = self._ears[connection.fileno()] = Ear(connection, self._next_serial)
+            incoming = self._incoming[connection.fileno()] = Incoming(connection, self._next_serial)
             self._next_serial += 1
             self._wait_for_all()
-            self._tell(ear)
+            self._tell(incoming)
 
     def _is_ours(self, connection: socket.socket) -> bool:
         ours = is_ours(connection)
@@ -297,56 +297,56 @@ class Lane:
 
     def _tell_anew(self) -> None:
         self._version += 1
-        for ear in list(self._ears.values()):
-            self._tell(ear)
+        for incoming in list(self._incoming.values()):
+            self._tell(incoming)
 
-    def _tell(self, ear: Ear) -> None:
+    def _tell(self, incoming: Incoming) -> None:
         """Tell a process that speaks which topics are heard here."""
         told = [(h.topic, h.code, len(h.listeners), h.all) for h in self._heard.values()]
         try:
-            ear.tell(told, self._version)
+            incoming.tell(told, self._version)
         except OSError:
-            self._deafen(ear)
+            self._close_incoming(incoming)
 
-    def _read_topics(self, link: Link) -> None:
+    def _read_topics(self, outgoing: Outgoing) -> None:
         """Read what is heard at the other end."""
         try:
-            link.read_topics()
+            outgoing.read_topics()
         except BlockingIOError:
             self._sort()
         except OSError:
-            self._drop(link)
+            self._drop(outgoing)
         except BrokenRuleError:
             self.refused += 1
-            self._drop(link, for_good=True)
+            self._drop(outgoing, for_good=True)
 
     def _sort(self) -> None:
         """Find anew who hears what."""
         self._to, self._readers = {}, {}
-        for link in self._links.values():
-            for topic, (code, listeners) in link.topics.items():
-                self._to.setdefault(topic, []).append((link, code))
-                counted = 0 if link.stalled else listeners
+        for outgoing in self._outgoing.values():
+            for topic, (code, listeners) in outgoing.topics.items():
+                self._to.setdefault(topic, []).append((outgoing, code))
+                counted = 0 if outgoing.stalled else listeners
                 self._readers[topic] = self._readers.get(topic, 0) + counted
 
-    def _receive(self, ear: Ear, found: list[Arrived], whole: bool) -> None:
+    def _receive(self, incoming: Incoming, found: list[Arrived], whole: bool) -> None:
         """Take a message, or all; then the latest of those of which not every one is wanted.
 
         To ask for one more and be told that there is none costs as much as a message.
         """
         newest: dict[tuple[int, int], int] = {}
-        base = ear.serial << 32
+        base = incoming.serial << 32
         size, frame = HEADER.size, self._frame
         while True:
             try:
-                length = ear.connection.recv_into(frame)
+                length = incoming.connection.recv_into(frame)
             except BlockingIOError:
                 return
             except OSError:
-                self._deafen(ear)
+                self._close_incoming(incoming)
                 return
             if not length:
-                self._deafen(ear)
+                self._close_incoming(incoming)
                 return
             if length <= size or frame[0] != MESSAGE:
                 self.refused += 1
@@ -374,23 +374,23 @@ class Lane:
             if not (whole or heard.all):
                 return
 
-    def _drop(self, link: Link, for_good: bool = False) -> None:
+    def _drop(self, outgoing: Outgoing, for_good: bool = False) -> None:
         """Speak to a process no more, unless it is found again."""
-        if self._links.pop(link.connection.fileno(), None) is None:
+        if self._outgoing.pop(outgoing.connection.fileno(), None) is None:
             return
-        link.connection.close()
+        outgoing.connection.close()
         if not for_good:
-            self._known.discard(link.name)
+            self._known.discard(outgoing.name)
             self._folder_ns = -1
         self._wait_for_all()
         self._sort()
 
-    def _deafen(self, ear: Ear) -> None:
+    def _close_incoming(self, incoming: Incoming) -> None:
         """Listen to a process no more."""
-        if self._ears.pop(ear.connection.fileno(), None) is None:
+        if self._incoming.pop(incoming.connection.fileno(), None) is None:
             return
-        ear.connection.close()
+        incoming.connection.close()
         self._wait_for_all()
 
     def _wait_for_all(self) -> None:
-        self._waited = [self._listening.fileno(), *self._ears, *self._links]
+        self._waited = [self._listening.fileno(), *self._incoming, *self._outgoing]

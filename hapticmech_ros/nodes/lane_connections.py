@@ -49,7 +49,7 @@ class BrokenRuleError(Exception):
     """The other end does not keep to this module."""
 
 
-class Link:
+class Outgoing:
     """A connection to a process that listens.
 
     Args:
@@ -151,7 +151,7 @@ class Link:
         behind.append(frame)
 
 
-class Ear:
+class Incoming:
     """A connection from a process that speaks.
 
     Args:

@@ -11,7 +11,7 @@ from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.ordering import InOrder
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import Bounds
-from hapticmech_ros.wire.gain_wire import ServoGain, gain_bounds, unpack_gain
+from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, gain_bounds, unpack_gain
 
 # A gain older than this says nothing of where the mechanism is now.
 FRESH_NS = NANOSECONDS // 10
@@ -29,7 +29,7 @@ class Pair(NamedTuple):
 
     command: Array
     answered_ns: int
-    gain: ServoGain
+    gain: LocalFeedbackGain
 
 
 class LocalLoop:
@@ -50,13 +50,13 @@ class LocalLoop:
         self._bounds = bounds or gain_bounds()
         self._paired = paired
         self._pair: Pair | None = None
-        self._unpaired: OrderedDict[int, ServoGain] = OrderedDict()
-        self.gains: Stamped[ServoGain] = Stamped()
+        self._unpaired: OrderedDict[int, LocalFeedbackGain] = OrderedDict()
+        self.gains: Stamped[LocalFeedbackGain] = Stamped()
         self.order = InOrder()
         self._told: float | None = None
         self._before: float | None = None
         self._from_ns = NEVER
-        self._gain: Latest[ServoGain] = Latest()
+        self._gain: Latest[LocalFeedbackGain] = Latest()
         self._samples: OrderedDict[int, Array] = OrderedDict()
 
     def measured(self, sample: Array, stamp_ns: int) -> None:
@@ -159,7 +159,7 @@ class LocalLoop:
         self._told, self._before = gain.to_mechanism, 0.0
         return self._corrected(command, gain, gain.answered_ns)
 
-    def _corrected(self, command: Array, gain: ServoGain, answered_ns: int) -> Array:
+    def _corrected(self, command: Array, gain: LocalFeedbackGain, answered_ns: int) -> Array:
         then = self._samples.get(answered_ns // _MICROSECOND)
         if then is None:
             return command

@@ -19,11 +19,11 @@ from hapticmech_ros.nodes.contact_port import ContactPort
 from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER
+from hapticmech_ros.nodes.last_valid_state import LastValidState
 from hapticmech_ros.nodes.operational_points import OperationalPoints
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.point_port import PointPort
 from hapticmech_ros.nodes.qos import LATCHED
-from hapticmech_ros.nodes.refuge import Refuge
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.simulation import MechanismState, Simulator
@@ -70,7 +70,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         held = parameters.held_points.split(",") if parameters.held_points else [self.point]
         self._held = [self._mechanism.point_index(name.strip()) for name in held]
         self._on_links: dict[str, Array] = {}
-        self._refuge = Refuge(self._state, self.period_s)
+        self._last_valid = LastValidState(self._state, self.period_s)
         self._ticks = self._sampled_ns = 0
         self._inaccurate_ns = NEVER
         self._joints = JointStateWriter(coordinate_names(self._mechanism))
@@ -131,7 +131,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def reseat(self) -> None:
         """Stand still where all was well, pushed by nobody, and be silent for all to notice."""
-        self._state = self._refuge.go_back(self.now_ns())
+        self._state = self._last_valid.go_back(self.now_ns())
         self.deactivate()
         self.activate()
 
@@ -146,7 +146,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Step the mechanism under the wrenches that stand, and publish its state."""
-        if self._refuge.rests(deadline_ns, self.activate):
+        if self._last_valid.rests(deadline_ns, self.activate):
             return
         if self._ticks or not self.lockstep:
             for time_ns in self.times(periods, deadline_ns):
@@ -167,7 +167,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             deadline_ns, state.active, state.q, state.v, external, self._grasps.numbers, heard
         )
         self._publish_wire.publish(self._wire.encode(self._layout.pack(wire)))
-        self._refuge.keep(state)
+        self._last_valid.keep(state)
         if state.active != self._announced:
             self._announce_closures()
         if self._ticks % self.view_every == 0:
@@ -207,7 +207,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         now = self.now_ns()
         fault = next((fault for port in self._ports if (fault := port.fault(now))), "")
         figures["fault"] = fault
-        if not fault and self._refuge.resting:
+        if not fault and self._last_valid.resting:
             fault = f"restarting after an error: {self.failures.last}"
         if not fault and now - self._inaccurate_ns < NANOSECONDS:
             fault = self._inaccuracy()

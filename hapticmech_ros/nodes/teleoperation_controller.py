@@ -98,7 +98,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.input_array(
             model,
             self.control_input,
-            self._on_rendering,
+            self._on_operational_model,
             OPERATIONAL_MODEL_FIELDS,
             self.watch(model),
         )
@@ -370,7 +370,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         # Later than what was told, and an answer to none of the device's samples: uncorrected.
         self._outputs.zero(device_ns + ZERO_AFTER_NS, mechanism_ns + ZERO_AFTER_NS)
 
-    def _on_rendering(self, values: Array, now_ns: int) -> None:
+    def _on_operational_model(self, values: Array, now_ns: int) -> None:
         found = read_operational_model(values, self.bounds.model)
         check_age(found.stamp_ns, now_ns, self.age_limit_ns)
         self._model.put(found, found.stamp_ns)

@@ -27,7 +27,7 @@ _ANSWERED, _MODEL = GAIN_FIELDS.slice("answered"), GAIN_FIELDS.slice("force", "d
 _TO_MECHANISM = GAIN_FIELDS.start("to_mechanism")
 
 
-class ServoGain(NamedTuple):
+class LocalFeedbackGain(NamedTuple):
     """A decoded ``device/local_feedback_gain`` message.
 
     Attributes:
@@ -43,7 +43,7 @@ class ServoGain(NamedTuple):
     model: Array
 
 
-def pack_gain(gain: ServoGain) -> Array:
+def pack_gain(gain: LocalFeedbackGain) -> Array:
     """Return the data (113,) of a ``device/local_feedback_gain`` message."""
     stamps = *seconds_of(gain.stamp_ns), *seconds_of(gain.answered_ns)
     return np.concatenate(((*stamps, gain.to_mechanism), gain.model))
@@ -57,7 +57,7 @@ def gain_bounds(limits: Limits | None = None) -> Bounds:
 _ANY = gain_bounds()
 
 
-def unpack_gain(data: object, bounds: Bounds = _ANY) -> ServoGain:
+def unpack_gain(data: object, bounds: Bounds = _ANY) -> LocalFeedbackGain:
     """Return the decoded message.
 
     Raises:
@@ -65,4 +65,4 @@ def unpack_gain(data: object, bounds: Bounds = _ANY) -> ServoGain:
     """
     stamp, values = checked_values(data, bounds)
     answered = stamp_of(*values[_ANSWERED].tolist())
-    return ServoGain(stamp, answered, float(values[_TO_MECHANISM]), values[_MODEL])
+    return LocalFeedbackGain(stamp, answered, float(values[_TO_MECHANISM]), values[_MODEL])

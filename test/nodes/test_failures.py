@@ -8,7 +8,7 @@ import pytest
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, OutputError
 from hapticmech_ros.nodes.failures import MOST_DEFECTS, Failures
-from hapticmech_ros.nodes.refuge import CALM_S, SILENCE_NS, Refuge
+from hapticmech_ros.nodes.last_valid_state import CALM_S, SILENCE_NS, LastValidState
 
 
 class Node:
@@ -161,32 +161,32 @@ def test_a_status_tells_of_failures_and_cannot_fail_itself():
 
 
 def test_one_goes_back_to_what_was_well_and_from_there_to_the_start():
-    refuge = Refuge("start", CALM_S / 10)
-    assert refuge.go_back(0) == "start"
+    last_valid = LastValidState("start", CALM_S / 10)
+    assert last_valid.go_back(0) == "start"
     for tick in range(10):
-        refuge.keep(tick)
-    assert refuge.go_back(0) == 9
+        last_valid.keep(tick)
+    assert last_valid.go_back(0) == 9
     for tick in range(10, 19):
-        refuge.keep(tick)
+        last_valid.keep(tick)
     # Too soon: where it went back to leads nowhere.
-    assert refuge.go_back(0) == "start"
+    assert last_valid.go_back(0) == "start"
     for tick in range(20, 30):
-        refuge.keep(tick)
-    assert refuge.go_back(0) == 29
+        last_valid.keep(tick)
+    assert last_valid.go_back(0) == 29
 
 
 def test_one_is_silent_for_all_to_notice_and_then_begins_once():
-    refuge, begun = Refuge("start", 0.001), []
-    assert not refuge.rests(5, lambda: begun.append(1))
-    refuge.go_back(100)
-    assert refuge.rests(100, lambda: begun.append(1))
-    assert refuge.rests(99 + SILENCE_NS, lambda: begun.append(1))
-    assert refuge.resting
+    last_valid, begun = LastValidState("start", 0.001), []
+    assert not last_valid.rests(5, lambda: begun.append(1))
+    last_valid.go_back(100)
+    assert last_valid.rests(100, lambda: begun.append(1))
+    assert last_valid.rests(99 + SILENCE_NS, lambda: begun.append(1))
+    assert last_valid.resting
     assert begun == []
-    assert not refuge.rests(100 + SILENCE_NS, lambda: begun.append(1))
-    assert not refuge.rests(101 + SILENCE_NS, lambda: begun.append(1))
+    assert not last_valid.rests(100 + SILENCE_NS, lambda: begun.append(1))
+    assert not last_valid.rests(101 + SILENCE_NS, lambda: begun.append(1))
     assert begun == [1]
     # A clock that goes back does not make it wait for ever.
-    refuge.go_back(10 * SILENCE_NS)
-    assert not refuge.rests(SILENCE_NS, lambda: begun.append(1))
+    last_valid.go_back(10 * SILENCE_NS)
+    assert not last_valid.rests(SILENCE_NS, lambda: begun.append(1))
     assert begun == [1, 1]

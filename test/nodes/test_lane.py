@@ -65,8 +65,10 @@ def meet(lanes: list[Lane], seconds: float = 5.0) -> None:
             lane._looked_ns = -lane_module.LOOK_NS
             lane.look()
             hand_on(lane)
-        if all(len(lane._links) == len(lanes) - 1 == len(lane._ears) for lane in lanes) and all(
-            ear.told == lane._version for lane in lanes for ear in lane._ears.values()
+        if all(
+            len(lane._outgoing) == len(lanes) - 1 == len(lane._incoming) for lane in lanes
+        ) and all(
+            incoming.told == lane._version for lane in lanes for incoming in lane._incoming.values()
         ):
             for lane in lanes:
                 hand_on(lane)
@@ -371,16 +373,16 @@ def test_a_listener_that_tells_nonsense_is_left_alone(
         liar.listen()
         speaks._looked_ns = -lane_module.LOOK_NS
         speaks.look()
-        links = len(speaks._links)
+        links = len(speaks._outgoing)
         there, _ = liar.accept()
         there.send(bytes(HEADER.size) + text)
         hand_on(speaks)
-        assert len(speaks._links) == links - 1
+        assert len(speaks._outgoing) == links - 1
         there.close()
         # It is not tried again.
         speaks._looked_ns = -lane_module.LOOK_NS
         speaks.look()
-        assert len(speaks._links) == links - 1
+        assert len(speaks._outgoing) == links - 1
     (folder / "1-liar").unlink()
 
 
@@ -405,7 +407,7 @@ def test_without_a_descriptor_left_a_newcomer_is_met_later(
     with monkeypatch.context() as few:
         few.setattr(lane_connections.socket, "socket", none_left)
         lane.look()
-    assert not lane._links
+    assert not lane._outgoing
     meet([lane, other])
     lane.close()
     other.close()

@@ -6,7 +6,7 @@ import pytest
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.local_loop import FRESH_NS, REMEMBERED, WAITING, LocalLoop
 from hapticmech_ros.nodes.teleoperation_controller import ZERO_AFTER_NS
-from hapticmech_ros.wire.gain_wire import ServoGain, pack_gain, unpack_gain
+from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, pack_gain, unpack_gain
 
 GAIN = np.diag([2.0, 0.0, 0.0, 0.0, 0.0, 3.0])
 COMMAND = np.full(6, 0.5)
@@ -26,7 +26,7 @@ def model(gain):
 
 def message(stamp, times=1.0, answered=None, energy=0.25):
     answered = stamp if answered is None else answered
-    return pack_gain(ServoGain(stamp, answered * PERIOD_NS, energy, model(times * GAIN)))
+    return pack_gain(LocalFeedbackGain(stamp, answered * PERIOD_NS, energy, model(times * GAIN)))
 
 
 def filled(samples, lockstep=False):
@@ -165,7 +165,7 @@ def test_in_lockstep_the_gain_of_the_same_command_counts_and_names_its_sample():
 
 def test_a_message_is_what_was_packed():
     rng = np.random.default_rng(4)
-    told = ServoGain(1_234_567_890_123, 987_654_321, 0.125, rng.normal(size=108))
+    told = LocalFeedbackGain(1_234_567_890_123, 987_654_321, 0.125, rng.normal(size=108))
     read = unpack_gain(pack_gain(told))
     assert read[:3] == told[:3]
     assert all(np.array_equal(a, b) for a, b in zip(read.model, told.model, strict=True))
@@ -183,7 +183,7 @@ def test_a_last_zero_is_obeyed_as_it_is_whatever_gain_stands(paired):
     for number in range(10):
         loop.measured(sample(number), number * PERIOD_NS)
     answered = 6 * PERIOD_NS
-    loop.take(pack_gain(ServoGain(answered, answered, 0.0, model(GAIN))), 0, False)
+    loop.take(pack_gain(LocalFeedbackGain(answered, answered, 0.0, model(GAIN))), 0, False)
     assert loop.correct(COMMAND, answered, 100)[0] == 0.5 + 2.0 * 3.0
     # As the controller stamps it: after its last answer, with no sample at that time.
     zero = loop.correct(np.zeros(6), answered + ZERO_AFTER_NS, 100)

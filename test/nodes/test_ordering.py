@@ -12,7 +12,7 @@ from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
 from hapticmech_ros.nodes.ordering import FORGET_NS, InOrder
 from hapticmech_ros.nodes.sample_age import SampleAge
 from hapticmech_ros.scene import load_scene
-from hapticmech_ros.wire.gain_wire import ServoGain, pack_gain
+from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, pack_gain
 from hapticmech_ros.wire.readings import DeviceReading
 
 MS = 1_000_000
@@ -139,7 +139,7 @@ def test_over_a_network_nothing_is_obeyed_that_lacks_its_correction():
     answers.is_next(50 * MS, 60 * MS)
     assert not answers.begin(60 * MS)
     none = np.zeros(108)
-    loop.take(pack_gain(ServoGain(50 * MS, 50 * MS, 0.0, none)), 61 * MS, lockstep=False)
+    loop.take(pack_gain(LocalFeedbackGain(50 * MS, 50 * MS, 0.0, none)), 61 * MS, lockstep=False)
     assert answers.begin(62 * MS)
     assert answers.lost(62 * MS) == ""
     assert answers.lost(61 * MS + FRESH_NS + 1) == "local_feedback_gain is lost"

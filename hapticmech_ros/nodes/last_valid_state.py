@@ -14,7 +14,7 @@ CALM_S = 0.25
 SILENCE_NS = NANOSECONDS // 2
 
 
-class Refuge(Generic[T]):
+class LastValidState(Generic[T]):
     """The last state in which all was well, and the one to begin with where even that fails.
 
     Args:
