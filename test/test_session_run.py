@@ -9,6 +9,7 @@ from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice, devic
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.mechanism import Origin
+from hapticmech_ros.session.run import CONTROL
 from hapticmech_ros.simulation import Simulator
 from oracles.control import ReadableControl
 from oracles.device.hand import hand_law
@@ -31,7 +32,12 @@ FIELDS = {
     "s": lambda sample: sample.seen.model[:6],
     "inverse_inertia": lambda sample: sample.model.inverse_inertia.ravel(),
     "contact": lambda sample: sample.external_wrench + sample.contact_wrench,
-    "control": lambda sample: sample.wrenches.ravel(),
+    "device_command": lambda sample: sample.output.device,
+    "mechanism_command": lambda sample: sample.output.mechanism,
+    "impedance": lambda sample: sample.output.impedance,
+    "joint_constraint": lambda sample: sample.output.joint_constraint,
+    "four_channel": lambda sample: sample.output.four_channel,
+    "pose_error": lambda sample: sample.output.error,
     "on_hand": lambda sample: sample.acting[0],
     "on_mechanism": lambda sample: sample.acting[1],
     "external": lambda sample: sample.external_wrench,
@@ -209,8 +215,8 @@ def test_a_control_law_in_python_takes_the_place_of_the_scenes(scene, kind):
     # Nothing but the wrench itself differs in the second tick: the first one's is zero.
     if kind is Same:
         halved = Session(scene, control=Halved(scene)).run(2, hand_wrench=PUSH)
-        second = halved["control"][1, :6]
-        assert np.array_equal(second, 0.5 * run["control"][1, :6])
+        second = halved["device_command"][1]
+        assert np.array_equal(second, 0.5 * run["device_command"][1])
 
 
 def test_a_law_of_ones_own_is_asked_for_each_sample_with_the_gains_of_the_time():
@@ -227,7 +233,7 @@ def test_a_law_of_ones_own_is_asked_for_each_sample_with_the_gains_of_the_time()
     session = Session(scene, control=Own(scene))
     first = session.run(20, hand_wrench=PUSH)
     assert [time for time, _ in seen] == pytest.approx(first["time"])
-    assert not first["control"].any()
+    assert not any(first[name].any() for name in (*CONTROL, "pose_error"))
     assert first["device_hand_wrench"].any()
     assert first["inverse_inertia"].any()
     position = scene.controller.position_channel.model_copy(update={"stiffness": 50.0})

@@ -8,6 +8,9 @@ from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, TWIST, WRENC
 ENERGIES = ("to_mechanism", "stored", "injected", "dissipated", "actuators")
 SCALARS = frozenset(("time", *ENERGIES, "count"))
 ONE, FORCE = Field(1), Field(6, WRENCH)
+POSE_ERROR = ("position",) * 3 + ("angle",) * 3
+# Rows of a ControlOutput, and then its pose error.
+CONTROL = ("device_command", "mechanism_command", "impedance", "joint_constraint", "four_channel")
 
 
 def run_layout(nq: int, nv: int) -> Layout:
@@ -16,7 +19,8 @@ def run_layout(nq: int, nv: int) -> Layout:
     Time, s; q and v of the mechanism; the device's sample, the wrench applied until then, and what
     its driver adds to the next one; where the simulated device really is, rotation row by row, and
     how it moves, as its state says; the operational model; wrenches of the
-    controllers, rows as in :class:`~hapticmech_ros.control.measurements.ControlOutput`; what acts
+    controllers and their pose error, see
+    :class:`~hapticmech_ros.control.measurements.ControlOutput`; what acts
     from then on, on the hand by the device and on the mechanism by the hand; what others do to the
     mechanism at the operational point; energies of the controllers and of the device, J, see
     docs/passivity.md; and the number of joint constraints reported.
@@ -37,7 +41,8 @@ def run_layout(nq: int, nv: int) -> Layout:
             "device_true_rotation": Field(9),
             "device_true_twist": Field(6, TWIST),
             **OPERATIONAL_MODEL.fields,
-            "control": Field(36, WRENCH),
+            **dict.fromkeys(CONTROL, FORCE),
+            "pose_error": Field(6, POSE_ERROR),
             "on_hand": FORCE,
             "on_mechanism": FORCE,
             "external": FORCE,
