@@ -121,14 +121,35 @@ def measured_ratios(setup: Setup, frequencies: Array, wait: int = 0) -> list[tup
     times = _times(period)
     push = multisine(times, frequencies, PUSH_N_PER_HZ * frequencies)[:, None]
     still = np.zeros((times.size, 6))
-    calm = _device(setup, still, wait), _mechanism(setup, still, wait)
+    calm = _device(setup, still, wait), mechanism_twists(setup, still, wait)
     found = []
     for direction in free_directions(Session(setup.scene, setup.point).tick().analysis):
         device = (_device(setup, push * direction, wait) - calm[0]) @ direction
-        desired = (_mechanism(setup, push * direction, wait) - calm[1]) @ direction
+        desired = (mechanism_twists(setup, push * direction, wait) - calm[1]) @ direction
         ratio = _answer(times, desired, frequencies) / _answer(times, device, frequencies)
         found.append((direction, ratio))
     return found
+
+
+def mechanism_twists(setup: Setup, pushes: Array, wait: int = 0) -> Array:
+    """Return twists (n, 6) of the operational point of the mechanism alone, world axes, m/s, rad/s.
+
+    Args:
+        setup: whose mechanism starts in its initial state.
+        pushes: (n, 6) on the operational point, each held for a period, N and N m, world axes.
+        wait: periods before the first one.
+    """
+    simulator = Simulator(setup.scene)
+    index = simulator.mechanism.point_index(setup.point)
+    state, twists = simulator.initial_state(), np.empty((len(pushes), 6))
+    wrenches = np.zeros((len(simulator.mechanism.point_names), 6))
+    for _ in range(wait):
+        state = simulator.step(state, wrenches)
+    for tick, push in enumerate(pushes):
+        twists[tick] = simulator.evaluate(state).points[index].twist
+        wrenches[index] = push
+        state = simulator.step(state, wrenches)
+    return twists
 
 
 def multisine(times: Array, frequencies: Sequence[float] | Array, sizes: Array) -> Array:
@@ -199,18 +220,3 @@ def _device(setup: Setup, pushes: Array, wait: int) -> Array:
     session = setup.session()
     session.run(wait, every=max(wait, 1))
     return np.array([session.tick(hand_wrench=push).device.twist for push in pushes])
-
-
-def _mechanism(setup: Setup, pushes: Array, wait: int) -> Array:
-    """Return twists (n, 6) of the operational point of the mechanism alone, from the same time."""
-    simulator = Simulator(setup.scene)
-    index = simulator.mechanism.point_index(setup.point)
-    state, twists = simulator.initial_state(), np.empty((len(pushes), 6))
-    wrenches = np.zeros((len(simulator.mechanism.point_names), 6))
-    for _ in range(wait):
-        state = simulator.step(state, wrenches)
-    for tick, push in enumerate(pushes):
-        twists[tick] = simulator.evaluate(state).points[index].twist
-        wrenches[index] = push
-        state = simulator.step(state, wrenches)
-    return twists

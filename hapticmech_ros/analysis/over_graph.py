@@ -1,8 +1,9 @@
 """Felt impedance over a graph of nodes, with a scripted hand and a recorded device.
 
-F_h and the twist of the same samples are fitted at the excitation's frequencies, also if a busy
-machine missed samples; their ratio is the felt admittance. The desired impedance is that of the
-mechanism's linear model.
+The twist of the device is fitted at the excitation's frequencies, also if a busy machine missed
+samples, and so is that of the mechanism alone under the same F_h, which gives the desired
+impedance: the push moves the mechanism by centimetres, so that a model linearised at its start
+would be off by some percent.
 
 The excitation has equal amplitudes at all frequencies: when a sample is missed, the device keeps an
 old command meanwhile, and changes of F_h act as noise on a light device.
@@ -16,7 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
-from hapticmech_ros.analysis.impedance import Felt, amplitudes, free_directions, multisine
+from hapticmech_ros.analysis.impedance import (
+    Felt,
+    amplitudes,
+    free_directions,
+    mechanism_twists,
+    multisine,
+)
+from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.control.felt_model import felt_model
@@ -56,26 +64,43 @@ def felt_over_graph(scene: Scene, composed: bool) -> list[Felt]:
     sample = Session(scene).tick()
     model = felt_model(scene)
     frequencies = np.array(FREQUENCIES_HZ, dtype=float)
-    desired = model.mechanism.admittance(frequencies)
     found = []
     for direction in free_directions(sample.analysis):
         with tempfile.TemporaryDirectory() as folder:
             times, forces, twists = _recorded(scene, direction, composed, Path(folder))
-        moved, pushed = (
-            amplitudes(times, one @ direction, frequencies) for one in (twists, forces)
-        )
-        felt = moved / pushed * float(direction @ direction)
-        wanted = np.einsum("i,kij,j->k", direction, desired, direction)
+        felt = _amplitudes(times, twists @ direction, frequencies)
+        every, pushes = _without_gaps(times, forces, scene.simulation.period)
+        alone = mechanism_twists(Setup(scene, "", 1), pushes)
+        wanted = _amplitudes(every, alone @ direction, frequencies)
         steady = model.ratio(direction, frequencies)
         mass = 1.0 / float(direction @ sample.analysis.inverse_inertia @ direction)
         found.append(Felt(direction, mass, frequencies, wanted / felt, steady, steady))
     return found
 
 
+def _amplitudes(times: Array, values: Array, frequencies: Array) -> Array:
+    """Return the complex amplitudes (k,) of values (n,) after settling; times from the push on."""
+    window = (times >= SETTLING_S) & (times < SETTLING_S + WINDOW_S)
+    return amplitudes(times[window], values[window], frequencies)
+
+
+def _without_gaps(times: Array, forces: Array, period: float) -> tuple[Array, Array]:
+    """Return times (m,) of every period from the push on, and F_h (m, 6), held over gaps.
+
+    Args:
+        times: (n,) s, of the samples that there are.
+        forces: (n, 6) F_h, N and N m.
+        period: s.
+    """
+    places = np.round(times / period).astype(int)
+    every = np.arange(places[-1] + 1)
+    return period * every, forces[np.searchsorted(places, every, side="right") - 1]
+
+
 def _recorded(
     scene: Scene, direction: Array, composed: bool, folder: Path
 ) -> tuple[Array, Array, Array]:
-    """Return times (n,), s, F_h and twists (n, 6) of a graph whose hand pushes."""
+    """Return times (n,), s, from the push on, F_h and twists (n, 6) of a graph."""
     period, seconds = scene.simulation.period, SETTLING_S + WINDOW_S + SPARE_S
     time = period * np.arange(round(seconds / period))
     push = multisine(time, FREQUENCIES_HZ, np.full(len(FREQUENCIES_HZ), PUSH_N))
@@ -102,11 +127,11 @@ def _samples(bag: Path, period: float) -> tuple[Array, Array, Array]:
     pushed = np.flatnonzero(np.abs(forces).max(axis=1) > 0.0)
     if pushed.size < 100:
         raise FeelGraphError("no hand wrench was recorded, or rendering was interrupted")
-    first = stamps[pushed[0]]
-    window = (stamps >= first + SETTLING_S) & (stamps < first + SETTLING_S + WINDOW_S)
-    kept = int(np.count_nonzero(window))
+    begun = slice(pushed[0], None)
+    times = stamps[begun] - stamps[pushed[0]]
+    kept = np.count_nonzero((times >= SETTLING_S) & (times < SETTLING_S + WINDOW_S))
     if kept < ENOUGH * WINDOW_S / period:
         raise FeelGraphError(
             f"machine too busy: the device kept {kept / WINDOW_S:.0f} samples per second"
         )
-    return stamps[window] - first, forces[window], twists[window]
+    return times, forces[begun], twists[begun]
