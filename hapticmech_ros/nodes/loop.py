@@ -43,9 +43,10 @@ _LEARNS = 8
 # brings messages of the lane's topics, as it did within the time below.
 LOOK_NS, LOOK_OFTEN_NS = 1_000_000, 200_000
 STRANGE_NS = NANOSECONDS // 2
-# Callbacks in one look. A call that finds nothing to do takes less than so many times the shortest.
+# Callbacks in one look, and what a call that finds nothing to do takes less than; on a slow machine
+# half as much again as the shortest of so many calls, which are more than there is to do at first.
 MOST_CALLBACKS = 32
-NOTHING = 2.5
+NOTHING_NS, FIRST_CALLS = 8_000, 64
 # Messages for people are sent while nothing else is to be done for so long, and, after a deadline,
 # not before its answer has come or so much time has passed.
 SENDS_NS, ANSWER_NS = 150_000, 400_000
@@ -102,7 +103,7 @@ class Inbox:
         self._executor = executor
         self._exchange = exchange
         self._look_ns = self._latest_ns = self._answer_ns = 0
-        self._shortest_ns = 1 << 62
+        self._nothing_ns = 0
         self._late_ns = 0
 
     def wait(self, timeout_s: float) -> None:
@@ -160,6 +161,12 @@ class Inbox:
         """Note that what was sent now may be answered soon."""
         self._answer_ns = time.monotonic_ns() + ANSWER_NS
 
+    def _take_one(self, _: int = 0) -> int:
+        """Run a callback of what the middleware has brought, if any; return its time, ns."""
+        begun = time.monotonic_ns()
+        self._executor.spin_once(timeout_sec=NO_WAIT_S)
+        return time.monotonic_ns() - begun
+
     def look(self) -> None:
         """Run the callbacks of what the middleware has brought, if it is time for that."""
         lane = self._exchange.lane
@@ -168,13 +175,14 @@ class Inbox:
         now = time.monotonic_ns()
         if now < self._look_ns:
             return
+        if not self._nothing_ns:
+            self._nothing_ns = max(
+                NOTHING_NS, 3 * min(map(self._take_one, range(FIRST_CALLS))) // 2
+            )
         for _ in range(MOST_CALLBACKS):
-            self._executor.spin_once(timeout_sec=NO_WAIT_S)
-            before, now = now, time.monotonic_ns()
-            took = now - before
-            self._shortest_ns = min(self._shortest_ns, took)
-            if took < NOTHING * self._shortest_ns:
+            if self._take_one() < self._nothing_ns:
                 break
+        now = time.monotonic_ns()
         if now - self._exchange.strange_ns < STRANGE_NS:
             self._look_ns = self._latest_ns = now + LOOK_OFTEN_NS
         else:

@@ -91,3 +91,33 @@ def test_a_message_ends_the_wait_also_while_it_looks(system: LateSystem) -> None
         system.message_ns = begun + after
         inbox.wait(0.9e-3)
         assert system.now - begun == after
+
+
+class Busy:
+    """An executor with callbacks to run, on a slow machine or a fast one."""
+
+    def __init__(self, system: LateSystem, nothing_ns: int, callback_ns: int) -> None:
+        self._system, self._nothing_ns, self._callback_ns = system, nothing_ns, callback_ns
+        self.waiting = self.calls = 0
+
+    def spin_once(self, timeout_sec: float) -> None:
+        assert timeout_sec < 0.0
+        self.calls += 1
+        self._system.now += self._callback_ns if self.waiting else self._nothing_ns
+        self.waiting = max(0, self.waiting - 1)
+
+
+@pytest.mark.parametrize(("nothing_us", "callback_us"), [(4, 9), (5, 40), (20, 45), (30, 200)])
+def test_all_that_the_middleware_has_brought_is_taken_and_nothing_more(
+    system: LateSystem, nothing_us: int, callback_us: int
+) -> None:
+    executor = Busy(system, nothing_us * US, callback_us * US)
+    inbox = Inbox(executor, system)  # type: ignore[arg-type]
+    system.strange_ns = -(1 << 62)  # type: ignore[attr-defined]
+    for waiting in (3, 0, 1, 30, 7):
+        executor.waiting = waiting
+        system.now += 10_000 * US
+        executor.calls = 0
+        inbox.look()
+        assert executor.waiting == 0
+    assert executor.calls == 8
