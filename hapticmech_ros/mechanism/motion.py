@@ -162,12 +162,16 @@ class HeldMotion:
         mechanism: that moves.
         start: of the step.
         external: constant during the step.
+        pull: Baumgarte's rate, 1/s; 0 for none.
     """
 
-    def __init__(self, mechanism: Mechanism, start: Start, external: ExternalWrenches) -> None:
+    def __init__(
+        self, mechanism: Mechanism, start: Start, external: ExternalWrenches, pull: float = 0.0
+    ) -> None:
         self._mechanism = mechanism
         self._start = start
         self._external = external
+        self._pull = pull
         self._first: Evaluation | None = None
 
     def __call__(self, q: Array, v: Array) -> Rates:
@@ -183,8 +187,13 @@ class HeldMotion:
         force = self._force(q, terms)
         power_in = float((force + terms.effort) @ v)
         power_lost = -float(terms.dissipative_force @ v)
-        acceleration, _ = terms.acceleration(force + touch)
+        acceleration, _ = self._pulled(terms, v).acceleration(force + touch)
         return Rates(acceleration, power_in, power_lost, float(touch @ v))
+
+    @property
+    def first(self) -> Evaluation:
+        """The terms at the step's start."""
+        return self._evaluate(self._start.q, self._start.v)
 
     def _evaluate(self, q: Array, v: Array) -> Evaluation:
         start = self._start
@@ -207,6 +216,14 @@ class HeldMotion:
         for link, wrench in on_links.items():
             force += wrench @ self._mechanism.link_jacobian(q, link)
         return force
+
+    def _pulled(self, terms: Evaluation, v: Array) -> Evaluation:
+        """Return the terms with W v̇ = -Ẇv - 2a W v - a² φ for W v̇ = -Ẇv."""
+        if self._pull == 0.0:
+            return terms
+        gap, speed = terms.closure_residual, terms.closure_jacobian @ v
+        pull = 2.0 * self._pull * speed + self._pull**2 * gap
+        return terms._replace(closure_bias=terms.closure_bias + pull)
 
 
 def check_external(external: ExternalWrenches, points: int, nv: int) -> None:

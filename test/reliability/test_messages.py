@@ -176,10 +176,10 @@ def test_steps_that_stay_inaccurate_are_told(graph):
     graph.run(0.02)
     well, sentence, figures = mechanism.status()
     assert not well
-    assert "inaccurate steps" in sentence
+    assert "have an energy error above" in sentence
     assert int(figures["steps_inaccurate"]) > 0
     assert int(figures["steps_refined"]) > int(figures["steps_inaccurate"])
-    told = [line for line in log[said:] if "inaccurate steps" in line[1]]
+    told = [line for line in log[said:] if "have an energy error above" in line[1]]
     assert len(told) == 1
     assert told[0][0] == "warning"
     assert mechanism.failures.count == 0
