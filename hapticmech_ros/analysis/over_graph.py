@@ -59,7 +59,7 @@ def felt_over_graph(scene: Scene, composed: bool) -> list[Felt]:
 
     Raises:
         DemoError: a node ended, or the hand never started.
-        FeelGraphError: nothing was recorded, or the device kept too few samples.
+        FeelGraphError: nothing was recorded, samples twice or out of order, or too few.
     """
     sample = Session(scene).tick()
     model = felt_model(scene)
@@ -124,6 +124,8 @@ def _samples(bag: Path, period: float) -> tuple[Array, Array, Array]:
     stamps = np.array([one.stamp_ns for one in samples], dtype=float) * 1e-9
     forces = np.array([one.measured.hand_wrench for one in samples])
     twists = np.array([one.measured.twist for one in samples])
+    if not (np.diff(stamps) > 0.0).all():
+        raise FeelGraphError("samples of the device are recorded twice, or out of order")
     pushed = np.flatnonzero(np.abs(forces).max(axis=1) > 0.0)
     if pushed.size < 100:
         raise FeelGraphError("no hand wrench was recorded, or rendering was interrupted")

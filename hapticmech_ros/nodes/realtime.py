@@ -111,7 +111,8 @@ class Realtime:
         self._request = request
         self._latency: int | None = None
         asked = request.mode != "off"
-        # In this order: the first one says how many processors there are.
+        # How many others could use: one that is pinned to a single one leaves them the rest.
+        self._cpus = len(os.sched_getaffinity(0))
         self._pinning = pin(request.cpus) if asked and request.cpus else ""
         self._scheduling = self._schedule() if asked else ""
         self._memory = lock_memory() if asked else NOT_REQUESTED
@@ -135,7 +136,7 @@ class Realtime:
             self._latency = None
 
     def _schedule(self) -> str:
-        cpus = len(os.sched_getaffinity(0))
+        cpus = self._cpus
         if self._request.mode == "on" or cpus >= ENOUGH_CPUS:
             return ask_for_real_time(self._request.priority)
         some = f"{cpus} CPU{'s' if cpus > 1 else ''}"

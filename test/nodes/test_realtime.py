@@ -163,6 +163,22 @@ print(ask_for_share())
     )
 
 
+def test_one_that_is_pinned_to_a_processor_leaves_others_the_rest(monkeypatch):
+    allowed, priorities = set(range(8)), []
+
+    def pin(cpus):
+        allowed.intersection_update(cpus)
+        return ""
+
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(allowed))
+    monkeypatch.setattr(realtime, "pin", pin)
+    monkeypatch.setattr(realtime, "ask_for_real_time", lambda p: priorities.append(p) or "")
+    monkeypatch.setattr(realtime, "lock_memory", str)
+    Realtime(Request("auto", 50, frozenset({2}))).close()
+    assert priorities == [50]
+    assert allowed == {2}
+
+
 def test_whoever_wants_nothing_changes_nothing(monkeypatch):
     def asked(*_: object) -> None:
         raise AssertionError
