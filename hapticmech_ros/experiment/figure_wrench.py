@@ -24,7 +24,8 @@ from hapticmech_ros.scene.document import Scene
 CAPTION = (
     "Fig. 5c. Virtual joint-constraint wrench on the user: by the joint-constraint controller, at "
     "the point held, axes of the world. Dashed: the wrench with which the joints balance the "
-    "hand's push, from $\\Lambda_h^{-1}$ alone{less}. Dotted: the number of constraints changes."
+    "hand's push, from $\\Lambda_h^{-1}$ alone{less}. Dotted: the number of constraints changes. "
+    "At the start springs come in over the engagement ramp."
 )
 
 

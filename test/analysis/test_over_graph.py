@@ -1,10 +1,15 @@
 """Felt impedance over a graph: what is compared where samples are missing."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 
 from hapticmech_ros import Session, load_scene
+from hapticmech_ros.analysis import over_graph
 from hapticmech_ros.analysis.impedance import amplitudes, mechanism_twists
-from hapticmech_ros.analysis.over_graph import PUSH_N, _without_gaps
+from hapticmech_ros.analysis.over_graph import PUSH_N, FeelGraphError, _without_gaps
 from hapticmech_ros.analysis.touch import Setup
 
 
@@ -28,3 +33,40 @@ def test_the_mechanism_alone_is_its_inverse_inertia_for_a_small_push():
     x = Session(scene).tick().analysis.inverse_inertia[0, 0]
     # Of damped joints, and pushed in steps of a period: within some percent.
     assert abs(moved / pushed * 2.0j * np.pi * 20.0 / x - 1.0) < 0.1
+
+
+@pytest.mark.parametrize("swapped", [(2000, 2001), (2000, 2000), (4000, 10)])
+def test_samples_out_of_order_or_twice_are_refused(monkeypatch, swapped):
+    """Fitted to the pushes of other times they would give any impedance."""
+    stamps = np.arange(6000) * 1_000_000
+
+    class Bag:
+        topics = ("/device/state",)
+
+        def __init__(self, path):
+            assert path == Path("bag")
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def serialized(self, name):
+            assert name == "/device/state"
+            return [(name, 0, number) for number in order]
+
+    def sample(number):
+        measured = SimpleNamespace(hand_wrench=np.full(6, 0.1), twist=np.zeros(6))
+        return SimpleNamespace(stamp_ns=stamps[number], measured=measured)
+
+    monkeypatch.setattr(over_graph, "BagReader", Bag)
+    monkeypatch.setattr(over_graph, "decode", lambda number: number)
+    monkeypatch.setattr(over_graph, "unpack_device", sample)
+    order = list(range(6000))
+    times, _, _ = over_graph._samples(Path("bag"), 1e-3)
+    assert len(times) == 6000
+    first, second = swapped
+    order.insert(first, second)
+    with pytest.raises(FeelGraphError, match="twice, or out of order"):
+        over_graph._samples(Path("bag"), 1e-3)
