@@ -19,6 +19,7 @@ from hapticmech_ros.errors import FileError
 # Values with its aliases and merges written out: a short text can alias its way to billions.
 VALUE_LIMIT = 200_000
 DEPTH_LIMIT = 100
+_TOO_DEEP = f"nested too deeply: at most {DEPTH_LIMIT} in each other"
 # Characters of a number.
 NUMBER_LIMIT = 400
 
@@ -70,7 +71,9 @@ def read_yaml(text: str, source: str) -> Any:
         last = text.rstrip("\n").count("\n")
         mark = error.problem_mark
         where = "file" if mark is None else _line(min(mark.line, last))
-        raise FileError(source, error.problem, "not valid YAML", where) from None
+        # LibYAML has a limit of its own since PyYAML 6.0.4, and reads ahead.
+        rule = _TOO_DEEP if "nesting" in str(error.problem) else "not valid YAML"
+        raise FileError(source, error.problem, rule, where) from None
     except (yaml.YAMLError, UnicodeError) as error:  # characters that YAML does not have
         raise FileError(source, str(error), "cannot be read as YAML") from None
     return reader.document
@@ -119,8 +122,7 @@ class _Reader:
         if tag not in (None, "!", _TAG + ("map" if isinstance(kind, dict) else "seq")):
             raise self._error(event, tag, "not valid YAML: unknown tag")
         if len(self._open) >= DEPTH_LIMIT:
-            rule = f"nested too deeply: at most {DEPTH_LIMIT} in each other"
-            raise self._error(event, len(self._open) + 1, rule)
+            raise self._error(event, len(self._open) + 1, _TOO_DEEP)
         if event.anchor is not None:
             self._anchors.pop(event.anchor, None)
         self._open.append(_Open(event.anchor, kind))

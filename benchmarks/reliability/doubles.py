@@ -28,8 +28,9 @@ from hapticmech_ros.wire.topic import MECHANISM as MECHANISM_NODE
 PART = "doubles"
 TRIALS, QUICK_TRIALS = 50, 2
 STAYS_S, JOINS_WITHIN_S = 1.5, 20.0
-# A log line is with the watcher by then, ns.
+# A log line is with the watcher by then, ns; and what it says of two.
 LOGGED_NS = 2_000_000
+SECOND = "more than one publisher"
 # A publisher counts its messages up, and reliable subscribers get them in order.
 NEWER_BY = 16
 # N and N m, far from what the scene's gains command. A commander that is alone holds the device:
@@ -217,19 +218,38 @@ def _to_the_device(firsts: Sequence[int], heard_ns: np.ndarray) -> int | None:
 
 
 def _cause(rig: Rig, kind: Kind, since: int, asked_ns: int, first_ns: int | None) -> int:
-    """Return when the newcomer was first heard; if never, when force ended, or it was asked.
-
-    The node that has to act may meet the newcomer up to a second after the watcher did. It says so
-    in the callback of the first message that it hears.
-    """
-    names = (kind.name, kind.original)
+    """Return when the newcomer was first heard; if never, when force ended, or it was asked."""
     logs = [event for event in rig.said(asked_ns) if event["by"] == "log"]
-    told = [event["at_ns"] - LOGGED_NS for event in logs if _names(event["text"], names)]
-    known = [at_ns for at_ns in (first_ns, min(told, default=None)) if at_ns is not None]
-    if known:
-        return max(known)
+    # The middleware may not know the newcomer's name yet.
+    told = [event["at_ns"] - LOGGED_NS for event in logs if SECOND in event["text"]]
     found = rig.samples(since, *kind.outputs)
     found = found[found["arrived_ns"] > asked_ns]
+    return first_heard(first_ns, told, found["arrived_ns"], pushing(found), asked_ns)
+
+
+def first_heard(
+    first_ns: int | None, told: Sequence[int], arrived: np.ndarray, on: np.ndarray, asked_ns: int
+) -> int:
+    """Return when the node that has to act first heard a newcomer, ns.
+
+    It may meet the newcomer up to a second after the watcher did, and says so in the callback of
+    the first message that it hears. What was told while there was force still, before the watcher
+    met the newcomer, was about another one, which had left.
+
+    Args:
+        first_ns: when the watcher met it; None if it never did.
+        told: when nodes said that there are two.
+        arrived: (n,) when the device's outputs arrived.
+        on: (n,) whether they have force.
+        asked_ns: when the newcomer was started.
+    """
+    if first_ns is not None:
+        before = np.flatnonzero(arrived < first_ns)
+        pushed = bool(before.size and on[before[-1]])
+        later = [at_ns for at_ns in told if at_ns > first_ns]
+        return min(later) if pushed and later else first_ns
+    if told:
+        return min(told)
     # The start of a process may have interrupted rendering before.
-    off = found["arrived_ns"][1:][~pushing(found[1:]) & pushing(found[:-1])]
+    off = arrived[1:][~on[1:] & on[:-1]]
     return int(off[-1]) if off.size else asked_ns

@@ -359,16 +359,16 @@ class ClockedActor(Actor[P]):
             clock.due(clock.next_ns)
             self.failures.run("tick", self.tick, 1, clock.last_deadline_ns)
 
-    def times(self, periods: int, deadline_ns: int) -> Iterator[int]:
-        """Yield the time, ns, of each step to make for a deadline, those first that are caught up.
+    def steps(self, periods: int, deadline_ns: int) -> Iterator[tuple[int, int]]:
+        """Yield (ns) by when what acts over each step has come, and when it must not have run out.
 
-        The last one is made now, with all that has come by now; in lockstep, at its deadline.
+        Before the step, as with a driver that reads and writes once in a period; its end, or now.
         """
         now = deadline_ns if self.lockstep else max(deadline_ns, self.now_ns())
         steps = self.backlog.steps(periods)
-        for behind in reversed(range(steps)):
-            lag = self.backlog.owed + behind
-            yield deadline_ns - lag * self.period_ns if lag else now
+        for lag in reversed(range(self.backlog.owed, self.backlog.owed + steps)):
+            end = deadline_ns - lag * self.period_ns
+            yield end - self.period_ns - 1, end if lag else now
 
     @property
     def period_ns(self) -> int:

@@ -47,13 +47,16 @@ class Answers(InOrder):
         well = not self.obeys or self._loop.can_correct(self.answered_ns, now_ns)
         return "" if well else "local_feedback_gain is lost"
 
-    def begin(self, now_ns: int) -> bool:
-        """Return whether to obey from now on, or already.
+    def begin(self, answered_ns: int, now_ns: int) -> bool:
+        """Return whether to obey a command from now on, or already.
 
         What answers a sample from before the device let go was meant for a hand that was held.
         Commands that answer no sample are those of somebody who closes no loop.
+
+        Args:
+            answered_ns: stamp of the sample that it answers, ns.
+            now_ns: present time, ns.
         """
-        answered_ns = self.answered_ns
         late = answered_ns <= self._let_go_ns and self._loop.remembers(answered_ns)
         if not (self.obeys or late) and self._loop.can_correct(answered_ns, now_ns):
             self.obeys = True

@@ -153,8 +153,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             # Now, and not once all that was missed has been caught up.
             self._lose("servo_cf is lost")
         if self._ticks or not self.lockstep:
-            for time_ns in self.times(periods, deadline_ns):
-                self._move(self._standing_command(time_ns))
+            for known_ns, now_ns in self.steps(periods, deadline_ns):
+                self._move(self._standing_command(known_ns, now_ns))
             if not self.backlog.owed:
                 self._command.sampled()
         self._push = NO_WRENCH if self._hand is None else self._hand.at(deadline_ns)
@@ -204,8 +204,11 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             },
         )
 
-    def _standing_command(self, now_ns: int) -> Array | None:
-        """Return servo_cf, or None when it is stale; the hand takes hold and lets go with it."""
+    def _standing_command(self, known_ns: int, now_ns: int) -> Array | None:
+        """Return what acts over a step; None if nothing does, or it is stale.
+
+        The hand takes hold and lets go with it. Arguments as :meth:`steps` yields them.
+        """
         fault = self._guard.fault(now_ns)
         if self.lockstep:
             answer = self._answer_of(self.answered_ns(now_ns)) if self._ticks >= 2 else NO_WRENCH
@@ -213,15 +216,18 @@ class HapticDevice(ClockedActor[DeviceParameters]):
                 self._side.envelope.stop()
                 return None
             return self._safe(answer)
-        stands, heard_ns = self._command.as_of(now_ns)
+        heard_ns = self._command.as_of(now_ns)[1]
         fresh = now_ns - heard_ns <= self.timeout_ns
         lost = fault or ("servo_cf is lost" if not fresh else self._answers.lost(now_ns))
-        if stands is None or lost:
+        if lost:
             self._lose(lost)
             return None
-        if not self._answers.begin(now_ns):
+        acting, heard_ns = self._command.as_of(known_ns)
+        if acting is None or known_ns - heard_ns > self.timeout_ns:
+            return None  # what came anew acts from the next step on
+        command, answered_ns = acting
+        if not self._answers.begin(answered_ns, now_ns):
             return None
-        command, answered_ns = stands
         if self._held is None and not self._wait_for_start:
             self._held = self._state
             self._ticks_held = 0

@@ -39,8 +39,9 @@ class Latest(Generic[T]):
 class Standing(Latest[T]):
     """A command, and the one before it that stood at the last sample.
 
-    Samples that are caught up after a stall come before what was received after it: for them the
-    command of the time counts, which may have run out meanwhile.
+    Over a period acts what was known before it began. Samples that are caught up after a stall come
+    before what was received after it: for them, too, the command of the time counts, which may have
+    run out meanwhile.
     """
 
     _before: T | None = None

@@ -50,7 +50,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     name = "mechanism_simulator"
     parameters_type = MechanismParameters
     # Half a period after the device, so that a command computed from the device's measurement has
-    # arrived when the mechanism steps.
+    # arrived when the mechanism's next step begins.
     phase = 0.5
 
     def __init__(self, node: Host, parameters: MechanismParameters) -> None:
@@ -149,8 +149,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if self._last_valid.rests(deadline_ns, self.activate):
             return
         if self._ticks or not self.lockstep:
-            for time_ns in self.times(periods, deadline_ns):
-                self._commands = self._commanded(time_ns)
+            for known_ns, _ in self.steps(periods, deadline_ns):
+                self._commands = self._commanded(known_ns, deadline_ns)
                 self._move()
             if not self.backlog.owed:
                 for port in self._ports:
@@ -161,8 +161,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def _publish(self, deadline_ns: int) -> None:
         state, external = self._state, self._by_all()
         self._sampled_ns = deadline_ns
-        lockstep = self.lockstep
-        heard = tuple([lockstep or port.heard(deadline_ns) for port in self._ports])
+        lockstep, late = self.lockstep, self._is_behind
+        heard = tuple([lockstep or (not late and port.heard(deadline_ns)) for port in self._ports])
         wire = WireState(
             deadline_ns, state.active, state.q, state.v, external, self._grasps.numbers, heard
         )
@@ -173,6 +173,14 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if self._ticks % self.view_every == 0:
             self._publish_view(self._simulator.evaluate(state), external, deadline_ns)
         self._ticks += 1
+
+    @property
+    def _is_behind(self) -> bool:
+        """Whether it owes more periods than a command may be silent, after a stall.
+
+        It then moves several periods in one: nobody is to hold it meanwhile.
+        """
+        return self.backlog.owed * self.period_ns > nanoseconds(self.parameters.command_timeout)
 
     def _by_all(self) -> Array:
         """Return F_c (points, 6): what pushes at operational points, and virtual objects' part."""
@@ -233,12 +241,17 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             f"({account.surplus:.3g} J in all): shorten the period, or add substeps"
         )
 
-    def _commanded(self, deadline_ns: int) -> Array:
-        """Return the wrench (points, 6) by the controllers that acts until a deadline."""
+    def _commanded(self, known_ns: int, deadline_ns: int) -> Array:
+        """Return the wrench (points, 6) by the controllers that acts over a step.
+
+        Args:
+            known_ns: as of when, ns.
+            deadline_ns: in lockstep, of the step.
+        """
         if not self.lockstep:
             commands = self._commands
             for index, port in enumerate(self._ports):
-                commands[index] = port.command.at(deadline_ns)
+                commands[index] = port.command.at(known_ns)
             return commands
         wrenches = np.zeros_like(self._external)
         if self._ticks >= 2:

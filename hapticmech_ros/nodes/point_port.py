@@ -87,6 +87,7 @@ class PointPort:
             now_ns: the time of the mechanism's last sample.
         """
         self._since_ns = now_ns
+        self.command.clear()
         self.command.put(np.zeros(6), now_ns)
 
     @property

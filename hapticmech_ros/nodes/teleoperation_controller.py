@@ -24,7 +24,7 @@ from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS
 from hapticmech_ros.wire.readings import (
     OperationalModelReading,
@@ -34,7 +34,7 @@ from hapticmech_ros.wire.readings import (
 )
 from hapticmech_ros.wire.topics import DEVICE_STATE, POINT_COMMAND, POINT_MODEL
 
-# The point's pose is carried on by its twist to the time of the device's measurement, by no more
+# The point's pose is carried on by its twist over periods that the analysis has missed, by no more
 # than this: beyond it the twist says nothing.
 PREDICTION_LIMIT_S = 0.005
 # After the last answers' stamps, which may be later than their samples' by up to a microsecond.
@@ -189,7 +189,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         ]
         model = self._model.value
         if not silent and model is not None and not model.commanded:
-            silent.append(POINT_COMMAND.of(self.point) + " to reach the mechanism")
+            silent.append(POINT_COMMAND.of(self.point) + " to act on the mechanism")
         engaged = self._clutch is not None and not silent and not fault
         lacks = ", ".join(silent) or "a device"
         sentence = (
@@ -262,7 +262,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._disengage_for([DEVICE_STATE.name])
         if not model.commanded:
             # The mechanism does not hear us (yet): the device is left alone until it does.
-            self._disengage_for([POINT_COMMAND.of(self.point) + " (not received by the mechanism)"])
+            self._disengage_for([POINT_COMMAND.of(self.point) + " (not acted on by the mechanism)"])
             self._outputs.mechanism(NO_WRENCH, stamp)
             return
         self._answer_to(device, model, stamp, now_ns)
@@ -278,7 +278,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         if now_ns - self._last_ns > self.timeout_ns:
             lost.append(DEVICE_STATE.name)
         if not model.commanded:
-            lost.append(POINT_COMMAND.of(self.point) + " (not received by the mechanism)")
+            lost.append(POINT_COMMAND.of(self.point) + " (not acted on by the mechanism)")
             self._outputs.mechanism(NO_WRENCH, model.stamp_ns)
         if lost:
             self._disengage_for(lost)
@@ -290,8 +290,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     ) -> None:
         paced = self._path.paced and not self.lockstep
         # Over a network there is no common time; what is compared is what is known now.
-        ahead = 0.0 if paced else (stamp - model.stamp_ns) / NANOSECONDS
-        ahead = min(max(ahead, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
+        ahead = 0.0 if paced else self._ahead(stamp - model.stamp_ns)
         operational_model = model.operational_model
         time_s = self._time_s(now_ns)
         clutch = self._clutch
@@ -326,6 +325,19 @@ class TeleoperationController(Actor[ControllerParameters]):
         """The device's wrench (6,) as it was answered last."""
         last = self._side.last
         return NO_WRENCH if last is None else last.wrenches[0]
+
+    def _ahead(self, apart_ns: int) -> float:
+        """Return by how many whole periods (s) the mechanism's state is older than a sample.
+
+        Both are compared after equally many periods under equal wrenches. Less than a period is
+        what their ticks are apart, and no delay: in the middle of the device's periods the
+        mechanism begins what the device has begun half a period before.
+
+        Args:
+            apart_ns: from the time of the state to that of the sample, ns.
+        """
+        ahead = apart_ns // nanoseconds(self.period_s) * self.period_s
+        return min(max(ahead, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
 
     def _elapsed(self, stamp_ns: int) -> float:
         """Return how long (s) it is from the last rendering to this one, in whole periods."""

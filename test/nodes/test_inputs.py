@@ -55,3 +55,25 @@ def test_what_ran_out_during_a_stall_is_told_once_and_counts_no_more() -> None:
     # Not even for the time when it still stood.
     assert command.as_of(11 * MS)[0] is None
     assert command.as_of(100 * MS) == ("after", 100 * MS)
+
+
+def test_over_a_period_acts_what_was_known_before_it_began() -> None:
+    command: Standing[str] = Standing()
+    command.put("first", 9 * MS)
+    assert command.as_of(10 * MS - 1) == ("first", 9 * MS)
+    command.sampled()
+    command.put("with the tick", 10 * MS)
+    command.put("after the tick", 10 * MS + 300)
+    assert command.as_of(10 * MS - 1) == ("first", 9 * MS)
+    command.sampled()
+    assert command.as_of(11 * MS - 1) == ("after the tick", 10 * MS + 300)
+
+
+def test_what_had_run_out_when_a_period_began_does_not_act_again_with_news() -> None:
+    wrench = ExpiringWrench(timeout_ns=5 * MS, ramp_ns=10 * MS)
+    wrench.put(PUSH, 9 * MS)
+    wrench.sampled()
+    wrench.put(2.0 * PUSH, 40 * MS + 300)
+    assert not wrench.at(40 * MS - 1).any()
+    wrench.sampled()
+    assert np.array_equal(wrench.at(41 * MS - 1), 2.0 * PUSH)

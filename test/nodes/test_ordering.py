@@ -111,24 +111,24 @@ def test_a_device_times_the_answers_to_its_own_samples():
 def test_what_answers_a_sample_from_before_the_device_let_go_is_not_obeyed():
     _, answers = device(200)
     answers.is_next(50 * MS, 80 * MS)
-    assert answers.begin(0)
+    assert answers.begin(answers.answered_ns, 0)
     answers.let_go(90 * MS)
     assert not answers.obeys
     for stamp in (60, 90):
         answers.is_next(stamp * MS, (stamp + 40) * MS)
-        assert not answers.begin(0)
+        assert not answers.begin(answers.answered_ns, 0)
     answers.let_go(100 * MS)  # it does nothing anyway: the time of letting go stays
     answers.is_next(91 * MS, 131 * MS)
-    assert answers.begin(0)
+    assert answers.begin(answers.answered_ns, 0)
 
 
 def test_who_answers_no_sample_is_obeyed_again_at_once():
     _, answers = device(10)
     answers.is_next(50 * MS + 7, 50 * MS + 8)
-    assert answers.begin(0)
+    assert answers.begin(answers.answered_ns, 0)
     answers.let_go(70 * MS)
     answers.is_next(60 * MS + 7, 71 * MS)
-    assert answers.begin(0)
+    assert answers.begin(answers.answered_ns, 0)
 
 
 def test_over_a_network_nothing_is_obeyed_that_lacks_its_correction():
@@ -137,10 +137,10 @@ def test_over_a_network_nothing_is_obeyed_that_lacks_its_correction():
         loop.measured(np.zeros(19), number * MS)
     answers = Answers(loop)
     answers.is_next(50 * MS, 60 * MS)
-    assert not answers.begin(60 * MS)
+    assert not answers.begin(answers.answered_ns, 60 * MS)
     none = np.zeros(108)
     loop.take(pack_gain(LocalFeedbackGain(50 * MS, 50 * MS, 0.0, none)), 61 * MS, lockstep=False)
-    assert answers.begin(62 * MS)
+    assert answers.begin(answers.answered_ns, 62 * MS)
     assert answers.lost(62 * MS) == ""
     assert answers.lost(61 * MS + FRESH_NS + 1) == "local_feedback_gain is lost"
     # What answers no sample needs none: nobody closes a loop with it.

@@ -367,3 +367,25 @@ def test_thousands_of_hostile_messages(tmp_path: Path):
     figures = run_in_process(2_000, tmp_path, ["five_bar"])
     broken = [figure for figure in figures if not figure.kept]
     assert not broken, (broken, (tmp_path / "messages_in_process.txt").read_text())
+
+
+@pytest.mark.parametrize("stall_ms", [30, 120, 500, 1500])
+def test_a_mechanism_that_stood_still_and_catches_up_is_held_by_nobody_meanwhile(stall_ms):
+    """It moves by several periods in one then: held, it pulled with twice the hand's force."""
+    graph = FakeGraph("five_bar", actors=FOUR)
+    graph.run(0.01)
+    mechanism, forces = graph.hosts[MECHANISM], []
+
+    def run(ms, standing=False):
+        mechanism.active = not standing
+        for _ in range(2 * ms):
+            graph.tick()
+            forces.append(np.linalg.norm(applied_in(graph.last["/device/state"])[:3]))
+
+    run(1000)
+    before = max(forces)
+    run(stall_ms, standing=True)
+    run(1000)
+    assert well(graph)
+    assert forces[-1] > 0.4
+    assert max(forces) < 1.15 * max(before, 0.5)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.reliability.doubles import first_heard
 from benchmarks.reliability.sample import CAPACITY, COMMAND, DEVICE, SAMPLE, Ring
 from benchmarks.reliability.trial import Fault, Seen, Trial, seen, summarised
 
@@ -190,3 +191,30 @@ def test_a_ring_gives_back_what_was_put_into_it_since(tmp_path: Path) -> None:
         ring._count[0] = CAPACITY + 3
     assert len(read.since(0)) == CAPACITY
     assert read.since(CAPACITY)["arrived_ns"].tolist() == [0, 1, 2]
+
+
+def test_a_newcomer_counts_from_when_the_node_that_acts_heard_it() -> None:
+    arrived = MS * np.arange(1000)
+    on = np.ones(1000, dtype=bool)
+    # The watcher met it at 500 ms, the device at 590.
+    on[592:] = False
+    assert first_heard(500 * MS, [590 * MS, 650 * MS], arrived, on, 0) == 590 * MS
+    # What was told at 100 ms was about one that had left.
+    assert first_heard(500 * MS, [100 * MS, 590 * MS], arrived, on, 0) == 590 * MS
+    # Nobody says that there are two: force lasts since the first message.
+    assert first_heard(500 * MS, [], arrived, on, 0) == 500 * MS
+    assert first_heard(500 * MS, [100 * MS], arrived, on, 0) == 500 * MS
+
+
+def test_a_newcomer_that_others_heard_before_the_watcher_counts_from_the_watchers_time() -> None:
+    arrived = MS * np.arange(1000)
+    on = arrived < 400 * MS
+    assert first_heard(500 * MS, [398 * MS, 600 * MS], arrived, on, 0) == 500 * MS
+
+
+def test_a_newcomer_that_never_speaks_counts_from_when_force_ended() -> None:
+    arrived = MS * np.arange(1000)
+    on = (arrived < 300 * MS) | ((arrived > 310 * MS) & (arrived < 700 * MS))
+    assert first_heard(None, [698 * MS], arrived, on, 0) == 698 * MS
+    assert first_heard(None, [], arrived, on, 0) == 700 * MS
+    assert first_heard(None, [], arrived, np.zeros(1000, dtype=bool), 7) == 7
