@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,10 @@ _PERIOD, _SLACK = CONTROLLER_ACCOUNT.starts("period", "slack")
 _MOVING, _STRETCHED = CONTROLLER_ACCOUNT.starts("twist_known", "error_known")
 
 
+# Commands to the mechanism that are remembered, for states of it that are late.
+REMEMBERED = 16
+
+
 class ControllerInput(NamedTuple):
     """What is known at a sample's time.
 
@@ -39,7 +44,7 @@ class ControllerInput(NamedTuple):
         stamp_ns: of the device's sample.
         device: (19,) that sample, see :mod:`~hapticmech_ros.control.flat`.
         operational_model: (139,) analysis and operational point.
-        ahead: s, from the time of ``operational_model`` to that of ``device``.
+        ahead: s, by how many whole periods ``operational_model`` is later than it should be.
         elapsed: s, since the last ``operational_model``.
     """
 
@@ -144,6 +149,7 @@ class RenderingController:
             self.account = before.account
         self.account[_HEARD] = 0.0
         self.queue = np.zeros((delay, 6))
+        self._told: deque[Array] = deque(maxlen=REMEMBERED)
         self.held_elsewhere()
         self.last: ControllerCommand | None = None
         self._locality = np.zeros(3)
@@ -224,6 +230,7 @@ class RenderingController:
         last = self._nothing if self.last is None else self.last.numbers
         told = np.empty((2, 6))
         command_mechanism(self.account, self.queue, last, told)
+        self._told.appendleft(told[0])
         return told[0], told[1]
 
     def held_elsewhere(self) -> None:
@@ -232,6 +239,7 @@ class RenderingController:
         Springs and motion begin anew there; what has flowed stays in the account.
         """
         self.queue[:] = 0.0
+        self._told.clear()
         self.account[_ACTING] = 0.0
         self.account[_MOVING] = self.account[_STRETCHED] = 0.0
 
@@ -245,9 +253,10 @@ class RenderingController:
     ) -> ControllerCommand:
         control, time, operational_model = self.control, inputs.time, inputs.operational_model
         numbers = np.zeros(ANSWER.size)
+        queue, ahead = self._queue_of(inputs.ahead, locality)
         if control.answers_in_python:
-            flying = self.in_flight() if locality[0] != 0.0 else None
-            found = control.answer(time, clutch, device, operational_model, inputs.ahead, flying)
+            flying = self._in_flight(queue) if locality[0] != 0.0 else None
+            found = control.answer(time, clutch, device, operational_model, ahead, flying)
             numbers[_WRENCHES] = found.ravel()
             settings = control.settings_at(time, clutch)
             account_for_answer(
@@ -255,12 +264,38 @@ class RenderingController:
             )
         else:
             settings = control.settings_at(time, clutch)
-            carried, ahead = control.carried_at(time, clutch), inputs.ahead
-            known = (settings, carried, self.queue, device, operational_model, time, ahead)
+            carried = control.carried_at(time, clutch)
+            known = (settings, carried, queue, device, operational_model, time, ahead)
             answer_sample(self.account, *known, locality, numbers)
         return ControllerCommand(numbers, stamp_ns)
 
     def in_flight(self) -> InFlight | None:
         """Return what the mechanism was told, and a device that corrects commands has done."""
-        delay, period = len(self.queue), float(self.account[_PERIOD])
-        return InFlight(delay * period, period * self.queue.sum(axis=0)) if delay else None
+        return self._in_flight(self.queue)
+
+    def _in_flight(self, queue: Array) -> InFlight | None:
+        delay, period = len(queue), float(self.account[_PERIOD])
+        return InFlight(delay * period, period * queue.sum(axis=0)) if delay else None
+
+    def _queue_of(self, ahead: float, locality: Array) -> tuple[Array, float]:
+        """Return what a state of the mechanism has not been moved by yet, and the rest of ahead.
+
+        A state that is late by n periods lacks n commands more than others do.
+
+        Args:
+            ahead: s, as of the inputs.
+            locality: (3,) what the device closes; only beside a force channel this matters.
+
+        Returns:
+            (n, 6) commands, N and N m, world axes; and s.
+        """
+        if ahead == 0.0 or locality[0] == 0.0:
+            return self.queue, ahead
+        period = float(self.account[_PERIOD])
+        number = len(self.queue) + round(ahead / period)
+        if number <= 0:
+            return np.zeros((0, 6)), number * period
+        queue = np.zeros((number, 6))
+        known = list(self._told)[:number]
+        queue[: len(known)] = known
+        return queue, 0.0
