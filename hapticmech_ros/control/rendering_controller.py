@@ -296,6 +296,6 @@ class RenderingController:
         if number <= 0:
             return np.zeros((0, 6)), number * period
         queue = np.zeros((number, 6))
-        known = list(self._told)[:number]
-        queue[: len(known)] = known
+        for row, told in zip(queue, self._told, strict=False):
+            row[:] = told
         return queue, 0.0

@@ -59,3 +59,4 @@ def test_a_state_that_is_newer_than_its_sample_lacks_none():
 def test_what_was_not_told_yet_is_missing_nowhere():
     assert np.isfinite(answers(1, late=5.0 * PERIOD, known=2)).all()
     assert np.array_equal(answers(1, late=PERIOD, known=2), answers(2, known=2))
+    assert np.array_equal(answers(1, late=PERIOD, known=1), answers(2, known=1))
