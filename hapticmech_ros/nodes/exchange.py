@@ -197,12 +197,18 @@ class Exchange:
         self._delivering = False
         self._outlets = 0
 
-    def join_lane(self, environment: Mapping[str, str]) -> None:
-        """Have a lane to other processes from now on, or say in ``refusal`` why not."""
+    def join_lane(self, environment: Mapping[str, str], timed: bool = False) -> None:
+        """Have a lane to other processes from now on, or say in ``refusal`` why not.
+
+        Args:
+            environment: of this process.
+            timed: whether origins are to say when a message was sent.
+        """
         if self.lane is not None or self.refusal:
             return
         try:
             self.lane = Lane.open(environment)
+            self.lane.timed = timed
         except LaneError as error:
             self.refusal = str(error)
 

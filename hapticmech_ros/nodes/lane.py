@@ -13,6 +13,7 @@ import select
 import socket
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -68,6 +69,7 @@ class Lane:
         folder: where processes meet; this user's alone.
 
     Attributes:
+        timed: whether origins say when a message was sent, from processes that come from then on.
         refused: connections of other users, and messages that broke the rules.
         copied: topic and message of all that came and the middleware brings too; for whoever
             collects to take.
@@ -77,6 +79,7 @@ class Lane:
     """
 
     def __init__(self, folder: Path) -> None:
+        self.timed = False
         self.refused = 0
         self.copied: list[tuple[str, bytes]] = []
         self._folder = folder
@@ -124,12 +127,9 @@ class Lane:
         for incoming in list(self._incoming.values()):
             self._close_incoming(incoming)
         self._listening.close()
-        try:
+        with suppress(OSError):  # others may still be there
             (self._folder / self._name).unlink()
             self._folder.rmdir()
-        except OSError:
-            # Others are still there.
-            pass
 
     @property
     def linked(self) -> bool:
@@ -220,6 +220,8 @@ class Lane:
                 self._read_topics(outgoing)
             else:
                 self._accept()
+        if self.timed:
+            found.sort(key=lambda one: one.origin.sent_ns)
         return found
 
     def look(self) -> None:
@@ -285,7 +287,8 @@ class Lane:
             return
         connection.setblocking(False)
         if self._is_ours(connection):
-            incoming = self._incoming[connection.fileno()] = Incoming(connection, self._next_serial)
+            incoming = Incoming(connection, self._next_serial, self.timed)
+            self._incoming[connection.fileno()] = incoming
             self._next_serial += 1
             self._wait_for_all()
             self._tell(incoming)
@@ -339,7 +342,7 @@ class Lane:
         size, frame = HEADER.size, self._frame
         while True:
             try:
-                length = incoming.connection.recv_into(frame)
+                length, sent_ns = incoming.receive(frame)
             except BlockingIOError:
                 return
             except OSError:
@@ -356,7 +359,8 @@ class Lane:
             if heard is None:
                 # Of before it was silenced.
                 continue
-            origin, message = Origin(base | outlet, number, count), bytes(frame[size:length])
+            origin = Origin(base | outlet, number, count, sent_ns)
+            message = bytes(frame[size:length])
             if both:
                 self.copied.append((heard.topic, message))
             for listener in heard.listeners:

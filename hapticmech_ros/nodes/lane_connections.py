@@ -43,6 +43,10 @@ MOST_CODES = 1 << 16
 _VERSION = 2
 _BACKLOG = 64
 _CREDENTIALS = struct.Struct("3i")
+# By which Linux is asked when a message was sent, and how it tells: Python has no names for these.
+_SO_TIMESTAMPNS = 35
+_TIME = struct.Struct("qq")
+_TOLD_BYTES = socket.CMSG_SPACE(_TIME.size)
 
 
 class BrokenRuleError(Exception):
@@ -157,15 +161,39 @@ class Incoming:
     Args:
         connection: to it.
         serial: number of the connection in this process.
+        timed: whether to ask the system when each message was sent.
 
     Attributes:
         told: which version of what is heard here it knows.
     """
 
-    def __init__(self, connection: socket.socket, serial: int) -> None:
+    def __init__(self, connection: socket.socket, serial: int, timed: bool = False) -> None:
         self.connection = connection
         self.serial = serial
         self.told = -1
+        self._timed = timed
+        if timed:
+            connection.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+
+    def receive(self, frame: memoryview) -> tuple[int, int]:
+        """Receive a message.
+
+        Returns:
+            Its length in bytes, 0 if the connection is closed, and when it was sent, ns of the
+            machine's clock, or 0 if that was not asked for.
+
+        Raises:
+            BlockingIOError: there is none.
+            OSError: the connection is gone.
+        """
+        if not self._timed:
+            return self.connection.recv_into(frame), 0
+        length, told, _, _ = self.connection.recvmsg_into([frame], _TOLD_BYTES)
+        for level, kind, data in told:
+            if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS):
+                seconds, nanoseconds = _TIME.unpack_from(data)
+                return length, int(seconds * NANOSECONDS + nanoseconds)
+        return length, time.time_ns()
 
     def tell(self, topics: Sequence[tuple[str, int, int, bool]], version: int) -> None:
         """Tell it what is heard here, unless it knows: another time if its socket is full.

@@ -47,6 +47,9 @@ STRANGE_NS = NANOSECONDS // 2
 # half as much again as the shortest of so many calls, which are more than there is to do at first.
 MOST_CALLBACKS = 32
 NOTHING_NS, FIRST_CALLS = 8_000, 64
+# Who answers nobody takes what has come so often, s: to wake up for each message would take as much
+# of a processor again, and keep those waiting who answer.
+GATHER_S = 0.005
 # Messages for people are sent while nothing else is to be done for so long, and, after a deadline,
 # not before its answer has come or so much time has passed.
 SENDS_NS, ANSWER_NS = 150_000, 400_000
@@ -141,6 +144,19 @@ class Inbox:
         if exchange.is_waiting:
             self._answer_ns = 0
             exchange.deliver()
+
+    def gather(self) -> None:
+        """Let messages come for :data:`GATHER_S`, and hand on all that have."""
+        exchange = self._exchange
+        lane = exchange.lane
+        if lane is None or not lane.linked:
+            self.wait(LONGEST_WAIT_S)
+            return
+        time.sleep(GATHER_S)
+        lane.look()
+        exchange.collect(whole=True)
+        exchange.deliver()
+        self.look()
 
     def _collect_until(self, deadline: int, now: int) -> None:
         """Let messages come until a deadline, ns, which is met to some microseconds."""

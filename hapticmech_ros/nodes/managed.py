@@ -16,6 +16,7 @@ from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, as_ours
+from hapticmech_ros.nodes.acknowledged import wait_until_acknowledged
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.hosted_parameters import HostedParameters
@@ -276,6 +277,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         """Deactivate if active; what remains is destroyed with the node."""
         if self.active:
             self.trigger_deactivate()
+        wait_until_acknowledged(self._kept)
 
     def _stop(self) -> None:
         if self.active and self.actor is not None:
@@ -288,6 +290,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             self._jumps = None
 
     def _release(self) -> None:
+        wait_until_acknowledged(self._kept)
         for topic, listener, kind in self._listeners:
             self.exchange.silence(topic, listener, kind)
         self._listeners.clear()

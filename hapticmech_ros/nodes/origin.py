@@ -19,11 +19,13 @@ class Origin(NamedTuple):
             for in this process.
         number: by which its publisher counts what it sends through the middleware.
         sent: by which it counts what it sends over the lane; 0: it came another way.
+        sent_ns: when it was sent over the lane, ns of the machine's clock; 0: nobody asked for it.
     """
 
     via: int
     number: int
     sent: int = 0
+    sent_ns: int = 0
 
 
 INSIDE = Origin(WITHIN, 0)

@@ -25,8 +25,9 @@ from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.child import write_progress
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, Inbox, StopRequest
+from hapticmech_ros.nodes.loop import Inbox, StopRequest
 from hapticmech_ros.nodes.message_class import message_class
+from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.origin import Origin
 from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
@@ -68,25 +69,23 @@ class RecorderNode(QuietEventsNode):
         qos = LATCHED if topic.qos == "latched" else RECORDER_SUBSCRIBER
         kind = message_class(topic.type)
 
-        def write(data: bytes) -> None:
-            now = time.time_ns()
-            self._writer.write(name, now, data)
+        def write(data: bytes, time_ns: int) -> None:
+            self._writer.write(name, time_ns, data)
             self.messages += 1
             self._silent.discard(name)
             if name == self._watched and self.started_ns is None:
-                self._look_for_start(data, now)
+                self._look_for_start(data, time_ns)
 
         def handed(data: bytes, origin: Origin) -> None:
-            del origin
-            write(data)
+            write(data, origin.sent_ns or time.time_ns())
 
         had = self._exchange.listen(name, handed, kind.__name__, every=True)
 
-        def callback(data: bytes) -> None:
+        def callback(data: bytes, info: Info) -> None:
             if not had(data):
-                write(data)
+                write(data, int(info["received_timestamp"]) or time.time_ns())
 
-        self.create_subscription(kind, name, callback, qos, raw=True)
+        self.create_subscription(kind, name, WithInfo(callback), qos, raw=True)
 
     def start_hand_when_ready(self) -> None:
         """Let the hand start once every topic of the graph has been heard."""
@@ -118,7 +117,7 @@ def main(arguments: Sequence[str]) -> int:
     exchange = Exchange()
     try:
         point = load_scene(options.scene).operational_point().name
-        exchange.join_lane(os.environ)
+        exchange.join_lane(os.environ, timed=True)
         with BagWriter(options.out, options.storage) as writer:
             node = RecorderNode(writer, point, exchange)
             failure = _record_until_done(node, exchange, stop, options)
@@ -150,8 +149,7 @@ def _record_until_done(
     begun = time.monotonic()
     started = last_told = 0.0
     while rclpy.ok() and not stop.asked:
-        inbox.wait(LONGEST_WAIT_S)
-        inbox.look()
+        inbox.gather()
         now = time.monotonic()
         if node.started_ns is None:
             node.start_hand_when_ready()

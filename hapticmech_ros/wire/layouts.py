@@ -96,7 +96,7 @@ class OperationalModelMessage:
         s: (t,) sqrt(μ), descending.
         model: what the controllers use of the analysis.
         point: the operational point's pose, twist and contact wrench at the same time.
-        commanded: whether the mechanism heard the controller's commands then.
+        commanded: whether the mechanism heard the controller's commands then, and acted on them.
         grasp: (7,) where the operational point is; see :func:`~.mechanism.grasp.flat_grasp`.
     """
 

@@ -37,7 +37,7 @@ class WireState(NamedTuple):
         contacts: (points, 6) wrench by the environment on the mechanism at each operational point.
         grasps: (points, 7) where each operational point is: the link's place among the scene's,
             and xyz (m) and rpy (rad) in its frame.
-        commanded: per operational point, whether commands for it are heard.
+        commanded: per operational point, whether commands for it are heard and acted on.
     """
 
     stamp_ns: int

@@ -121,3 +121,45 @@ def test_all_that_the_middleware_has_brought_is_taken_and_nothing_more(
         inbox.look()
         assert executor.waiting == 0
     assert executor.calls == 8
+
+
+class Lane:
+    """Of an exchange whose messages come by themselves."""
+
+    linked = True
+
+    def look(self) -> None:
+        """As of a lane."""
+
+
+class Gathered:
+    """An exchange that notes how often it is asked for what has come."""
+
+    def __init__(self) -> None:
+        self.lane, self.asked, self.delivered = Lane(), 0, 0
+        self.strange_ns = -(1 << 62)
+
+    def collect(self, timeout_s: float = 0.0, whole: bool = False) -> None:
+        assert timeout_s == 0.0
+        assert whole
+        self.asked += 1
+
+    def deliver(self) -> None:
+        self.delivered += 1
+
+
+class NoMessages:
+    """An executor to which the middleware brings nothing."""
+
+    def spin_once(self, timeout_sec: float) -> None:
+        """As of an executor."""
+
+
+def test_who_answers_nobody_wakes_up_once_in_a_while() -> None:
+    exchange = Gathered()
+    inbox = Inbox(NoMessages(), exchange)  # type: ignore[arg-type]
+    begun = loop.time.monotonic()
+    for _ in range(10):
+        inbox.gather()
+    assert loop.time.monotonic() - begun >= 10 * loop.GATHER_S
+    assert exchange.asked == exchange.delivered == 10

@@ -103,6 +103,30 @@ def test_a_message_reaches_all_who_hear_its_topic_and_nobody_else(lanes: list[La
     assert heard[0][1].via > 0
 
 
+def test_a_lane_that_is_timed_tells_when_messages_were_sent_and_in_that_order(
+    lanes: list[Lane],
+) -> None:
+    one, two, hears = lanes
+    heard, plain = Heard(), Heard()
+    hears.timed = True
+    hears.listen(TOPIC, heard, every=True)
+    two.listen(TOPIC, plain)
+    meet(lanes)
+    times = [time.time_ns()]
+    for number in range(6):
+        send((one, two)[number % 2], bytes([number]))
+        time.sleep(0.002)
+        times.append(time.time_ns())
+    # Long after, and from two processes.
+    hand_on(hears)
+    assert heard.messages == [bytes([number]) for number in range(6)]
+    for (_, origin), before, after in zip(heard, times[:-1], times[1:], strict=True):
+        # The system's clock of the coarse kind may be a tick behind.
+        assert before - 5_000_000 <= origin.sent_ns <= after
+    hand_on(two)
+    assert {origin.sent_ns for _, origin in plain} == {0}
+
+
 def test_messages_of_an_outlet_are_numbered_lost_ones_included(lanes: list[Lane]) -> None:
     speaks, first, second = lanes
     early, late = Heard(), Heard()

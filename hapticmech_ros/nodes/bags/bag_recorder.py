@@ -22,7 +22,7 @@ from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
 from hapticmech_ros.nodes.bags.heard_topic import HeardTopic
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, Inbox, StopRequest
+from hapticmech_ros.nodes.loop import Inbox, StopRequest
 from hapticmech_ros.nodes.message_info import Info
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.times import nanoseconds
@@ -174,7 +174,7 @@ def record(options: RecordOptions) -> int:
     exchange = Exchange()
     # Nodes that follow /clock are not on the lane.
     if options.transport == "auto" and not options.use_sim_time:
-        exchange.join_lane(os.environ)
+        exchange.join_lane(os.environ, timed=True)
     try:
         writer = BagWriter(
             options.path,
@@ -221,8 +221,7 @@ def _record(
         if now - looked >= DISCOVERY_PERIOD_S:
             looked = now
             node.discover()
-        inbox.wait(LONGEST_WAIT_S)
-        inbox.look()
+        inbox.gather()
     node.finish()
     executor.remove_node(node)
 

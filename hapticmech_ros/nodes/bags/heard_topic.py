@@ -128,7 +128,7 @@ class HeardTopic:
         if (origin.number, data) in self._ahead:
             del self._ahead[origin.number, data]
         else:
-            self._keep(time.time_ns(), data)
+            self._keep(origin.sent_ns or time.time_ns(), data)
 
     def _hear(self, data: bytes, info: Info) -> None:
         had = self._had(data)
