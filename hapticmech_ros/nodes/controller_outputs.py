@@ -67,15 +67,23 @@ class ControllerOutputs:
         told = LocalFeedbackGain(stamp_ns, answer.answered_ns, answer.to_mechanism, answer.model)
         self._publish_gain.publish(self._gain.encode(pack_gain(told)))
 
-    def device(self, wrenches: Array, stamp_ns: int, energies: LedgerEntry) -> None:
-        """Publish row 0 of an answer (6, 6); at view rate also its parts, rows 2 to 4.
+    def device(self, wrench: Array, stamp_ns: int) -> None:
+        """Publish what the device is commanded.
+
+        Args:
+            wrench: (6,) N and N m, world axes at the point held.
+            stamp_ns: of the sample that is answered.
+        """
+        self._publish_device.publish(encode_wrench(wrench, stamp_ns, self._actor.wrenches))
+
+    def view(self, wrenches: Array, stamp_ns: int, energies: LedgerEntry) -> None:
+        """Publish, at view rate, the parts of an answer (6, 6), rows 2 to 4, and energies.
 
         Args:
             wrenches: (6, 6) world axes, rows as in :class:`ControlOutput`; N, N m; the last m, rad.
             stamp_ns: of the sample that is answered.
             energies: of the controllers.
         """
-        self._publish_device.publish(encode_wrench(wrenches[0], stamp_ns, self._actor.wrenches))
         if self.answers % self._actor.view_every == 0:
             for outlet, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
                 if outlet.wanted:

@@ -326,7 +326,8 @@ class Lane:
     def _sort(self) -> None:
         """Find anew who hears what."""
         self._to, self._readers = {}, {}
-        for outgoing in self._outgoing.values():
+        # Last, who wants every message: if it is behind, sending to it takes long.
+        for outgoing in sorted(self._outgoing.values(), key=lambda one: one.wants_all):
             for topic, (code, listeners) in outgoing.topics.items():
                 self._to.setdefault(topic, []).append((outgoing, code))
                 counted = 0 if outgoing.stalled else listeners

@@ -97,6 +97,11 @@ class Outgoing:
         return True
 
     @property
+    def wants_all(self) -> bool:
+        """Whether it wants every message, and not only the latest ones."""
+        return self._behind is not None
+
+    @property
     def is_full(self) -> bool:
         """Whether it refuses messages at present."""
         return self._full_ns > 0

@@ -37,8 +37,9 @@ SHORTEST_WAIT_S = 20e-6
 # A processor that idles wakes up late, by 50 to 100 us where it is a virtual one. A deadline is
 # waited for with open eyes from as much before it, but for no more than this share of the wait.
 AWAKE_SHARE = 10
-# Of the latenesses seen, what a new one counts.
-_LEARNS = 8
+# Of the latenesses seen, what a new one counts; and no more than this of it, ns: a thread that
+# something else kept waiting would not have come earlier for looking at the clock.
+_LEARNS, _WAKES_WITHIN_NS = 8, 150_000
 # How often the middleware is looked at while the lane is waited for; and while the middleware
 # brings messages of the lane's topics, as it did within the time below.
 LOOK_NS, LOOK_OFTEN_NS = 1_000_000, 200_000
@@ -156,7 +157,10 @@ class Inbox:
         lane.look()
         exchange.collect(whole=True)
         exchange.deliver()
-        self.look()
+        # All of it, but for so long only: messages may come as fast as they are taken.
+        end = time.monotonic() + GATHER_S
+        while self.look() and time.monotonic() < end:
+            self._look_ns = 0
 
     def _collect_until(self, deadline: int, now: int) -> None:
         """Let messages come until a deadline, ns, which is met to some microseconds."""
@@ -167,7 +171,7 @@ class Inbox:
             return
         now = time.monotonic_ns()
         # Half as much again as usual: most are in time then.
-        late = 3 * (now - (deadline - early)) // 2
+        late = 3 * min(now - (deadline - early), _WAKES_WITHIN_NS) // 2
         self._late_ns += (late - self._late_ns) // _LEARNS
         while now < deadline and not exchange.is_waiting:
             exchange.collect()
@@ -183,27 +187,30 @@ class Inbox:
         self._executor.spin_once(timeout_sec=NO_WAIT_S)
         return time.monotonic_ns() - begun
 
-    def look(self) -> None:
-        """Run the callbacks of what the middleware has brought, if it is time for that."""
+    def look(self) -> bool:
+        """Run the callbacks of what the middleware has brought, if it is time for that.
+
+        Returns:
+            Whether there may be more of it.
+        """
         lane = self._exchange.lane
         if lane is None or not lane.linked:
-            return
+            return False
         now = time.monotonic_ns()
         if now < self._look_ns:
-            return
+            return False
         if not self._nothing_ns:
             self._nothing_ns = max(
                 NOTHING_NS, 3 * min(map(self._take_one, range(FIRST_CALLS))) // 2
             )
-        for _ in range(MOST_CALLBACKS):
-            if self._take_one() < self._nothing_ns:
-                break
+        more = not any(self._take_one() < self._nothing_ns for _ in range(MOST_CALLBACKS))
         now = time.monotonic_ns()
         if now - self._exchange.strange_ns < STRANGE_NS:
             self._look_ns = self._latest_ns = now + LOOK_OFTEN_NS
         else:
             # With the first message or deadline from then on; there is mostly one in a period.
             self._look_ns, self._latest_ns = now + LOOK_NS, now + 2 * LOOK_NS
+        return more
 
 
 class HasDeadlines(Protocol):

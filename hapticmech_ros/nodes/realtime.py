@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import platform
 import re
 import resource
 import struct
@@ -25,14 +26,20 @@ if TYPE_CHECKING:
 # With fewer processors, nodes that come before all else leave too little to everything else: a
 # program that is to stop the device would wait for seconds until it is started.
 ENOUGH_CPUS = 4
-# The largest share that ordinary scheduling gives.
-NICE = -20
+# The largest share that ordinary scheduling gives, and how long such a thread runs before another
+# one's turn, ns: a thread with a shorter slice preempts others as it wakes up (from Linux 6.12 on),
+# which a nice value alone does not do. 0.1 ms is the shortest.
+NICE, SLICE_NS = -20, 100_000
 # Of a node that is being made: after nodes that act, before what is ordinary.
 STARTING = 1
-# Idle states that take longer to leave are not entered, us: C1 takes up to 2, C1E about 10.
+# Idle states that take longer to leave are not entered, us: C1 takes up to 2, C1E about 10. In a
+# virtual machine even the shallowest one gives the processor back to the host, though it claims to
+# take 1: there, none is entered.
 LONGEST_IDLE_EXIT_US = 2
+VIRTUAL_IDLE = "haltpoll"
 # Where that is asked for: in force as long as the file is open.
 DMA_LATENCY = Path("/dev/cpu_dma_latency")
+IDLE_DRIVER = Path("/sys/devices/system/cpu/cpuidle/current_driver")
 
 ALLOWS_PRIORITY = (
     "'@realtime - rtprio 98' in /etc/security/limits.d/realtime.conf, or LimitRTPRIO=98 in a "
@@ -60,6 +67,10 @@ _NAMES = {
     if (number := getattr(os, name, None)) is not None
 }
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
+# sched_setattr(2) and sched_getattr(2), for which the C library has no functions.
+_SCHED_CALLS = {"x86_64": (314, 315), "aarch64": (274, 275)}
+_SCHED_ATTRIBUTES = struct.Struct("IIQiIQQQII")
+_SCHED_FLAG_RESET_ON_FORK = 1
 _CAP_IPC_LOCK = 14
 NOT_REQUESTED = "not requested"
 
@@ -126,7 +137,7 @@ class Realtime:
             "scheduling": _joined(scheduling(), self._scheduling),
             "cpu_affinity": _joined(listed(os.sched_getaffinity(0)), self._pinning),
             "memory_lock": self._memory or "locked",
-            "cpu_dma_latency": self._idle or f"{LONGEST_IDLE_EXIT_US} us",
+            "cpu_dma_latency": self._idle or f"{longest_idle_exit_us()} us",
         }
 
     def close(self) -> None:
@@ -147,7 +158,7 @@ class Realtime:
         """Ask for short idle states; return why that was refused, or nothing."""
         try:
             self._latency = os.open(DMA_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
-            os.write(self._latency, struct.pack("i", LONGEST_IDLE_EXIT_US))
+            os.write(self._latency, struct.pack("i", longest_idle_exit_us()))
         except PermissionError:
             return f"{DMA_LATENCY} is not granted to this user: {ALLOWS_LATENCY}"
         except OSError as error:
@@ -207,13 +218,15 @@ def ask_for_real_time(priority: int) -> str:
 def ask_for_share() -> str:
     """Request nice :data:`NICE` for all threads; return why it was refused, or nothing.
 
-    Such a thread runs soon after it wakes up, and leaves others a share all the same. Processes
-    started from here, and threads begun later, have the nice value that all have.
+    Such a thread runs as soon as it wakes up, where the system knows slices, and leaves others a
+    share all the same. Processes started from here, and threads begun later, have the nice value
+    and the slice that all have.
     """
     try:
         for thread in _threads():
             os.sched_setscheduler(thread, _ORDINARY, os.sched_param(0))
             os.setpriority(os.PRIO_PROCESS, thread, NICE)
+            _ask_for_slice(thread)
     except PermissionError:
         return f"nice {NICE} is not granted to this user: {ALLOWS_NICE}"
     except OSError as error:
@@ -252,15 +265,56 @@ def lock_memory() -> str:
     return ""
 
 
+def longest_idle_exit_us() -> int:
+    """Return how long (us) the processors may take to leave an idle state here."""
+    with contextlib.suppress(OSError):
+        if IDLE_DRIVER.read_text("ascii").strip() == VIRTUAL_IDLE:
+            return 0
+    return LONGEST_IDLE_EXIT_US
+
+
+def slice_ns() -> int:
+    """Return the slice (ns) of the thread that asks; 0 where the system has none or hides it."""
+    call = _SCHED_CALLS.get(platform.machine())
+    if call is None:
+        return 0
+    found = ctypes.create_string_buffer(_SCHED_ATTRIBUTES.size)
+    if ctypes.CDLL(None).syscall(call[1], 0, found, _SCHED_ATTRIBUTES.size, 0):
+        return 0
+    return int(_SCHED_ATTRIBUTES.unpack(found.raw)[5])
+
+
+def _ask_for_slice(thread: int) -> None:
+    """Request a slice of :data:`SLICE_NS`; older systems take no notice, and others refuse."""
+    call = _SCHED_CALLS.get(platform.machine())
+    if call is None:
+        return
+    attributes = _SCHED_ATTRIBUTES.pack(
+        _SCHED_ATTRIBUTES.size,
+        os.SCHED_OTHER,
+        _SCHED_FLAG_RESET_ON_FORK,
+        NICE,
+        0,
+        SLICE_NS,
+        *(0, 0, 0, 0),
+    )
+    ctypes.CDLL(None).syscall(call[0], thread, attributes, 0)
+
+
 def scheduling() -> str:
-    """Return how the system schedules the thread that asks: policy, and priority or nice value."""
+    """Return how the system schedules the thread that asks.
+
+    Returns:
+        Policy, and priority or nice value; the slice where it is the one that is asked for here.
+    """
     policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
     name = _NAMES.get(policy, f"policy {policy}")
     priority = os.sched_getparam(0).sched_priority
     if priority:
         return f"{name} {priority}"
     nice = os.getpriority(os.PRIO_PROCESS, 0)
-    return f"{name}, nice {nice}" if nice else name
+    short = f", slice {SLICE_NS // 1000} us" if slice_ns() == SLICE_NS else ""
+    return f"{name}, nice {nice}{short}" if nice else name
 
 
 def _threads() -> list[int]:

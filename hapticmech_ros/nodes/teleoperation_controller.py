@@ -346,20 +346,28 @@ class TeleoperationController(Actor[ControllerParameters]):
         return max(periods, 0) * self.period_s
 
     def _send(self, answer: ControllerCommand | None, stamp_ns: int, mechanism_ns: int) -> None:
-        """Send what reaches the device now, and what the mechanism is told.
+        """Send what reaches the device now, and what the mechanism is told; the rest after that.
 
         In lockstep the device waits for a command with each sample: the last one is said again.
+        There, and over a network, a gain goes with its command and so before it.
         """
         outputs, side = self._outputs, self._side
         if self.lockstep:
             self._arrived = answer = answer or self._arrived or ControllerCommand.nothing(stamp_ns)
-        if answer is not None:
-            if self.lockstep or answer.is_modelled:
-                outputs.gain(answer, stamp_ns)
-            answered_ns = stamp_ns if self.lockstep else answer.answered_ns
-            outputs.device(answer.wrenches, answered_ns, side.entry)
         told, _ = side.command_mechanism()
+        if answer is None:
+            outputs.mechanism(told, mechanism_ns)
+            return
+        with_gain = self.lockstep or answer.is_modelled
+        if with_gain and (self.lockstep or self._path.paced):
+            outputs.gain(answer, stamp_ns)
+            with_gain = False
+        answered_ns = stamp_ns if self.lockstep else answer.answered_ns
+        outputs.device(answer.wrenches[0], answered_ns)
         outputs.mechanism(told, mechanism_ns)
+        if with_gain:
+            outputs.gain(answer, stamp_ns)
+        outputs.view(answer.wrenches, answered_ns, side.entry)
 
     def _disengage_for(self, lost: Sequence[str]) -> None:
         """Disengage because inputs are lost."""

@@ -22,6 +22,12 @@ class LateSystem:
     def monotonic_ns(self) -> int:
         return self.now
 
+    def monotonic(self) -> float:
+        return self.now * 1e-9
+
+    def sleep(self, seconds: float) -> None:
+        self.now += round(seconds * 1e9)
+
     def look(self) -> None:
         """As of a lane."""
 
@@ -44,6 +50,7 @@ class LateSystem:
 def system(monkeypatch: pytest.MonkeyPatch) -> LateSystem:
     made = LateSystem(70 * US)
     monkeypatch.setattr(loop.time, "monotonic_ns", made.monotonic_ns)
+    monkeypatch.setattr(loop.time, "monotonic", made.monotonic)
     return made
 
 
@@ -153,6 +160,35 @@ class NoMessages:
 
     def spin_once(self, timeout_sec: float) -> None:
         """As of an executor."""
+
+
+@pytest.mark.parametrize("waiting", [1, 100, 1000])
+def test_who_answers_nobody_takes_all_that_the_middleware_has_brought(
+    monkeypatch: pytest.MonkeyPatch, system: LateSystem, waiting: int
+) -> None:
+    exchange, executor = Gathered(), Busy(system, 4 * US, 9 * US)
+    monkeypatch.setattr(loop.time, "sleep", system.sleep)
+    inbox = Inbox(executor, exchange)  # type: ignore[arg-type]
+    inbox.gather()
+    for _ in range(3):
+        executor.waiting = waiting
+        inbox.gather()
+        # No more than in the time in which it comes.
+        most = int(loop.GATHER_S / 9e-6)
+        assert executor.waiting <= max(0, waiting - most)
+
+
+def test_who_answers_nobody_stops_where_the_middleware_never_does(
+    monkeypatch: pytest.MonkeyPatch, system: LateSystem
+) -> None:
+    executor = Busy(system, 4 * US, 9 * US)
+    monkeypatch.setattr(loop.time, "sleep", system.sleep)
+    inbox = Inbox(executor, Gathered())  # type: ignore[arg-type]
+    inbox.gather()
+    executor.waiting = 1 << 30
+    begun = system.now
+    inbox.gather()
+    assert system.now - begun < 2.1e9 * loop.GATHER_S
 
 
 def test_who_answers_nobody_wakes_up_once_in_a_while() -> None:

@@ -103,6 +103,30 @@ def test_a_message_reaches_all_who_hear_its_topic_and_nobody_else(lanes: list[La
     assert heard[0][1].via > 0
 
 
+def test_who_wants_every_message_gets_it_after_those_who_answer(
+    monkeypatch: pytest.MonkeyPatch, lanes: list[Lane]
+) -> None:
+    speaks, records, answers = lanes
+    kept, heard = Heard(), Heard()
+    records.listen(TOPIC, kept, every=True)
+    meet(lanes)
+    answers.listen(TOPIC, heard)
+    meet(lanes)
+    order = []
+    plain = lane_connections.Outgoing.send
+
+    def noted(outgoing: lane_connections.Outgoing, frame: bytes) -> bool:
+        order.append(outgoing.wants_all)
+        return plain(outgoing, frame)
+
+    monkeypatch.setattr(lane_connections.Outgoing, "send", noted)
+    send(speaks, b"one")
+    hand_on(records)
+    hand_on(answers)
+    assert order == [False, True]
+    assert kept.messages == heard.messages == [b"one"]
+
+
 def test_a_lane_that_is_timed_tells_when_messages_were_sent_and_in_that_order(
     lanes: list[Lane],
 ) -> None:

@@ -94,14 +94,20 @@ print(*asked.refusals, sep="\\n")
     assert said[2].startswith("/dev/cpu_dma_latency")
 
 
-def test_short_idle_states_are_asked_for_as_long_as_the_process_wants(tmp_path, monkeypatch):
-    place = tmp_path / "cpu_dma_latency"
+@pytest.mark.parametrize(("driver", "most_us"), [("intel_idle", 2), ("haltpoll", 0), ("", 2)])
+def test_short_idle_states_are_asked_for_as_long_as_the_process_wants(
+    tmp_path, monkeypatch, driver, most_us
+):
+    place, idle_driver = tmp_path / "cpu_dma_latency", tmp_path / "current_driver"
     place.touch()
+    if driver:
+        idle_driver.write_text(f"{driver}\n")
     monkeypatch.setattr(realtime, "DMA_LATENCY", place)
+    monkeypatch.setattr(realtime, "IDLE_DRIVER", idle_driver)
     monkeypatch.setattr(realtime, "lock_memory", str)
     asked = Realtime(Request("auto", 50))
-    assert asked.figures()["cpu_dma_latency"] == "2 us"
-    assert struct.unpack("i", place.read_bytes()) == (2,)
+    assert asked.figures()["cpu_dma_latency"] == f"{most_us} us"
+    assert struct.unpack("i", place.read_bytes()) == (most_us,)
     asked.close()
     place.unlink()
     asked = Realtime(Request("auto", 50))
@@ -136,15 +142,19 @@ nice = {os.getpriority(os.PRIO_PROCESS, thread) for thread in threads}
 show = "import os; print(os.getpriority(os.PRIO_PROCESS, 0))"
 child = int(subprocess.run([sys.executable, "-c", show], stdout=subprocess.PIPE).stdout)
 waiting.set()
-print(repr((refusal, realtime.scheduling(), nice, child)))
+print(repr((refusal, realtime.scheduling(), nice, child, realtime.slice_ns())))
 """
+# Linux has slices of ordinary threads from then on.
+HAS_SLICES = tuple(map(int, os.uname().release.split(".")[:2])) >= (6, 12)
 
 
 def test_all_threads_are_preferred_among_ordinary_ones_and_children_are_not():
-    refusal, told, nice, child = eval(output_of(SHARING))
+    refusal, told, nice, child, slice_ns = eval(output_of(SHARING))
     assert child == 0
     if grants_nice(realtime.NICE):
-        assert (refusal, told, nice) == ("", "SCHED_OTHER, nice -20", {-20})
+        short = ", slice 100 us" if HAS_SLICES else ""
+        assert (refusal, told, nice) == ("", f"SCHED_OTHER, nice -20{short}", {-20})
+        assert not HAS_SLICES or slice_ns == 100_000
     else:
         assert (told, nice) == ("SCHED_OTHER", {0})
         assert refusal.startswith("nice -20 is not granted to this user: '@realtime - nice -20'")
