@@ -93,9 +93,11 @@ setup(
         "typer",
     ],
     extras_require={
-        # Other simulators, which `python -m benchmarks speed` puts beside ours.
+        # Other simulators, which `python -m benchmarks speed` puts beside ours, and another carrier
+        # of messages for `python -m benchmarks carriers`.
         "bench": [
             "exudyn>=1.13",
+            "iceoryx2>=0.10",
             "mujoco>=4",
         ],
         # Tests of what is read from files read these robots, 130 MB of them, where they are.

@@ -10,7 +10,16 @@ import typer
 
 from hapticmech_ros.cli import run_app
 
-COMMANDS = ("ablation", "accuracy", "graph", "memory", "realtime", "session", "speed")
+COMMANDS = (
+    "ablation",
+    "accuracy",
+    "carriers",
+    "graph",
+    "memory",
+    "realtime",
+    "session",
+    "speed",
+)
 
 
 def app_of(names: Iterable[str] = COMMANDS) -> typer.Typer:

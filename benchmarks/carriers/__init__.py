@@ -1,0 +1,1 @@
+"""Ways of a message from one process to another of the same host, compared."""

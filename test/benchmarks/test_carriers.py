@@ -1,0 +1,46 @@
+"""Carriers of messages between two processes: what is sent arrives, and is answered."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.carriers.benchmark import Answering, installed, run_benchmark, time_carrier
+from benchmarks.carriers.carriers import CARRIERS, SharedMemory, event_descriptors
+from benchmarks.children import BenchError
+
+
+@pytest.mark.parametrize("name", list(CARRIERS))
+def test_messages_of_any_length_come_back_as_they_were(name: str) -> None:
+    if not installed(name):
+        # The other ones are there everywhere; this one is named as missing.
+        assert name in run_benchmark(1, 0.01).missing
+        return
+    with Answering(CARRIERS[name]) as end:
+        for length in (1, 320, 1300, 30_000):
+            message = bytes(range(256)) * (length // 256 + 1)
+            end.send(message[:length])
+            assert end.receive() == message[:length]
+
+
+def test_a_carrier_that_alters_a_message_is_not_timed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def altering() -> SharedMemory:
+        made = event_descriptors()
+        end_of = made.end
+
+        def end(first: bool):
+            own = end_of(first)
+            receive = own.receive
+
+            def other() -> bytes:
+                message = receive()
+                return message if len(message) < 320 else b"x" + message[1:]
+
+            own.receive = other
+            return own
+
+        made.end = end
+        return made
+
+    monkeypatch.setitem(CARRIERS, "altering", altering)
+    with pytest.raises(BenchError, match="altering"):
+        time_carrier("altering", 320, 10)
