@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.analysis.felt_model import felt_model
 from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.felt_model import felt_model
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene.document import Scene
@@ -39,7 +39,7 @@ class Felt:
         mass: desired inertia along the direction, 1 / (dᵀ X d), kg for a force.
         frequencies: (k,) Hz.
         ratio: (k,) complex, felt over desired impedance: 1 is ideal, larger is heavier.
-        predicted: (k,) the ratio by the model of control/felt_model.py for the same wrench.
+        predicted: (k,) the ratio by the model of analysis/felt_model.py for the same wrench.
         steady: (k,) the ratio by the model in steady state, without the initial transient.
     """
 

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hapticmech_ros.analysis.felt_model import felt_model
 from hapticmech_ros.analysis.impedance import (
     Felt,
     amplitudes,
@@ -27,7 +28,6 @@ from hapticmech_ros.analysis.impedance import (
 from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.bag import BagReader
-from hapticmech_ros.control.felt_model import felt_model
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.experiment.demo import record_graph
 from hapticmech_ros.scene import Scene, document_of

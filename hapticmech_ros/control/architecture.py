@@ -151,8 +151,8 @@ class ControlArchitecture:
     @property
     def aim(self) -> tuple[Controller, float]:
         """The gains that it has, or is passing to, and the one-way delay (s) they are for."""
-        passage = self._gain_ramp
-        return (self.gains, self.delay) if passage is None else (passage.new, passage.new_delay)
+        ramp = self._gain_ramp
+        return (self.gains, self.delay) if ramp is None else (ramp.new, ramp.new_delay)
 
     @property
     def is_ramping(self) -> bool:

@@ -4,7 +4,7 @@
 
 is the impedance controller's answer to F_h, found from its answer to F_h' some samples before. A
 force that is fed forward late acts like a damper of m_d/τ in series with the mass that is felt,
-which a heavy mechanism on a light device does not bear; F_h is known where the device is.
+which a heavy mechanism on a light device does not allow; F_h is known where the device is.
 """
 
 from __future__ import annotations

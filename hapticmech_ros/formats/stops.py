@@ -13,14 +13,14 @@ from hapticmech_ros.mechanism.model import authored_state, build_tree
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.validation import scene_from_document
 
-# A stop and what its joint moves swing at this over the step, rad: explicit rules bear 2.8 of the
+# A stop and what its joint moves swing at this over the step, rad: explicit rules allow 2.8 of the
 # square root of the inertia's changes, so that it may fall to a hundredth before they do not.
 SWING = 0.3
 # Of the damping at which they would swing no more.
 DAMPING_RATIO = 0.5
 # Depth at which a stop has that damping, rad or m.
 DEPTH = 0.01
-# Friction slows what its joint moves by this share of the step at most: explicit rules bear 2.
+# Friction slows what its joint moves by this share of the step at most: explicit rules allow 2.
 SLOWED = 0.3
 FRICTION_SPEED = 0.01
 

@@ -76,7 +76,7 @@ class DevicePath(InOrder):
             control: whose gains.
             gains: as parameters have them.
             soften: whether they are made for what is measured, beyond what is declared.
-            time: s, of the passage; None takes them at once.
+            time: s, of the gain ramp; None takes them at once.
         """
         if time is not None and self._follower.delay != self._said_for:
             self._said_for = self._follower.delay

@@ -10,7 +10,7 @@ from hapticmech_ros.files import check_file, is_file
 from hapticmech_ros.scene.contacts import ContactPair, Shape
 from hapticmech_ros.scene.document import Scene
 
-# What coal's reader bears, broken files included: one of PLY with an empty face ends the process.
+# What coal's reader accepts, broken files included: one of PLY with an empty face ends the process.
 MESH_SUFFIXES = (".stl", ".obj", ".dae", ".off")
 MESH_SIZE_LIMIT = 32_000_000
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import load_scene
+from hapticmech_ros.analysis.felt_model import felt_model, loop_model
 from hapticmech_ros.analysis.impedance import FREQUENCIES_HZ, felt
+from hapticmech_ros.analysis.linear_point import linear_point
 from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.felt_model import felt_model, loop_model
 from hapticmech_ros.control.loop_stability import loop_margins
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.operational.linear import linear_point
 from hapticmech_ros.scene import shipped_scenes
 from hapticmech_ros.simulation import Simulator
 

@@ -1,4 +1,4 @@
-"""Factorisations and solves of matrices with a handful of rows, as loops inside kernels.
+"""Factorisations and solves of matrices with few rows, as loops inside kernels.
 
 Only the order of operations differs from LAPACK's: results agree to rounding.
 """
