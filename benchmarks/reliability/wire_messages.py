@@ -23,6 +23,7 @@ from benchmarks.memory.growth import resident
 from benchmarks.reliability.fake_graph import applied_in, numbers_of
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.hostile import Hostile
+from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.nodes.loop import wait_for_messages
 from hapticmech_ros.nodes.qos import LATCHED
@@ -41,7 +42,6 @@ RECOVERS_S = 2.0
 LISTENED, REMEMBERED = 6, 100_000
 SENT_RELIABLY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 SEED = 20270
-MEGABYTE = 1e6
 
 
 def run_wire(count: int, out: Path) -> list[Figure]:
@@ -83,7 +83,8 @@ class Attack:
         links = [link.name for link in scene.links]
         self._hostile = Hostile(SEED, [POINT, *links, "device", f"{POINT}_world"])
         self.sent = self.not_finite = self.beyond = self.outputs = 0
-        self.silence_s = self.growth_mb = 0.0
+        self.silence_s = 0.0
+        self.memory = {name: MemoryGrowth() for name in graph.processes}
         self.back = False
         self.ended: list[str] = []
         self.told: dict[str, str] = {}
@@ -141,8 +142,6 @@ class Attack:
             for topic, kind in self._kinds.items()
         ]
         self._spin(1.0)
-        before = self._memory()
-        settled = before
         end = time.monotonic() + max(60.0, count / 100.0)
         while self.refused < count and not self._graph.ended() and time.monotonic() < end:
             for _ in range(AT_ONCE):
@@ -158,12 +157,7 @@ class Attack:
             now = time.monotonic()
             silent = max((now - heard for heard in self._heard_s.values()), default=0.0)
             self.silence_s = max(self.silence_s, silent)
-            if self.refused < count // 5:
-                settled = self._memory()
-        after = self._memory()
-        self.growth_mb = max(
-            (after[name] - settled.get(name, 0.0) for name in after), default=float("nan")
-        )
+            self._look_at_memory(count)
         self._undo(publishers)
         for _, _, publisher in publishers:
             self._node.destroy_publisher(publisher)
@@ -197,7 +191,7 @@ class Attack:
             figure("outputs not finite", self.not_finite),
             figure("samples beyond the force limit", self.beyond),
             figure("graphs that did not come back", 0 if self.back else 1),
-            figure("memory's growth", self.growth_mb, "MB", 20.0),
+            worst_growth(PART, "on the wire", list(self.memory.values()), self.sent),
             Figure(PART, "on the wire: outputs looked at", self.outputs, trials=self.sent),
         ]
 
@@ -252,9 +246,11 @@ class Attack:
                 publisher.publish(self._grasped[0])
         self._spin(0.5)
 
-    def _memory(self) -> dict[str, float]:
-        found = {name: resident(process.pid) for name, process in self._graph.processes.items()}
-        return {name: one.resident / MEGABYTE for name, one in found.items() if one is not None}
+    def _look_at_memory(self, count: int) -> None:
+        for name, process in self._graph.processes.items():
+            if self.memory[name].due(self.sent, count):
+                found = resident(process.pid)
+                self.memory[name].add(self.sent, math.nan if found is None else found.resident)
 
     def _spin(self, seconds: float) -> None:
         wait_for_messages(self._executor, seconds)
