@@ -31,8 +31,8 @@ from hapticmech_ros.scene.document import Scene
 PART = "messages"
 # Scenes by turns: plane with a loop, and in space with contacts.
 SCENES = ("five_bar", "peg_in_hole", "spatial_arm")
-IN_PROCESS, ON_THE_WIRE = 1_000_000, 100_000
-QUICK_IN_PROCESS, QUICK_ON_THE_WIRE = 20_000, 2_000
+# In process; on the wire on all topics; and on those without an owner.
+COUNTS, QUICK_COUNTS = (1_000_000, 100_000, 20_000), (20_000, 2_000, 1_000)
 # Between two halves of a period; and in a row before the graph is looked at again.
 AT_ONCE, BURST = 8, 5_000
 SETTLED_S, LOOK_S = 3.0, 0.5
@@ -42,9 +42,9 @@ SEED = 20260
 
 def run(quick: bool, out: Path) -> list[Figure]:
     """Send them all; examples of what went wrong are written to ``out``."""
-    count, wire = (QUICK_IN_PROCESS, QUICK_ON_THE_WIRE) if quick else (IN_PROCESS, ON_THE_WIRE)
+    count, wire, free = QUICK_COUNTS if quick else COUNTS
     out.mkdir(parents=True, exist_ok=True)
-    return [*run_in_process(count, out), *run_wire(wire, out)]
+    return [*run_in_process(count, out), *run_wire(wire, out), *run_wire(free, out, free=True)]
 
 
 def run_in_process(count: int, out: Path, scenes: Sequence[str] = SCENES) -> list[Figure]:

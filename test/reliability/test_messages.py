@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import time
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,7 @@ from std_msgs.msg import Float64MultiArray
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, Host, applied_in
 from benchmarks.reliability.hostile import Hostile
-from benchmarks.reliability.memory_growth import SAMPLES, MemoryGrowth, worst_growth
-from benchmarks.reliability.messages import Trial, run_in_process
+from benchmarks.reliability.messages import run_in_process
 from hapticmech_ros.errors import OutputError
 from hapticmech_ros.nodes.failures import MOST_DEFECTS
 from hapticmech_ros.nodes.haptic_device import HapticDevice
@@ -369,50 +367,6 @@ def test_thousands_of_hostile_messages(tmp_path: Path):
     figures = run_in_process(2_000, tmp_path, ["five_bar"])
     broken = [figure for figure in figures if not figure.kept]
     assert not broken, (broken, (tmp_path / "messages_in_process.txt").read_text())
-
-
-def test_a_tick_that_takes_long_is_the_longest_also_while_the_graph_is_looked_at():
-    trial = Trial("five_bar", 1)
-    pauses = [0.3]
-    trial.graph.tick = lambda: time.sleep(pauses.pop() if pauses else 0.0)
-    trial.longest_s = 0.0
-    trial._look()
-    assert trial.longest_s >= 0.3
-    pauses, trial.longest_s = [0.4], 0.0
-    trial.send(8)
-    assert trial.longest_s >= 0.4
-
-
-def kept_of_each(count, leak, start=0.0):
-    """Return the memory of a process that keeps so many bytes of each message."""
-    memory = MemoryGrowth()
-    for sent in range(0, count + 1, count // SAMPLES):
-        # What comes and goes, and what is taken once.
-        wave = 2e6 * (sent // (count // SAMPLES) % 3 == 0)
-        memory.add(sent, 2e8 + min(start, 10.0 * start * sent / count) + wave + leak * sent)
-    return memory
-
-
-@pytest.mark.parametrize(
-    ("leak", "kept"), [(0.0, True), (14.0, True), (18.0, False), (75.0, False)]
-)
-def test_growth_by_16_bytes_of_each_message_breaks_the_limit(leak, kept):
-    # One scene's share of a million.
-    memory = kept_of_each(333_000, leak, start=5e7)
-    assert memory.mebi == pytest.approx(leak * 0.75 * 333_000 / 2**20, rel=0.03, abs=1e-6)
-    found = worst_growth("messages", "somewhere", [kept_of_each(333_000, 0.0), memory], 333_000)
-    assert found.kept == kept
-
-
-def test_memory_of_which_a_process_tells_nothing_was_not_measured():
-    good, dead = kept_of_each(6_000, 0.0), kept_of_each(6_000, 0.0)
-    dead.resident[-1] = np.nan
-    for found in ([], [MemoryGrowth()], [good, MemoryGrowth()], [good, dead]):
-        assert not worst_growth("messages", "somewhere", found, 6_000).kept
-    assert worst_growth("messages", "somewhere", [good], 6_000).kept
-    assert MemoryGrowth().due(0, 6_000)
-    assert good.due(6_100, 6_000)
-    assert not good.due(6_099, 6_000)
 
 
 @pytest.mark.parametrize("stall_ms", [30, 120, 500, 1500])
