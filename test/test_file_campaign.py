@@ -19,7 +19,7 @@ MUTANTS = 120
 def test_mutants_are_read_or_refused(tmp_path):
     figures = files.measured(MUTANTS, tmp_path)
     report = (tmp_path / "files" / "report.json").read_text()
-    assert len(figures) == 6
+    assert len(figures) == 9
     assert [one.name for one in figures if not one.kept] == [], report
 
 
@@ -46,5 +46,76 @@ def test_what_a_worker_does_wrong_is_counted(tmp_path, monkeypatch):
 )
 def test_what_a_worker_says_is_counted(outcome, seconds, counted):
     tally = Tally()
-    tally.add(7, {"kind": "scene", "outcome": outcome, "seconds": seconds, "memory_mb": 1.0})
+    tally.add(7, said(outcome=outcome, seconds=seconds))
     assert (len(tally.hangs), len(tally.foreign)) == counted
+
+
+def said(**given):
+    """Return what a worker says of a mutant that does no harm, but for what is given."""
+    harmless = {
+        "kind": "scene", "outcome": "read", "seconds": 0.1, "real_s": 0.1, "blocked_s": 0.0,
+        "memory_mb": 1.0, "resident_mb": 200.0, "process": 1,
+    }  # fmt: skip
+    return {**harmless, **given}
+
+
+def broken(monkeypatch, tmp_path, tally):
+    """Return the names of the figures of a tally that do not keep their limits."""
+    monkeypatch.setattr(files, "read_mutants", lambda number, folder: tally)
+    monkeypatch.setattr(files, "_keep", lambda *arguments: None)
+    return [one.name for one in files.measured(300, tmp_path) if not one.kept]
+
+
+def tallied(*answers):
+    tally = Tally()
+    for number, one in enumerate(answers):
+        tally.add(number, one)
+    return tally
+
+
+def life(growth_mb, process=1, count=300):
+    """Return answers of a worker that grows evenly, beside large files that it gives back."""
+    return [
+        said(
+            process=process,
+            outcome="read" if index % 3 else "refused",
+            resident_mb=200.0 + growth_mb * index / count + 300.0 * (index % 10 == 0),
+        )
+        for index in range(count)
+    ]
+
+
+def test_a_worker_that_grows_breaks_its_limit_and_a_large_file_does_not(monkeypatch, tmp_path):
+    assert broken(monkeypatch, tmp_path, tallied(*life(0.0), *life(0.0, 2))) == []
+    grown = tallied(*life(0.0), *life(40.0, 2))
+    assert grown.growth_mb == pytest.approx(30.0, rel=0.05)
+    assert broken(monkeypatch, tmp_path, grown) == ["growth of a worker's resident memory"]
+
+
+def test_growth_that_no_worker_lived_long_enough_to_show_was_not_measured(monkeypatch, tmp_path):
+    short = tallied(*(one for process in range(10) for one in life(0.0, process, 30)))
+    assert broken(monkeypatch, tmp_path, short) == ["growth of a worker's resident memory"]
+
+
+def test_one_file_that_takes_much_memory_or_is_blocked_breaks_its_limit(monkeypatch, tmp_path):
+    large = tallied(*life(0.0), said(memory_mb=1200.0))
+    assert broken(monkeypatch, tmp_path, large) == ["memory taken by one mutant at most"]
+    waits = ["mutants that hung", "slowest mutant, blocked"]
+    blocked = tallied(*life(0.0), said(real_s=20.0, blocked_s=19.0))
+    assert broken(monkeypatch, tmp_path, blocked) == waits
+    # One that waits for the processor does not hang.
+    assert broken(monkeypatch, tmp_path, tallied(*life(0.0), said(real_s=20.0))) == []
+    silent = tallied(*life(0.0))
+    silent.silent(300)
+    assert broken(monkeypatch, tmp_path, silent) == waits
+
+
+def test_a_worker_tells_its_memory_and_the_time_that_it_takes(tmp_path):
+    worker = Worker(tmp_path)
+    try:
+        found = worker.read(0)
+        assert found["process"] == worker._process.pid
+    finally:
+        worker.close()
+    assert 20.0 < found["resident_mb"] < 2000.0
+    assert found["real_s"] >= found["blocked_s"] >= 0.0

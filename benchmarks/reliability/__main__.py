@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import math
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.reliability.document import publish
-from benchmarks.reliability.figure import Figure, load, save, table
+from benchmarks.reliability.figure import Figure, load, save, table, unmeasured
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.errors import HapticMechError
 
@@ -65,18 +64,17 @@ def run_part(name: str, quick: bool, out: Path) -> list[Figure]:
     except ModuleNotFoundError as error:
         if error.name != f"{HERE}.{name}":
             raise
-        return [Figure(name, PARTS[name], math.nan, note="there is no such part yet")]
+        return [unmeasured(name, PARTS[name], "there is no such part yet")]
     try:
         figures: list[Figure] = part.run(quick, out)
     except HapticMechError as error:
-        # With a limit that nothing keeps: a part that broke off has not passed.
-        return [Figure(name, PARTS[name], math.nan, "", 0.0, note=f"broke off: {error}")]
+        return [unmeasured(name, PARTS[name], f"broke off: {error}")]
     return figures
 
 
 def broken(figure: Figure) -> bool:
-    """Return whether a figure has a limit and does not keep it."""
-    return (figure.most is not None or figure.least is not None) and not figure.kept
+    """Return whether a figure does not keep its limit, or was not measured."""
+    return not figure.kept
 
 
 def _before(path: Path) -> list[Figure]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.figure import Figure, unmeasured
 from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.stepped_clock import NoCompilerError, SteppedClock, compiler
 from benchmarks.reliability.trial import Fault, Trial, observe, report_delays, summarised
@@ -30,7 +30,7 @@ def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Fig
     try:
         compiler()
     except NoCompilerError as error:
-        return [Figure(PART, "steps of clocks", float("nan"), note=str(error))]
+        return [unmeasured(PART, "steps of clocks", str(error))]
     number = QUICK_TRIALS if quick else TRIALS
     return [
         *_machine(number, out, told),

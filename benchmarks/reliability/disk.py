@@ -5,7 +5,6 @@ The recorder says so and ends, what it wrote can be repaired, and the graph rend
 
 from __future__ import annotations
 
-import math
 import re
 import subprocess
 import sys
@@ -13,7 +12,7 @@ import time
 from pathlib import Path
 
 from benchmarks.children import wait_until
-from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.figure import Figure, unmeasured
 from benchmarks.reliability.full_disk import FullDisk, NoDiskError
 from benchmarks.reliability.rig import Rig, pushing
 from benchmarks.reliability.sample import Samples
@@ -38,7 +37,7 @@ def run(quick: bool, out: Path) -> list[Figure]:
         with FullDisk(out / "full_disk", MEGABYTES) as disk:
             return _on(disk, QUICK_FULL_S if quick else FULL_S, out)
     except NoDiskError as error:
-        return [Figure(PART, "on a full disk", math.nan, note=str(error))]
+        return [unmeasured(PART, "on a full disk", str(error))]
 
 
 def _on(disk: FullDisk, seconds: float, out: Path) -> list[Figure]:

@@ -7,7 +7,6 @@ host means something; and with the network opened, the same meddler must succeed
 from __future__ import annotations
 
 import json
-import math
 import os
 import subprocess
 import sys
@@ -24,7 +23,7 @@ from benchmarks.reliability.emulated_network import (
     EmulatedNetwork,
     not_permitted,
 )
-from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.figure import Figure, unmeasured
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.discovery import PEERS, PROFILES, RANGE
 from hapticmech_ros.errors import HapticMechError
@@ -108,7 +107,7 @@ def visit(log: Path, seconds: float, *options: str) -> Visit:
 def run(quick: bool, out: Path) -> list[Figure]:
     """Return figures of a graph started as usual, and of one that is opened."""
     if reason := not_permitted():
-        return [Figure(PART, "from another host", math.nan, note=reason)]
+        return [unmeasured(PART, "from another host", reason)]
     trials = 1 if quick else 5
     closed = [visit(out / f"closed_{i}.log", 8.0) for i in range(trials)]
     opened = [visit(out / f"open_{i}.log", 8.0, "--discovery", "subnet") for i in range(trials)]

@@ -42,6 +42,11 @@ class Figure:
         return not (above or below)
 
 
+def unmeasured(part: str, name: str, why: str) -> Figure:
+    """Return a figure of what could not be measured: it has a limit, which it does not keep."""
+    return Figure(part, name, math.nan, "", 0.0, note=why)
+
+
 def save(figures: Sequence[Figure], path: Path) -> None:
     """Write figures as JSON."""
     path.write_text(json.dumps([asdict(figure) for figure in figures], indent=1), "utf-8")

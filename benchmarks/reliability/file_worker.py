@@ -14,6 +14,7 @@ import random
 import resource
 import shutil
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -151,6 +152,19 @@ def _processor_s() -> float:
     return sum(os.times()[:4])
 
 
+def _queued_s() -> float:
+    """Return how long this process was ready to run and others ran; zero if Linux counts it not."""
+    try:
+        return int(Path("/proc/self/schedstat").read_text(encoding="ascii").split()[1]) / 1e9
+    except (OSError, IndexError):
+        return 0.0
+
+
+def _resident_mb() -> float:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * resource.getpagesize() / 1e6
+
+
 def main() -> None:
     """Read mutants until standard input ends."""
     folder, seed = Path(sys.argv[1]), int(sys.argv[2])
@@ -170,15 +184,21 @@ def main() -> None:
     for line in sys.stdin:
         number = int(line)
         kind, path = mutants.make(number)
-        begun = _processor_s()
+        begun, since, queued = _processor_s(), time.monotonic(), _queued_s()
         found = outcome(kind, path)
+        real, queued = time.monotonic() - since, _queued_s() - queued
+        seconds = _processor_s() - begun
         own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
         child = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
         said = {
             "kind": kind,
             "outcome": found,
-            "seconds": _processor_s() - begun,
+            "seconds": seconds,
+            "real_s": real,
+            "blocked_s": max(0.0, real - seconds - queued),
             "memory_mb": max(own, child) / 1e3,
+            "resident_mb": _resident_mb(),
+            "process": os.getpid(),
         }
         answers.write(json.dumps(said) + "\n")
         answers.flush()

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import select
 import shutil
 import subprocess
 import sys
 import tempfile
 import threading
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,13 +22,22 @@ from typing import Any
 
 from benchmarks.reliability.figure import Figure, save, table
 from benchmarks.reliability.file_seeds import ROOT
-from benchmarks.reliability.file_worker import MEMORY_LIMIT, Mutants
+from benchmarks.reliability.file_worker import Mutants
+from benchmarks.reliability.usage import blocks, grown
 
 QUICK, FULL = 300, 100_000
 WORKERS = 2
 SEED = 15
 # s of the processor that a file may take, and of real time: the machine may have other work.
 HANG_S, PATIENCE_S = 5.0, 60.0
+# s that a file may take without its process running or waiting for the processor. Where a child of
+# it reads the file, the child's waiting counts.
+BLOCKED_S = 10.0
+# MB above what a worker had that a file may take, well below where allocations fail (file_worker);
+# and by how much a worker may grow in its share of the full campaign, 50,000 files.
+MOST_MB, GROWTH_MB = 1000.0, 20.0
+# Medians of so many parts of a worker's life are compared; it needs so many files to tell.
+PARTS, LEAST_FILES = 400, 40
 START_S = 300.0
 PART = "files"
 
@@ -40,7 +50,9 @@ class Tally:
         outcomes: how many were read and refused, by kind.
         crashes, hangs, foreign: what was found, by the mutant's number.
         slowest_s: of the processor, for one file.
+        longest_s, blocked_s: of real time for one file, and without what it ran or was queued for.
         memory_mb: most that a worker, or a child of it, took above what it had.
+        resident_mb: in memory after each file, by process.
     """
 
     outcomes: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -48,18 +60,39 @@ class Tally:
     hangs: dict[int, str] = field(default_factory=dict)
     foreign: dict[int, str] = field(default_factory=dict)
     slowest_s: float = 0.0
+    longest_s: float = 0.0
+    blocked_s: float = 0.0
     memory_mb: float = 0.0
+    resident_mb: dict[int, list[float]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, number: int, said: dict[str, Any]) -> None:
         """Count what a worker says of a mutant."""
         kind, outcome = str(said["kind"]), str(said["outcome"])
         self.outcomes[kind, outcome.split(":")[0]] += 1
         self.slowest_s = max(self.slowest_s, said["seconds"])
+        self.longest_s = max(self.longest_s, said["real_s"])
+        self.blocked_s = max(self.blocked_s, said["blocked_s"])
         self.memory_mb = max(self.memory_mb, said["memory_mb"])
+        self.resident_mb[said["process"]].append(said["resident_mb"])
         if outcome.startswith("foreign"):
             self.foreign[number] = f"{kind}: {outcome}"
         if said["seconds"] > HANG_S:
             self.hangs[number] = f"{kind}: {said['seconds']:.1f} s"
+        elif said["blocked_s"] > BLOCKED_S:
+            self.hangs[number] = f"{kind}: blocked for {said['blocked_s']:.1f} s"
+
+    def silent(self, number: int) -> None:
+        """Count a mutant of which nothing was heard until patience ended."""
+        self.hangs[number] = f"nothing for {PATIENCE_S:g} s"
+        self.longest_s = max(self.longest_s, PATIENCE_S)
+        self.blocked_s = max(self.blocked_s, PATIENCE_S)
+
+    @property
+    def growth_mb(self) -> float:
+        """By how much a worker grew after its first quarter; NaN if none read enough to tell."""
+        lives = [one for one in self.resident_mb.values() if len(one) >= LEAST_FILES]
+        medians = [blocks(life, PARTS) for life in lives]
+        return max((grown(range(len(one)), one.tolist()) for one in medians), default=math.nan)
 
 
 class Worker:
@@ -130,7 +163,7 @@ def read_mutants(number: int, folder: Path, workers: int = WORKERS) -> Tally:
                     if isinstance(said, dict):
                         tally.add(mine, said)
                     elif said == "hang":
-                        tally.hangs[mine] = f"nothing for {PATIENCE_S:g} s"
+                        tally.silent(mine)
                     else:
                         tally.crashes[mine] = said
         finally:
@@ -166,13 +199,15 @@ def measured(number: int, out: Path) -> list[Figure]:
         _keep(tally, Path(folder) / "again", out / PART)
     there = sum(tally.outcomes.values()) + len(tally.crashes)
     read = sum(count for (_, what), count in tally.outcomes.items() if what == "read")
-    limit = MEMORY_LIMIT / 1e6
-    rows = (
+    rows: tuple[tuple[str, float, str, float | None], ...] = (
         ("mutants that ended the process", len(tally.crashes), "", 0.0),
-        ("mutants that took more than 5 s", len(tally.hangs), "", 0.0),
+        ("mutants that hung", len(tally.hangs), "", 0.0),
         ("mutants that raised an error that is not the package's", len(tally.foreign), "", 0.0),
         ("slowest mutant, time of the processor", tally.slowest_s, "s", HANG_S),
-        ("memory taken by one mutant at most", tally.memory_mb, "MB", limit),
+        ("slowest mutant, real time", tally.longest_s, "s", None),
+        ("slowest mutant, blocked", tally.blocked_s, "s", BLOCKED_S),
+        ("memory taken by one mutant at most", tally.memory_mb, "MB", MOST_MB),
+        ("growth of a worker's resident memory", tally.growth_mb, "MB", GROWTH_MB),
     )
     figures = [
         Figure(PART, name, float(value), unit, most=most, trials=number)

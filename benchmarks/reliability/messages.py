@@ -8,9 +8,11 @@ real processes, as bytes.
 from __future__ import annotations
 
 import gc
+import math
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from benchmarks.memory.growth import resident
 from benchmarks.reliability.fake_graph import FakeGraph
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.hostile import Hostile
+from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
 from benchmarks.reliability.wire_messages import run_wire
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.scene.document import Scene
@@ -28,21 +31,20 @@ from hapticmech_ros.scene.document import Scene
 PART = "messages"
 # Scenes by turns: plane with a loop, and in space with contacts.
 SCENES = ("five_bar", "peg_in_hole", "spatial_arm")
-IN_PROCESS, ON_THE_WIRE = 1_000_000, 100_000
-QUICK_IN_PROCESS, QUICK_ON_THE_WIRE = 20_000, 2_000
+# In process; on the wire on all topics; and on those without an owner.
+COUNTS, QUICK_COUNTS = (1_000_000, 100_000, 20_000), (20_000, 2_000, 1_000)
 # Between two halves of a period; and in a row before the graph is looked at again.
 AT_ONCE, BURST = 8, 5_000
 SETTLED_S, LOOK_S = 3.0, 0.5
 HANG_S = 5.0
 SEED = 20260
-MEGABYTE = 1e6
 
 
 def run(quick: bool, out: Path) -> list[Figure]:
     """Send them all; examples of what went wrong are written to ``out``."""
-    count, wire = (QUICK_IN_PROCESS, QUICK_ON_THE_WIRE) if quick else (IN_PROCESS, ON_THE_WIRE)
+    count, wire, free = QUICK_COUNTS if quick else COUNTS
     out.mkdir(parents=True, exist_ok=True)
-    return [*run_in_process(count, out), *run_wire(wire, out)]
+    return [*run_in_process(count, out), *run_wire(wire, out), *run_wire(free, out, free=True)]
 
 
 def run_in_process(count: int, out: Path, scenes: Sequence[str] = SCENES) -> list[Figure]:
@@ -63,10 +65,10 @@ def run_in_process(count: int, out: Path, scenes: Sequence[str] = SCENES) -> lis
         figure("defects that were survived", sum(trial.defects() for trial in trials)),
         figure("outputs not finite", sum(trial.graph.seen.not_finite for trial in trials)),
         figure("samples beyond the force limit", sum(t.graph.seen.beyond for t in trials)),
-        figure("longest callback", max(trial.longest_s for trial in trials), "s", HANG_S),
+        figure("longest callback or tick", max(t.longest_s for t in trials), "s", HANG_S),
         figure("looks at a graph that had not come back", sum(t.lost for t in trials)),
         Figure(PART, "in process: looks", sum(t.looks for t in trials), trials=sent),
-        figure("memory's growth", max(t.growth_mb for t in trials), "MB", 20.0),
+        worst_growth(PART, "in process", [trial.memory for trial in trials], sent),
     ]
 
 
@@ -77,8 +79,8 @@ class Trial:
         sent: hostile messages.
         escaped: exceptions that would have ended a process.
         looks, lost: how often the graph was looked at after a burst, and had not come back.
-        longest_s: the longest that a message took.
-        growth_mb: of this process's memory, after the first fifth.
+        longest_s: the longest that a message, or half a period of all actors, took.
+        memory: of this process.
     """
 
     def __init__(self, scene: str, seed: int) -> None:
@@ -87,7 +89,8 @@ class Trial:
         self.graph = FakeGraph(scene, [*self._held, *self._expiring])
         self._hostile = Hostile(seed, frames(self.scene))
         self.sent = self.escaped = self.looks = self.lost = 0
-        self.longest_s = self.growth_mb = 0.0
+        self.longest_s = 0.0
+        self.memory = MemoryGrowth()
         self._examples: list[str] = []
         self.graph.run(SETTLED_S)
         self._samples = self._wholes()
@@ -100,18 +103,15 @@ class Trial:
     def send(self, count: int) -> None:
         """Send so many, with the graph's own messages between them."""
         topics = self.graph.listened()
-        settled_mb = 0.0
         while self.sent < count:
-            for _ in range(BURST // AT_ONCE):
+            for _ in range(min(BURST, count - self.sent) // AT_ONCE + 1):
                 for _ in range(AT_ONCE):
                     self._put(*topics[self._hostile.index(len(topics))])
-                self._guarded(self.graph.tick)
+                self._timed(self.graph.tick)
+                if self.memory.due(self.sent, count):
+                    gc.collect()
+                    self.memory.add(self.sent, resident_bytes())
             self._look()
-            gc.collect()
-            found = resident_mb()
-            if self.sent <= count // 5 or not settled_mb:
-                settled_mb = found
-            self.growth_mb = max(self.growth_mb, found - settled_mb)
 
     def defects(self) -> int:
         """Return how many errors nobody had predicted."""
@@ -134,32 +134,37 @@ class Trial:
     def _put(self, topic: str, kind: Any) -> None:
         sample = self._samples.get(topic, b"")
         message = self._hostile.message(kind, sample, self.graph.now_ns)
-        before = time.monotonic()
-        self._guarded(lambda: self.graph.put(topic, message))
-        self.longest_s = max(self.longest_s, time.monotonic() - before)
+        self._timed(lambda: self.graph.put(topic, message))
         self.sent += 1
 
-    def _guarded(self, call: Any) -> None:
+    def _timed(self, call: Callable[[], object]) -> None:
+        before = time.monotonic()
         try:
             call()
         except Exception as error:  # noqa: BLE001 - counted: in a node it would end the process
             self.escaped += 1
             if len(self._examples) < 20:
                 self._examples.append(f"escaped: {error!r}")
+        self.longest_s = max(self.longest_s, time.monotonic() - before)
+
+    def _run(self, seconds: float) -> None:
+        """Let time go on, as the graph's ``run`` does."""
+        for _ in range(round(2e9 * seconds / self.graph.period_ns)):
+            self._timed(self.graph.tick)
 
     def _look(self) -> None:
         """Let everyone else be silent, put the world back, and see whether the graph renders."""
         graph = self.graph
         zero = serialize_message(stamped(WrenchStamped()))
         for topic in (*self._held, *self._expiring):
-            graph.put(topic, zero)
+            self._timed(partial(graph.put, topic, zero))
         for topic, message in self._homes.items():
-            graph.put(topic, message)
-        self._guarded(lambda: graph.run(SETTLED_S))
+            self._timed(partial(graph.put, topic, message))
+        self._run(SETTLED_S)
         answers = []
         controller, device = graph.actor("teleoperation_controller"), graph.actor("haptic_device")
         for _ in range(5):
-            self._guarded(lambda: graph.run(LOOK_S / 5))
+            self._run(LOOK_S / 5)
             answers.append(controller.status()[0] and device.status()[0])
         self.looks += 1
         if not all(answers) or not all(host.active for host in graph.hosts.values()):
@@ -204,7 +209,7 @@ def frames(scene: Scene) -> list[str]:
     return [*points, *links, *(f"{name}_world" for name in points), "device", "device_world"]
 
 
-def resident_mb() -> float:
-    """Return this process's memory."""
+def resident_bytes() -> float:
+    """Return this process's memory; NaN where Linux does not tell."""
     found = resident(os.getpid())
-    return 0.0 if found is None else found.resident / MEGABYTE
+    return math.nan if found is None else found.resident

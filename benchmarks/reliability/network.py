@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.reliability.emulated_network import EmulatedNetwork, Path, not_permitted
-from benchmarks.reliability.figure import Figure, save, table
+from benchmarks.reliability.figure import Figure, save, table, unmeasured
 from benchmarks.reliability.split_graph import SplitGraph, Watched, run_for
 from hapticmech_ros.analysis.passivity import Trial, scene_of
 from hapticmech_ros.scene import load_scene
@@ -46,7 +46,7 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
     """
     reason = not_permitted()
     if reason:
-        return [Figure(PART, "all of it", float("nan"), note=reason, least=0.0)]
+        return [unmeasured(PART, "all of it", reason)]
     seconds = 6.0 if quick else 60.0
     trials = (
         [(0.01, "all of it"), (0.05, "all of it")]

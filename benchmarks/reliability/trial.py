@@ -199,7 +199,7 @@ def _said(rig: Rig, since_ns: int, about: Callable[[str], bool]) -> str:
 
 
 def _trace(rig: Rig, fault: Fault) -> str:
-    """Return what nodes said since a fault, and when force came and went, ms since it."""
+    """Return what nodes said since a fault, when force came, went and was largest, ms since it."""
 
     def since(at_ns: int) -> str:
         return f"{(at_ns - fault.cause_ns) / MS:10.1f} ms"
@@ -212,7 +212,18 @@ def _trace(rig: Rig, fault: Fault) -> str:
         (e["at_ns"], f"{e['node']}: {e['text']}") for e in rig.said(fault.cause_ns - 5000 * MS)
     ]
     lines.append((fault.released_ns, "the fault's end"))
+    lines += largest_force(found, fault.cause_ns)
     return "\n".join(f"{since(at_ns)}  {text}" for at_ns, text in sorted(lines))
+
+
+def largest_force(found: Samples, since_ns: int) -> list[tuple[int, str]]:
+    """Return when the sample with most force arrived since a time, and a sentence; or nothing."""
+    after = found[found["arrived_ns"] >= since_ns]
+    if not len(after):
+        return []
+    force = np.nan_to_num(after["force"], nan=np.inf)
+    most = int(np.argmax(force))
+    return [(int(after["arrived_ns"][most]), f"largest force: {force[most]:.3f} N")]
 
 
 def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) -> list[Figure]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from benchmarks.children import BenchError
 from benchmarks.memory.growth import LEAST_SAMPLES, WARM_UP_SHARE
@@ -54,6 +55,15 @@ def usage(pid: int) -> Usage:
         raise BenchError(f"process {pid} ended by itself")
     sizes = float(KILO * int(resident[1])), float(KILO * int(shares[1]))
     return Usage(*sizes, float(descriptors), float(threads[1]))
+
+
+def blocks(values: Sequence[float], most: int) -> npt.NDArray[np.float64]:
+    """Return medians of successive parts (n,), of which there are ``most`` where values suffice.
+
+    All pairs of 100,000 samples would be too many for :func:`grown`.
+    """
+    parts = np.array_split(np.asarray(values, dtype=float), min(most, len(values)) or 1)
+    return np.array([float(np.median(part)) for part in parts if part.size])
 
 
 def grown(times: Sequence[float], values: Sequence[float]) -> float:

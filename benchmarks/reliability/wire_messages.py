@@ -1,4 +1,8 @@
-"""The same messages on the wire: as bytes, through the middleware, to a graph of real processes."""
+"""The same messages on the wire: as bytes, through the middleware, to a graph of real processes.
+
+Once on all topics. Most have an owner, and the device is at zero while there are two publishers: so
+once more on those that have none, while the graph renders.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
@@ -20,9 +23,12 @@ from std_msgs.msg import Float64MultiArray
 
 from benchmarks.children import BenchError, output_to
 from benchmarks.memory.growth import resident
-from benchmarks.reliability.fake_graph import applied_in, numbers_of
+from benchmarks.reliability.fake_graph import numbers_of
 from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.force_seen import ForceSeen
+from benchmarks.reliability.free_topics import free_topics, gentler
 from benchmarks.reliability.hostile import Hostile
+from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.nodes.loop import wait_for_messages
 from hapticmech_ros.nodes.qos import LATCHED
@@ -35,17 +41,26 @@ COMMANDS = ("device/servo_cf", f"mechanism/{POINT}/servo_cf")
 CRTK = {"device/measured_cp": PoseStamped, "device/measured_cv": TwistStamped}
 # So many at once, and then a pause in which they are read: subscribers keep one message each.
 AT_ONCE, PAUSE_S = 14, 0.005
+# Without an owner fewer, and pushes of 1.5 times what the device can give, so that it goes on
+# rendering; but one in so many of any size, which may tear the hand away.
+FREE_AT_ONCE, GENTLE, WILD_EVERY = 4, 30.0, 500
 STARTS_WITHIN_S, BACK_WITHIN_S, HANG_S = 30.0, 10.0, 5.0
 RECOVERS_S = 2.0
 # Topics of the control rate that it listens to; its own messages that it knows again.
 LISTENED, REMEMBERED = 6, 100_000
 SENT_RELIABLY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 SEED = 20270
-MEGABYTE = 1e6
 
 
-def run_wire(count: int, out: Path) -> list[Figure]:
-    """Send until so many were refused by the nodes they were for, which is how we know of them."""
+def run_wire(count: int, out: Path, free: bool = False) -> list[Figure]:
+    """Send until so many were refused by the nodes they were for, which is how we know of them.
+
+    Args:
+        count: messages.
+        out: folder for what nodes said.
+        free: only on topics that have no owner, while the graph renders.
+    """
+    name = "messages_on_free_topics" if free else "messages_on_the_wire"
     environment = private_environment()
     os.environ.update(environment)
     # A machine that is busy with all this pauses now and then.
@@ -55,35 +70,43 @@ def run_wire(count: int, out: Path) -> list[Figure]:
         "haptic_device.command_timeout": 0.05,
         "teleoperation_controller.input_timeout": 0.05,
     }
-    with output_to(out / "messages_on_the_wire.log"), Graph(SCENE, False, "", parameters) as graph:
-        attack = Attack(graph, environment)
+    with output_to(out / f"{name}.log"), Graph(SCENE, False, "", parameters) as graph:
+        attack = Attack(graph, environment, free)
         try:
             attack.wait(attack.renders, STARTS_WITHIN_S, "the graph to render")
             attack.run(count)
         finally:
             attack.close()
     notes = [f"{name}: {text}" for name, text in sorted(attack.told.items())]
-    (out / "messages_on_the_wire.txt").write_text("\n".join(notes), "utf-8")
+    (out / f"{name}.txt").write_text("\n".join(notes), "utf-8")
     return attack.figures(count)
 
 
 class Attack:
-    """A stranger in the graph: sends what nobody should send, and listens to what comes of it."""
+    """A stranger in the graph: sends what nobody should send, and listens to what comes of it.
 
-    def __init__(self, graph: Graph, environment: dict[str, str]) -> None:
+    Args:
+        graph: of real processes.
+        environment: of these.
+        free: only on topics that have no owner.
+    """
+
+    def __init__(self, graph: Graph, environment: dict[str, str], free: bool = False) -> None:
         self._graph = graph
+        self._free = free
+        self._where = "on topics without owner" if free else "on the wire"
         self._context = Context()
         rclpy.init(context=self._context, domain_id=int(environment["ROS_DOMAIN_ID"]))
         self._node = rclpy.create_node("stranger", context=self._context)
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self._node)
         scene = load_scene(SCENE)
-        device = scene.device
-        self._limits = device.force_limit * (1 + 1e-9), device.torque_limit * (1 + 1e-9)
+        self.force = ForceSeen(scene.device)
         links = [link.name for link in scene.links]
         self._hostile = Hostile(SEED, [POINT, *links, "device", f"{POINT}_world"])
-        self.sent = self.not_finite = self.beyond = self.outputs = 0
-        self.silence_s = self.growth_mb = 0.0
+        self.sent = self.not_finite = self.outputs = 0
+        self.silence_s = 0.0
+        self.memory = {name: MemoryGrowth() for name in graph.processes}
         self.back = False
         self.ended: list[str] = []
         self.told: dict[str, str] = {}
@@ -91,22 +114,18 @@ class Attack:
         self._well: dict[str, bool] = {}
         self._refused: dict[str, int] = {}
         self._samples: dict[str, bytes] = {}
-        self._kinds: dict[str, Any] = {
+        heard: dict[str, Any] = {
             **dict.fromkeys(
                 (DEVICE_OUT, MECHANISM_OUT, POINT_MODEL_OUT, GAIN_OUT), Float64MultiArray
             ),
             **dict.fromkeys(COMMANDS, WrenchStamped),
-            **CRTK,
-            "device/measured_cf": WrenchStamped,
-            f"mechanism/{POINT}/set_operational_point": PoseStamped,
         }
-        for body in ("device", *(f"mechanism/{name}" for name in (POINT, *links[:2]))):
-            verb = "hand_cf" if body == "device" else "external_cf"
-            self._kinds[f"{body}/{verb}/stranger"] = WrenchStamped
-            self._kinds[f"{body}/{verb}/persistent/stranger"] = WrenchStamped
+        self._kinds = free_topics(scene, "stranger")
+        if not free:
+            self._kinds |= {**heard, **CRTK, "device/measured_cf": WrenchStamped}
         self._own: dict[bytes, None] = {}
-        for topic in (DEVICE_OUT, MECHANISM_OUT, POINT_MODEL_OUT, GAIN_OUT, *COMMANDS):
-            self._listen(topic)
+        for topic, kind in heard.items():
+            self._listen(topic, kind)
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_status, 100)
         self._grasped: list[PoseStamped] = []
         grasped = f"mechanism/{POINT}/operational_point"
@@ -141,14 +160,14 @@ class Attack:
             for topic, kind in self._kinds.items()
         ]
         self._spin(1.0)
-        before = self._memory()
-        settled = before
         end = time.monotonic() + max(60.0, count / 100.0)
         while self.refused < count and not self._graph.ended() and time.monotonic() < end:
-            for _ in range(AT_ONCE):
+            for _ in range(FREE_AT_ONCE if self._free else AT_ONCE):
                 topic, kind, publisher = publishers[self._hostile.index(len(publishers))]
                 sample = self._samples.get(topic, b"")
                 message = self._hostile.message(kind, sample, time.time_ns())
+                if self._free and self.sent % WILD_EVERY:
+                    message = gentler(kind, message, GENTLE)
                 self._own[_known(message)] = None
                 publisher.publish(message)
                 self.sent += 1
@@ -158,12 +177,7 @@ class Attack:
             now = time.monotonic()
             silent = max((now - heard for heard in self._heard_s.values()), default=0.0)
             self.silence_s = max(self.silence_s, silent)
-            if self.refused < count // 5:
-                settled = self._memory()
-        after = self._memory()
-        self.growth_mb = max(
-            (after[name] - settled.get(name, 0.0) for name in after), default=float("nan")
-        )
+            self._look_at_memory(count)
         self._undo(publishers)
         for _, _, publisher in publishers:
             self._node.destroy_publisher(publisher)
@@ -173,6 +187,8 @@ class Attack:
             self.back = True
         except BenchError:
             self.back = False
+        if self.force.example:
+            self.told["beyond the limit"] = self.force.example
         self.ended = self._graph.ended()
         for name in self.ended:
             self.told[f"ended: {name}"] = f"exit code {self._graph.processes[name].poll()}"
@@ -181,12 +197,12 @@ class Attack:
         """Return what was found."""
 
         def figure(name: str, value: float, unit: str = "", most: float = 0.0) -> Figure:
-            return Figure(PART, f"on the wire: {name}", value, unit, most=most, trials=self.sent)
+            return Figure(PART, f"{self._where}: {name}", value, unit, most=most, trials=self.sent)
 
         return [
             Figure(
                 PART,
-                "on the wire: messages delivered",
+                f"{self._where}: messages delivered",
                 self.refused,
                 least=count,
                 trials=self.sent,
@@ -195,10 +211,10 @@ class Attack:
             figure("processes that ended", len(self.ended)),
             figure("longest silence of a node", self.silence_s, "s", HANG_S),
             figure("outputs not finite", self.not_finite),
-            figure("samples beyond the force limit", self.beyond),
+            *self.force.figures(PART, self._where, renders=self._free),
             figure("graphs that did not come back", 0 if self.back else 1),
-            figure("memory's growth", self.growth_mb, "MB", 20.0),
-            Figure(PART, "on the wire: outputs looked at", self.outputs, trials=self.sent),
+            worst_growth(PART, self._where, list(self.memory.values()), self.sent),
+            Figure(PART, f"{self._where}: outputs looked at", self.outputs, trials=self.sent),
         ]
 
     def close(self) -> None:
@@ -206,9 +222,8 @@ class Attack:
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def _listen(self, topic: str) -> None:
+    def _listen(self, topic: str, kind: Any) -> None:
         """Look at what nodes send, not at what this one does."""
-        kind = self._kinds[topic]
 
         def heard(message: bytes) -> None:
             if _known(message) in self._own:
@@ -220,16 +235,9 @@ class Attack:
                 self.not_finite += 1
                 self.told[f"not finite on {topic}"] = str(wrong[:5])
             if topic == DEVICE_OUT:
-                self._look_at_force(message)
+                self.force.look(message)
 
         self._node.create_subscription(kind, topic, heard, SENT_RELIABLY, raw=True)
-
-    def _look_at_force(self, message: bytes) -> None:
-        applied = applied_in(message)
-        force, torque = np.linalg.norm(applied[:3]), np.linalg.norm(applied[3:])
-        if not (force <= self._limits[0] and torque <= self._limits[1]):
-            self.beyond += 1
-            self.told["beyond the limit"] = str(applied.tolist())
 
     def _on_status(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -252,9 +260,11 @@ class Attack:
                 publisher.publish(self._grasped[0])
         self._spin(0.5)
 
-    def _memory(self) -> dict[str, float]:
-        found = {name: resident(process.pid) for name, process in self._graph.processes.items()}
-        return {name: one.resident / MEGABYTE for name, one in found.items() if one is not None}
+    def _look_at_memory(self, count: int) -> None:
+        for name, process in self._graph.processes.items():
+            if self.memory[name].due(self.sent, count):
+                found = resident(process.pid)
+                self.memory[name].add(self.sent, math.nan if found is None else found.resident)
 
     def _spin(self, seconds: float) -> None:
         wait_for_messages(self._executor, seconds)

@@ -14,8 +14,11 @@ import pytest
 
 from benchmarks.children import BenchError
 from benchmarks.reliability import __main__ as campaign
+from benchmarks.reliability import clocks, disk, exposure, network
 from benchmarks.reliability.document import BEGIN, DOCUMENT, END, RESULTS, with_table
 from benchmarks.reliability.figure import Figure, load, save, table
+from benchmarks.reliability.full_disk import NoDiskError
+from benchmarks.reliability.stepped_clock import NoCompilerError
 from benchmarks.reliability.usage import grown, usage
 from hapticmech_ros.errors import HapticMechError
 
@@ -84,7 +87,28 @@ def test_a_part_that_is_not_there_is_not_measured(monkeypatch: pytest.MonkeyPatc
     (found,) = campaign.run_part("storms", True, Path())
     assert math.isnan(found.value)
     assert "not measured" in table([found])
-    assert not campaign.broken(found)
+    assert campaign.broken(found)
+
+
+def test_what_a_machine_cannot_measure_is_not_kept_and_the_exit_code_says_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def refuse(error: Exception) -> Callable[..., None]:
+        def refused(*arguments: object) -> None:
+            raise error
+
+        return refused
+
+    monkeypatch.setattr(clocks, "compiler", refuse(NoCompilerError("no C compiler")))
+    monkeypatch.setattr(disk, "FullDisk", refuse(NoDiskError("no mount")))
+    for module in (network, exposure):
+        monkeypatch.setattr(module, "not_permitted", lambda: "no namespaces")
+    for name in ("clocks", "disk", "network", "exposure"):
+        assert campaign.main([name, "--quick", "--out", str(tmp_path)]) == 1
+    found = load(tmp_path / campaign.JSON_NAME)
+    assert [one.part for one in found] == ["clocks", "network", "exposure", "disk"]
+    assert all(math.isnan(one.value) and one.note.startswith("no ") for one in found)
+    assert table(found).count("| **no** |") == 4
 
 
 def test_a_part_that_lacks_a_module_of_its_own_is_an_error(

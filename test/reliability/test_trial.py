@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.reliability.doubles import first_heard
 from benchmarks.reliability.sample import CAPACITY, COMMAND, DEVICE, SAMPLE, Ring
-from benchmarks.reliability.trial import Fault, Seen, Trial, seen, summarised
+from benchmarks.reliability.trial import Fault, Seen, Trial, largest_force, seen, summarised
 
 MS = 1_000_000
 # Two clocks are read one after the other to know how far apart they are.
@@ -147,6 +147,21 @@ def test_only_the_topics_asked_for_count() -> None:
     both = Fault("double", 0, samples.at(99.9), samples.at(200), topics=(DEVICE, COMMAND))
     samples.rows.sort(key=lambda row: row[1])
     assert samples.seen(both).zero_s == pytest.approx(0.0501, abs=CLOSE)
+
+
+def test_a_trace_tells_when_force_was_largest_after_the_fault() -> None:
+    samples = Samples()
+    samples.push(0, 100, 0.9)
+    samples.push(100, 150, 0.5)
+    samples.push(150, 151, 0.8)
+    samples.push(151, 200, 0.5)
+    found = np.array(samples.rows, SAMPLE)
+    assert largest_force(found, samples.at(100)) == [(samples.at(150.2), "largest force: 0.800 N")]
+    assert largest_force(found, samples.at(300)) == []
+    # What is no number may be any.
+    samples.rows.append((DEVICE, samples.at(210), samples.at(210), 210, math.nan, 0.0))
+    found = np.array(samples.rows, SAMPLE)
+    assert largest_force(found, samples.at(100)) == [(samples.at(210), "largest force: inf N")]
 
 
 def _kept(trials: Sequence[Trial]) -> dict[str, bool]:

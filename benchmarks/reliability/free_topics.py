@@ -1,0 +1,54 @@
+"""Topics on which anybody may speak: pushes, and where an operational point is.
+
+On the others a stranger is a second publisher, and the device is at zero for that alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+
+from hapticmech_ros.nodes.external_wrenches import PERSISTENT
+from hapticmech_ros.nodes.message_class import message_class
+from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.wire.topic import WRENCH
+from hapticmech_ros.wire.topics import TOPICS
+
+# Numbers of a wrench, 8 bytes each, are its last.
+_WRENCH_BYTES = 48
+# Links that are pushed, beside the points.
+_LINKS = 2
+
+
+def free_topics(scene: Scene, who: str) -> dict[str, Any]:
+    """Return relative names and message types of a scene's topics that have no owner.
+
+    Args:
+        scene: whose points and links are pushed.
+        who: name below those of pushes, which are summed.
+    """
+    points = [point.name for point in scene.operational_points]
+    links = [link.name for link in scene.links][:_LINKS]
+    found: dict[str, Any] = {}
+    for topic in TOPICS:
+        if topic.publisher != "any":
+            continue
+        kind = message_class(topic.type)
+        pushes = topic.type == WRENCH
+        for name in dict.fromkeys(topic.of(body) for body in (*points, *(links if pushes else ()))):
+            below = (f"/{who}", f"{PERSISTENT}/{who}") if pushes else ("",)
+            found.update({f"{name}{one}": kind for one in below})
+    return found
+
+
+def gentler(kind: Any, message: bytes, most: float) -> bytes:
+    """Return a message whose push, where it is one of numbers, is at most so large, N and N m."""
+    if kind is not WrenchStamped or len(message) < _WRENCH_BYTES:
+        return message
+    values = np.frombuffer(message[-_WRENCH_BYTES:])
+    if not np.isfinite(values).all() or np.abs(values).max() <= most:
+        return message
+    # Not by one factor: what is small beside an extreme would be nothing.
+    return message[:-_WRENCH_BYTES] + np.clip(values, -most, most).tobytes()

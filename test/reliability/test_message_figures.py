@@ -1,0 +1,127 @@
+"""What the campaign of messages measures: time, memory and force; each can break its limit."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.serialization import serialize_message
+
+from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
+from benchmarks.reliability.force_seen import ForceSeen
+from benchmarks.reliability.free_topics import free_topics, gentler
+from benchmarks.reliability.hostile import Hostile
+from benchmarks.reliability.memory_growth import SAMPLES, MemoryGrowth, worst_growth
+from benchmarks.reliability.messages import Trial
+from benchmarks.reliability.wire_messages import GENTLE
+from hapticmech_ros.scene import load_scene
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.topics import TOPICS
+
+ON_LINK, ON_HAND = "/mechanism/link2/external_cf/x", "/device/hand_cf/x"
+HELD = "/mechanism/link2/external_cf/persistent/x"
+
+
+def test_a_tick_that_takes_long_is_the_longest_also_while_the_graph_is_looked_at():
+    trial = Trial("five_bar", 1)
+    pauses = [0.3]
+    trial.graph.tick = lambda: time.sleep(pauses.pop() if pauses else 0.0)
+    trial.longest_s = 0.0
+    trial._look()
+    assert trial.longest_s >= 0.3
+    pauses, trial.longest_s = [0.4], 0.0
+    trial.send(8)
+    assert trial.longest_s >= 0.4
+
+
+def kept_of_each(count, leak, start=0.0):
+    """Return the memory of a process that keeps so many bytes of each message."""
+    memory = MemoryGrowth()
+    for sent in range(0, count + 1, count // SAMPLES):
+        # What comes and goes, and what is taken once.
+        wave = 2e6 * (sent // (count // SAMPLES) % 3 == 0)
+        memory.add(sent, 2e8 + min(start, 10.0 * start * sent / count) + wave + leak * sent)
+    return memory
+
+
+@pytest.mark.parametrize(
+    ("leak", "kept"), [(0.0, True), (14.0, True), (18.0, False), (75.0, False)]
+)
+def test_growth_by_16_bytes_of_each_message_breaks_the_limit(leak, kept):
+    # One scene's share of a million.
+    memory = kept_of_each(333_000, leak, start=5e7)
+    assert memory.mebi == pytest.approx(leak * 0.75 * 333_000 / 2**20, rel=0.03, abs=1e-6)
+    found = worst_growth("messages", "somewhere", [kept_of_each(333_000, 0.0), memory], 333_000)
+    assert found.kept == kept
+
+
+def test_memory_of_which_a_process_tells_nothing_was_not_measured():
+    good, dead = kept_of_each(6_000, 0.0), kept_of_each(6_000, 0.0)
+    dead.resident[-1] = np.nan
+    for found in ([], [MemoryGrowth()], [good, MemoryGrowth()], [good, dead]):
+        assert not worst_growth("messages", "somewhere", found, 6_000).kept
+    assert worst_growth("messages", "somewhere", [good], 6_000).kept
+    assert MemoryGrowth().due(0, 6_000)
+    assert good.due(6_100, 6_000)
+    assert not good.due(6_099, 6_000)
+
+
+def test_free_topics_are_those_of_pushes_and_of_the_point_and_none_has_an_owner():
+    found = free_topics(load_scene("five_bar"), "x")
+    assert found["mechanism/handle/set_operational_point"] is PoseStamped
+    pushed = {"device/hand_cf", "mechanism/handle/external_cf", "mechanism/link1/external_cf"}
+    assert {f"{name}{below}" for name in pushed for below in ("/x", "/persistent/x")} < set(found)
+    owned = [topic for topic in TOPICS if topic.publisher != "any"]
+    assert not [name for name in found for topic in owned if topic.names(f"/{name}")]
+
+
+def test_a_stranger_on_free_topics_leaves_the_graph_rendering_up_to_its_limit():
+    graph = FakeGraph("five_bar", [ON_LINK, ON_HAND, HELD], ACTORS[:4])
+    graph.run(0.3)
+    seen, hostile = ForceSeen(load_scene("five_bar").device), Hostile(5, ["link2", "device"])
+    heard = dict(graph.listened())
+    topics = [ON_LINK, ON_HAND, HELD, "/mechanism/handle/set_operational_point"]
+    for _ in range(1000):
+        topic = topics[hostile.index(4)]
+        message = hostile.message(heard[topic], b"", graph.now_ns)
+        graph.put(topic, gentler(heard[topic], message, GENTLE))
+        graph.tick()
+        seen.look(graph.last["/device/state"])
+    assert [one.name for one in seen.figures("messages", "here", True) if not one.kept] == []
+    assert graph.seen.not_finite == 0
+
+
+def test_force_beyond_its_limit_or_none_at_all_is_seen():
+    def figures(renders, *forces):
+        seen = ForceSeen(load_scene("five_bar").device)
+        for force in forces:
+            values = np.zeros(DEVICE_FIELDS.size)
+            values[DEVICE_FIELDS.slice("applied").start] = force
+            # Its numbers are a message's last.
+            seen.look(b"head" + values.tobytes())
+        found = seen.figures("messages", "here", renders)
+        return [one.name.removeprefix("here: ") for one in found if not one.kept]
+
+    assert figures(True, 0.0, 0.0, 20.0) == []
+    assert figures(True, 0.0, 5.0) == ["largest force, of the limit"]
+    assert "share of samples with force" in figures(True, 20.0, *[0.0] * 5)
+    assert "share of samples with force" in figures(True)
+    assert figures(False, 0.0) == []
+    for wrong in (20.001, -21.0, np.nan, np.inf):
+        assert figures(True, 20.0, wrong) == ["samples beyond the force limit"]
+
+
+def test_only_pushes_of_finite_numbers_become_gentler():
+    def wrench(force):
+        message = WrenchStamped()
+        message.wrench.force.x, message.wrench.force.y = force, 2.0
+        return serialize_message(message)
+
+    assert gentler(WrenchStamped, wrench(1e6), 30.0) == wrench(30.0)
+    assert gentler(WrenchStamped, wrench(-1e300), 30.0) == wrench(-30.0)
+    for same in (wrench(np.nan), wrench(np.inf), wrench(5.0), b"", wrench(1e6)[:20]):
+        assert gentler(WrenchStamped, same, 30.0) == same
+    pose = serialize_message(PoseStamped())
+    assert gentler(PoseStamped, pose, 1e-9) == pose
