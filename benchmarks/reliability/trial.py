@@ -21,6 +21,10 @@ GOAL_ZERO_MS, GOAL_BACK_S, GOAL_PEAK = 20.0, 2.0, 1.2
 PATIENCE_S, SAID_WITHIN_S = 8.0, 8.0
 # A sample that arrives later than this after its stamp was stamped by another clock.
 STAMP_TRUSTED_NS = 500 * MS
+# Where a device's process had to wait for a processor for so long, in so long before its largest
+# force, the hand moved the device meanwhile: what brakes it then answers the machine's pause, and
+# not the fault. More than two periods; and longer is a step of a clock.
+PAUSE_NS, BEFORE_NS, CLOCK_STEP_NS = 5 * MS // 2, 20 * MS, 2_000 * MS
 # So many changes of force go into a trace.
 MOST_TURNS = 50
 
@@ -61,6 +65,7 @@ class Trial:
         said: a sentence that a node said about it; empty if there was none.
         alive: whether all other nodes went on.
         stale: outputs with force before the first one without, of a device that was away.
+        pause_s: longest time between the device's samples right before its largest force.
         trace: what nodes said meanwhile, and when force came and went.
     """
 
@@ -72,6 +77,7 @@ class Trial:
     said: str
     alive: bool = True
     stale: int = 0
+    pause_s: float = 0.0
     trace: str = ""
 
     @property
@@ -80,11 +86,17 @@ class Trial:
         return math.isfinite(self.back_s)
 
     @property
+    def paused(self) -> bool:
+        """Whether the machine had kept the device waiting before its largest force."""
+        return self.pause_s > PAUSE_NS / 1e9
+
+    @property
     def line(self) -> str:
         """All of it for a log."""
         return (
             f"{self.fault}: zero after {1e3 * self.zero_s:.1f} ms (heard after "
             f"{1e3 * self.heard_s:.1f}), back after {self.back_s:.2f} s, at most {self.peak:.3f} N"
+            f"{f' after a pause of {1e3 * self.pause_s:.0f} ms' if self.paused else ''}"
             f"{'' if self.alive else ', ANOTHER NODE ENDED'}; {self.said or 'NOTHING SAID'}"
         )
 
@@ -123,7 +135,9 @@ def observe(rig: Rig, fault: Fault, about: Callable[[str], bool], alive: bool = 
     times = (result.zero_s, result.heard_s, result.back_s)
     going_on = alive and not rig.ended()
     trace = _trace(rig, fault)
-    return Trial(fault.kind, *times, result.peak, said, going_on, result.stale, trace)
+    return Trial(
+        fault.kind, *times, result.peak, said, going_on, result.stale, result.pause_s, trace
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +145,7 @@ class Seen:
     """What a device did, s; infinite while it has not.
 
     Attributes:
-        zero_s, heard_s, back_s, peak, stale: as in :class:`Trial`.
+        zero_s, heard_s, back_s, peak, stale, pause_s: as in :class:`Trial`.
     """
 
     zero_s: float = math.inf
@@ -139,6 +153,7 @@ class Seen:
     back_s: float = math.inf
     peak: float = 0.0
     stale: int = 0
+    pause_s: float = 0.0
 
     @property
     def over(self) -> bool:
@@ -164,19 +179,33 @@ def seen(found: Samples, fault: Fault, offset_ns: int = 0) -> Seen:
         made = arrived
         cause_ns = int(made[int(np.argmax(counts))]) if counts.any() else fault.released_ns
     peak = float(np.nan_to_num(found["force"][counts], nan=np.inf).max(initial=0.0))
+    pause_s = _pause_s(found[counts])
     during = np.flatnonzero(counts & on & (made < fault.released_ns))
     off = counts & ~on
     if during.size:
         off[: during[-1]] = False
     if not off.any():
-        return Seen(peak=peak)
+        return Seen(peak=peak, pause_s=pause_s)
     first = int(np.argmax(off))
     zero, heard = (made[first] - cause_ns) / 1e9, (arrived[first] - cause_ns) / 1e9
     stale = int((counts & on)[:first].sum()) if fault.first_output else 0
     again = counts & on & (made >= fault.released_ns)
     again[: first + 1] = False
     back = (made[int(np.argmax(again))] - fault.released_ns) / 1e9 if again.any() else math.inf
-    return Seen(float(zero), float(heard), float(back), peak, stale)
+    return Seen(float(zero), float(heard), float(back), peak, stale, pause_s)
+
+
+def _pause_s(found: Samples) -> float:
+    """Return the longest time (s) between samples of the device right before its largest force."""
+    if not len(found):
+        return 0.0
+    most = int(np.argmax(np.nan_to_num(found["force"], nan=np.inf)))
+    own = found[: most + 1]
+    stamps = own["stamp_ns"][own["topic"] == found["topic"][most]]
+    near = stamps[stamps > stamps[-1] - BEFORE_NS]
+    # The one before them too, so that a pause counts which is longer than all of it.
+    apart = np.diff(stamps[-len(near) - 1 :])
+    return float(apart[(apart > 0) & (apart < CLOCK_STEP_NS)].max(initial=0) / 1e9)
 
 
 def _made_ns(arrived: np.ndarray, stamps: np.ndarray, lasted_ns: int) -> np.ndarray:
@@ -238,8 +267,9 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
     zeros = [1e3 * trial.zero_s for trial in trials]
     heard = [1e3 * trial.heard_s for trial in trials]
     back = [trial.back_s for trial in trials]
-    peaks = [trial.peak / clean_max for trial in trials]
-    above = sum(peak > GOAL_PEAK for peak in peaks)
+    judged = [trial.peak / clean_max for trial in trials if not trial.paused]
+    paused = [trial.peak / clean_max for trial in trials if trial.paused]
+    above = sum(peak > GOAL_PEAK for peak in judged)
     share = 100.0 * float(np.mean([bool(trial.said) for trial in trials])) if trials else math.nan
     alive = float(np.mean([100.0 * trial.alive for trial in trials])) if trials else math.nan
     stale = Figure(
@@ -255,13 +285,28 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
         worst("zero force after, by the device's stamps, worst", zeros, "ms", GOAL_ZERO_MS),
         worst("zero force after, by arrival, worst", heard, "ms", None),
         worst("rendering again after, worst", back, "s", GOAL_BACK_S),
-        worst("largest force, of a clean run's", peaks, "", GOAL_PEAK),
+        Figure(
+            part,
+            f"{name}: largest force, of a clean run's",
+            max(judged, default=math.nan),
+            "",
+            GOAL_PEAK,
+            None,
+            len(judged),
+        ),
         Figure(
             part,
             f"{name}: trials with more force than {GOAL_PEAK} of that",
             above,
             "",
             trials=number,
+        ),
+        Figure(
+            part,
+            f"{name}: the same in trials left out",
+            max(paused, default=0.0),
+            trials=len(paused),
+            note="the machine kept the device's process waiting right before",
         ),
         Figure(part, f"{name}: said", share, "%", None, 100.0, number),
         Figure(part, f"{name}: all other nodes went on", alive, "%", None, 100.0, number),

@@ -77,6 +77,46 @@ def test_a_torque_alone_is_a_push_and_so_is_what_is_no_number() -> None:
         assert found.zero_s == pytest.approx(0.0511, abs=CLOSE)
 
 
+def test_force_after_a_pause_of_the_devices_process_is_told_apart() -> None:
+    for pause_ms, before_ms, paused in ((1, 0, False), (2, 5, False), (3, 5, True), (8, 0, True)):
+        samples = Samples()
+        samples.push(0, 112, 0.5)
+        samples.push(112, 400, 0.0)
+        samples.push(400, 650, 0.5)
+        samples.push(650 + pause_ms - 1, 650 + pause_ms + before_ms, 0.5)
+        samples.push(650 + pause_ms + before_ms, 660 + pause_ms + before_ms, 0.8)
+        samples.push(660 + pause_ms + before_ms, 900, 0.5)
+        found = samples.seen(Fault("kill", 0, samples.at(99.9), samples.at(300)))
+        assert found.peak == 0.8
+        assert found.pause_s == pytest.approx(1e-3 * pause_ms, abs=CLOSE)
+        trial = Trial("kill", 0.0, 0.0, 0.1, found.peak, "it", pause_s=found.pause_s)
+        assert trial.paused is paused
+        # One that is left out is a figure of its own, and all that are not keep the limit.
+        gentle = replace(trial, peak=0.5, pause_s=0.0)
+        figures = {one.name: one for one in summarised("kills", "it", [trial, gentle], 0.5)}
+        largest = figures["it: largest force, of a clean run's"]
+        left_out = figures["it: the same in trials left out"]
+        assert largest.kept is paused
+        assert (largest.value, left_out.value) == ((1.0, 1.6) if paused else (1.6, 0.0))
+        assert (largest.trials, left_out.trials) == ((1, 1) if paused else (2, 0))
+
+
+def test_a_pause_long_before_the_force_and_a_step_of_the_clock_are_none() -> None:
+    samples = Samples()
+    samples.push(0, 112, 0.5)
+    samples.push(112, 400, 0.0)
+    samples.push(410, 500, 0.5)
+    samples.push(500, 501, 0.8)
+    samples.push(501, 600, 0.5)
+    assert samples.seen(Fault("kill", 0, samples.at(99.9), samples.at(300))).pause_s < 1.5e-3
+    step = 5_000 * MS
+    samples.rows = [
+        (topic, arrived, stamp + (step if number >= 495 else 0), number, force, torque)
+        for topic, arrived, stamp, number, force, torque in samples.rows
+    ]
+    assert samples.seen(Fault("step", 0, samples.at(99.9), samples.at(300))).pause_s < 1.5e-3
+
+
 def test_a_device_that_never_lets_go_or_is_silent_never_was_at_zero() -> None:
     samples = Samples()
     samples.push(0, 500, 0.5)
