@@ -314,8 +314,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         inputs = ControllerInput(
             time_s, stamp, device, operational_model, ahead, self._elapsed(model.stamp_ns)
         )
-        # Over a network each answer says how it depends on the device: see LocalLoop.
-        with_model = self._local and (paced or self._outputs.wants_gain(stamp))
+        # Over a network, and until the device obeys, each answer says how it depends on the device.
+        often = paced or not self._path.obeyed
+        with_model = self._local and (often or self._outputs.wants_gain(stamp))
         answer = self._side.tick(inputs, self._clutch, self._local, with_model)
         self._told_ns = stamp, model.stamp_ns if paced else stamp
         self._send(answer, *self._told_ns)
