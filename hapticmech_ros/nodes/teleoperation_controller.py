@@ -14,6 +14,7 @@ from hapticmech_ros.control.rendering_controller import (
 )
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.controller_limits import input_timeout_of
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
 from hapticmech_ros.nodes.crtk_device import CrtkDevice
 from hapticmech_ros.nodes.device_path import DevicePath
@@ -120,7 +121,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     def apply_parameters(self, parameters: ControllerParameters) -> None:
         """Take new parameters: the timeout counts from now on, gains pass to the new ones."""
         super().apply_parameters(parameters)
-        self.timeout_ns = self.silence_ns(parameters.input_timeout)
+        self.timeout_ns = self.silence_ns(input_timeout_of(parameters, self.scene.device))
         self._tune()
 
     def _tune(self) -> None:
@@ -129,8 +130,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._path.tune(self._control, self._tuned, self.parameters.soften, time_s)
 
     def validate_parameters(self, parameters: ControllerParameters) -> None:
-        """Refuse gains that are none."""
+        """Refuse gains that are none, and what is less safe than the scene allows."""
         tuned(self.scene.controller, parameters.gains)
+        input_timeout_of(parameters, self.scene.device)
 
     def watch(self, topic: str) -> Sources:
         """Return what watches that only one device, or one analyser, speaks on a topic."""
