@@ -21,7 +21,7 @@ PARTS = {
     "kills": "each node killed without warning, and started again",
     "freezes": "each node stopped for 0.05 to 2 s",
     "clocks": "steps of the machine's clock, of one host's, and of /clock",
-    "doubles": "a second node of each kind, a foreign driver, a foreign commander",
+    "doubles": "a second node of each kind, a foreign driver, foreign commanders",
     "network": "delay, jitter, loss and reordering between two hosts",
     "exposure": "who else on the network is heard",
     "messages": "bytes and values that no node sends",

@@ -36,7 +36,9 @@ NEWER_BY = 16
 # N and N m, far from what the scene's gains command. A commander that is alone holds the device:
 # else the hand pushes it away, and is braked when the graph takes hold of it again.
 PUSH = ("4.0", "0", "0", "0", "0", "0")
-FOREIGN = {"foreign_driver": DEVICE_NODE, "foreign_commander": CONTROLLER}
+DRIVER, COMMANDER, GAIN = "foreign_driver", "foreign_commander", "foreign_gain"
+SCRIPTS = {DRIVER: "foreign_driver.py", COMMANDER: "foreign_commander.py"}
+SCRIPTS[GAIN] = SCRIPTS[COMMANDER]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +48,8 @@ class Kind:
     Attributes:
         name: of the double's node.
         original: the node of the graph that it doubles.
-        topic: on which both speak.
+        topic: of the original, as it is watched; foreign drivers, and who only tells gains, do not
+            speak on it.
         outputs: topics whose force is to be zero.
     """
 
@@ -62,8 +65,9 @@ KINDS = (
     Kind(f"second_{ANALYSER}", ANALYSER, POINT_MODEL),
     Kind(f"second_{CONTROLLER}", CONTROLLER, COMMAND),
     # What is commanded is what its actuators would do.
-    Kind("foreign_driver", DEVICE_NODE, DEVICE, (DEVICE, COMMAND)),
-    Kind("foreign_commander", CONTROLLER, COMMAND),
+    Kind(DRIVER, DEVICE_NODE, DEVICE, (DEVICE, COMMAND)),
+    Kind(COMMANDER, CONTROLLER, COMMAND),
+    Kind(GAIN, CONTROLLER, COMMAND),
 )
 
 
@@ -73,11 +77,11 @@ class Double:
     def __init__(self, rig: Rig, kind: Kind, alone: bool) -> None:
         self._graph: Graph | None = None
         self.teller: ReportingProcess | None = None
-        if kind.name in FOREIGN:
-            pushes = kind.original == CONTROLLER and not alone
-            arguments = PUSH if pushes else ()
+        if kind.name in SCRIPTS:
+            pushes = kind.name == COMMANDER and not alone
+            arguments = ("gain",) if kind.name == GAIN else PUSH if pushes else ()
             environment = rig.environment_of(kind.original)
-            self.teller = rig.start(f"{kind.name}.py", *arguments, environment=environment)
+            self.teller = rig.start(SCRIPTS[kind.name], *arguments, environment=environment)
             self._process = self.teller.process
         else:
             self._graph = rig.another(kind.original)
@@ -186,10 +190,10 @@ def _first(
         found = found[found["arrived_ns"] > asked_ns]
         if teller is not None:
             firsts = [int(event["at_ns"]) for event in teller.of("first")]
-            if kind.name == "foreign_commander":
+            if kind.name == COMMANDER:
                 return _to_the_device(firsts, found[found["stamp_ns"] == 0]["arrived_ns"])
             return firsts[0] if firsts else None
-        if kind.name == "foreign_driver":
+        if kind.name in (DRIVER, GAIN):
             # It says nothing on this topic: whoever does is the newcomer.
             return int(found["arrived_ns"][0]) if found.size else None
         newer = found["number"] < np.maximum.accumulate(found["number"]) - NEWER_BY

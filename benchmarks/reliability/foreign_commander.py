@@ -1,8 +1,9 @@
-"""Somebody else who commands the device: servo_cf with empty stamps, at 1 kHz.
+"""Somebody else who commands the device, at 1 kHz: servo_cf with empty stamps, or gains alone.
 
 Usage: ``python foreign_commander.py FX FY FZ TX TY TZ`` commands a constant wrench (N and N m), and
-without numbers holds the device where it is. Tells ``first`` whenever one more can hear it, with
-the monotonic time of the first command to that one.
+without numbers holds the device where it is; ``python foreign_commander.py gain`` tells it in
+local_feedback_gain that it is very stiff, and that the mechanism has got much energy. Tells
+``first`` whenever one more can hear it, with the monotonic time of the first message to that one.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
@@ -21,15 +23,59 @@ from hapticmech_ros.nodes.loop import wake_up_in_time
 from hapticmech_ros.nodes.messages import WORLD
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, pack_gain
 from hapticmech_ros.wire.layouts import unpack_device
-from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_STATE
+from hapticmech_ros.wire.topic import Topic
+from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_GAIN, DEVICE_STATE
 
 PERIOD_S = 0.001
 # Critically damped for the scene's device of 0.3 kg and 3e-4 kg m².
 SPRING, DAMPER = np.repeat([120.0, 0.12], 3), np.repeat([12.0, 0.012], 3)
+# N/m and N m/rad, a thousand times what the scene's device can bear; and J that nobody has given.
+STIFFNESS, ENERGY = np.diag(np.repeat([1e6, 1e3], 3)), 1e3
 
 
-class ForeignCommander(Node):
+class ForeignPublisher(Node):
+    """Publishes on a topic of the device's, and tells who can hear that.
+
+    Args:
+        name: of the node.
+        kind: of its messages.
+        topic: on which.
+    """
+
+    def __init__(self, name: str, kind: Any, topic: Topic) -> None:
+        super().__init__(name)
+        self._heard_by = 0
+        self._publisher = self.create_publisher(kind, topic.name, STREAM_PUBLISHER)
+        self.create_timer(PERIOD_S, self._publish)
+
+    def _next(self) -> Any:
+        """Return what is published now."""
+        raise NotImplementedError
+
+    def _publish(self) -> None:
+        heard_by = self._publisher.get_subscription_count()
+        for _ in range(self._heard_by, heard_by):
+            write_progress("first", at_ns=time.monotonic_ns())
+        self._heard_by = max(self._heard_by, heard_by)
+        self._publisher.publish(self._next())
+
+
+class ForeignGain(ForeignPublisher):
+    """Tells the device how commands depend on it, and commands nothing."""
+
+    def __init__(self) -> None:
+        super().__init__("foreign_gain", Float64MultiArray, DEVICE_GAIN)
+        self._model = np.concatenate((np.zeros(36), STIFFNESS.ravel(), np.zeros(36)))
+
+    def _next(self) -> Float64MultiArray:
+        now = self.get_clock().now().nanoseconds
+        values = pack_gain(LocalFeedbackGain(now, now, ENERGY, self._model))
+        return Float64MultiArray(data=values.tolist())
+
+
+class ForeignCommander(ForeignPublisher):
     """Commands a constant wrench, or holds the device's position and lets it turn no further.
 
     Args:
@@ -37,19 +83,16 @@ class ForeignCommander(Node):
     """
 
     def __init__(self, wrench: Sequence[float]) -> None:
-        super().__init__("foreign_commander")
-        self._heard_by = 0
+        super().__init__("foreign_commander", WrenchStamped, DEVICE_COMMAND)
         self._held: np.ndarray | None = None
         self._message = WrenchStamped()
         self._message.header.frame_id = WORLD
-        self._commands = self.create_publisher(WrenchStamped, DEVICE_COMMAND.name, STREAM_PUBLISHER)
         if wrench:
             self._fill(wrench)
         else:
             self.create_subscription(
                 Float64MultiArray, DEVICE_STATE.name, self._hold, CONTROL_SUBSCRIBER, raw=True
             )
-        self.create_timer(PERIOD_S, self._publish)
 
     def _hold(self, message: bytes) -> None:
         measured = unpack_device(decode(message)).measured
@@ -62,15 +105,17 @@ class ForeignCommander(Node):
         force, torque = self._message.wrench.force, self._message.wrench.torque
         force.x, force.y, force.z, torque.x, torque.y, torque.z = map(float, wrench)
 
-    def _publish(self) -> None:
-        heard_by = self._commands.get_subscription_count()
-        for _ in range(self._heard_by, heard_by):
-            write_progress("first", at_ns=time.monotonic_ns())
-        self._heard_by = max(self._heard_by, heard_by)
-        self._commands.publish(self._message)
+    def _next(self) -> WrenchStamped:
+        return self._message
+
+
+def foreigner(arguments: Sequence[str]) -> ForeignPublisher:
+    """Return the node that arguments ask for."""
+    if arguments == ["gain"]:
+        return ForeignGain()
+    return ForeignCommander([float(number) for number in arguments])
 
 
 if __name__ == "__main__":
     wake_up_in_time()
-    numbers = [float(number) for number in sys.argv[1:]]
-    sys.exit(watch(lambda: ForeignCommander(numbers), []))
+    sys.exit(watch(lambda: foreigner(sys.argv[1:]), []))

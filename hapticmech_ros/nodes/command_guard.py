@@ -1,4 +1,4 @@
-"""Why a device must not obey now: an emergency stop, or a second publisher of its commands."""
+"""Why a device must not obey now: an emergency stop, or two where one may command it."""
 
 from __future__ import annotations
 
@@ -11,17 +11,20 @@ class CommandGuard:
     """Watches who commands a device.
 
     Args:
-        sources: of the commands.
+        sources: of each topic by which it is commanded; none may have a second publisher.
     """
 
-    def __init__(self, sources: Sources) -> None:
+    def __init__(self, *sources: Sources) -> None:
         self._sources = sources
         self.stopped = False
 
     def forget(self) -> None:
         """Forget who commanded; an emergency stop lasts."""
-        self._sources.forget()
+        for one in self._sources:
+            one.forget()
 
     def fault(self, now_ns: int) -> str:
         """Return why the device must not obey; empty if it may."""
-        return STOPPED if self.stopped else self._sources.fault(now_ns)
+        if self.stopped:
+            return STOPPED
+        return next((fault for one in self._sources if (fault := one.fault(now_ns))), "")

@@ -81,12 +81,12 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._view = DeviceView(self)
         node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
         node.keep(node.create_service(SetBool, EMERGENCY_STOP, self._on_stop))
-        sources = self.sources(DEVICE_COMMAND.name)
-        self._guard = CommandGuard(sources)
+        commands, gains = self.sources(DEVICE_COMMAND.name), self.sources(DEVICE_GAIN.name)
+        self._guard = CommandGuard(commands, gains)
         qos = self.control_input
-        self.input_command(DEVICE_COMMAND.name, qos, self._on_command, sources=sources)
+        self.input_command(DEVICE_COMMAND.name, qos, self._on_command, sources=commands)
         if self._is_local:
-            self.input_array(DEVICE_GAIN.name, self.control_input, self._on_gain, GAIN_FIELDS)
+            self.input_array(DEVICE_GAIN.name, qos, self._on_gain, GAIN_FIELDS, gains)
         self._hand = HandWrenches(self, lambda: np.asarray(self._state.pose.rotation), self.act)
 
     def _new_loop(self) -> LocalLoop:
@@ -296,10 +296,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
         self.latency.add(now_ns - stamp_ns)
         self.ages.add(now_ns - stamp_ns)
-        fault = self._guard.fault(now_ns)
-        if fault and self._answers.obeys:
-            self._warn(fault)
-            self._put_at_zero()
+        self._look_at_fault(now_ns)
         if self.lockstep:
             self._commands.put(wrench, stamp_ns)
         elif not self._answers.is_next(stamp_ns, now_ns):
@@ -310,9 +307,18 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             self.act(now_ns)
 
     def _on_gain(self, values: Array, now_ns: int) -> None:
-        self._loop.take(values, now_ns, self.lockstep)
+        self._look_at_fault(now_ns)
+        # What is taken during a fault is forgotten with the next tick.
+        self._loop.take(values, now_ns, self.lockstep, self.age_limit_ns)
         if self.lockstep:
             self.act(now_ns)
+
+    def _look_at_fault(self, now_ns: int) -> None:
+        """Put the actuators at zero, and say why, if what has come shows that two command."""
+        fault = self._guard.fault(now_ns)
+        if fault and self._answers.obeys:
+            self._warn(fault)
+            self._put_at_zero()
 
     def _on_stop(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         """Put the actuators at zero, until it is taken back; answer once that was published."""

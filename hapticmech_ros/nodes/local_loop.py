@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.passivity import corrected
+from hapticmech_ros.nodes.actor import FOR_EVER
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
+from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.ordering import InOrder
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import Bounds
@@ -82,18 +84,27 @@ class LocalLoop:
         needs = self._paired and self.remembers(answered_ns)
         return not needs or self._gain.fresh(now_ns, FRESH_NS)
 
-    def take(self, values: Array, now_ns: int, lockstep: bool) -> None:
+    def take(
+        self, values: Array, now_ns: int, lockstep: bool, age_limit_ns: int = FOR_EVER
+    ) -> None:
         """Take a ``local_feedback_gain`` message's data.
+
+        Both of its stamps are of the device's own samples, as a command's is: over a network, too,
+        their age is by one clock.
 
         Args:
             values: (113,) the data.
             now_ns: present time, ns.
             lockstep: whether the graph runs in lockstep.
+            age_limit_ns: how far, ns, its stamps may be from now.
 
         Raises:
-            InvalidInputError: as :func:`~hapticmech_ros.wire.gain_wire.unpack_gain`.
+            InvalidInputError: as :func:`~hapticmech_ros.wire.gain_wire.unpack_gain`, or a stamp
+                that is too far from now.
         """
         gain = unpack_gain(values, self._bounds)
+        for stamp_ns in (gain.stamp_ns, gain.answered_ns):
+            check_age(stamp_ns, now_ns, age_limit_ns)
         if lockstep:
             self.gains.put(gain, gain.stamp_ns)
             return

@@ -20,11 +20,12 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError, shown
 Changes = Literal["never", "unconfigured", "any"]
 RealtimeMode = Literal["auto", "on", "off"]
 P = TypeVar("P", bound="NodeParameters")
-# What keeps a device safe, and what keeps that as it was when the node started.
+# What keeps a device safe, of its own node and of its controller's, and what keeps that as it was
+# when the node started.
 LOCK = "lock_safety"
 SAFETY = (
     *("command_timeout", "force_limit", "torque_limit", "force_slew", "torque_slew"),
-    *("start_ramp", "workspace_radius", "message_age_limit"),
+    *("start_ramp", "workspace_radius", "message_age_limit", "input_timeout", "soften"),
 )
 
 
@@ -214,6 +215,11 @@ class ControllerParameters(NodeParameters):
 
     input_timeout: float = number(
         0.012, "an input older than this counts as lost: disengaged", "s", 0.001, 1.0
+    )
+    lock_safety: bool = flag(
+        False,
+        "input_timeout, message_age_limit, soften, scene and rate cannot change",
+        "never",
     )
     soften: bool = flag(True, "lower gains while the loop's delay exceeds what they allow", "any")
     constraint_stiffness: float = gain("stiffness k of the joint constraint", "N/m", 1000000.0)

@@ -14,6 +14,7 @@ from hapticmech_ros.control.rendering_controller import (
 )
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.controller_limits import input_timeout_of
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
 from hapticmech_ros.nodes.crtk_device import CrtkDevice
 from hapticmech_ros.nodes.device_path import DevicePath
@@ -120,7 +121,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     def apply_parameters(self, parameters: ControllerParameters) -> None:
         """Take new parameters: the timeout counts from now on, gains pass to the new ones."""
         super().apply_parameters(parameters)
-        self.timeout_ns = self.silence_ns(parameters.input_timeout)
+        self.timeout_ns = self.silence_ns(input_timeout_of(parameters, self.scene.device))
         self._tune()
 
     def _tune(self) -> None:
@@ -129,8 +130,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._path.tune(self._control, self._tuned, self.parameters.soften, time_s)
 
     def validate_parameters(self, parameters: ControllerParameters) -> None:
-        """Refuse gains that are none."""
+        """Refuse gains that are none, and what is less safe than the scene allows."""
         tuned(self.scene.controller, parameters.gains)
+        input_timeout_of(parameters, self.scene.device)
 
     def watch(self, topic: str) -> Sources:
         """Return what watches that only one device, or one analyser, speaks on a topic."""
@@ -314,8 +316,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         inputs = ControllerInput(
             time_s, stamp, device, operational_model, ahead, self._elapsed(model.stamp_ns)
         )
-        # Over a network each answer says how it depends on the device: see LocalLoop.
-        with_model = self._local and (paced or self._outputs.wants_gain(stamp))
+        # Over a network, and until the device obeys, each answer says how it depends on the device.
+        often = paced or not self._path.obeyed
+        with_model = self._local and (often or self._outputs.wants_gain(stamp))
         answer = self._side.tick(inputs, self._clutch, self._local, with_model)
         self._told_ns = stamp, model.stamp_ns if paced else stamp
         self._send(answer, *self._told_ns)

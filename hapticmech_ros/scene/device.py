@@ -61,8 +61,8 @@ class Safety(Part):
         start_ramp: s, shortest time over which force and torque limit open when commands begin.
         workspace_radius: m, furthest from where the device starts that a force points outwards;
             0 is anywhere.
-        command_timeout: s, longest that a command stands; twelve milliseconds, a node's default,
-            are always allowed.
+        command_timeout: s, longest that a command stands, and that a controller commands from its
+            last inputs; twelve milliseconds, a node's default, are always allowed.
     """
 
     force_slew: Positive = 2000.0

@@ -2,6 +2,8 @@
 
 from types import SimpleNamespace
 
+import pytest
+
 from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
 from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
 from hapticmech_ros.nodes.sources import Sources
@@ -32,3 +34,24 @@ def test_an_emergency_stop_lasts_and_comes_first():
     guard.stopped = False
     assert "/one and /other" in guard.fault(0)
     assert guard.fault(2000 * MS) == ""
+
+
+@pytest.mark.parametrize("watched", [0, 1])
+def test_two_on_either_topic_are_a_fault_that_names_both(watched):
+    topics = "/device/servo_cf", "/device/local_feedback_gain"
+    sources = [Sources(Middleware(), topic) for topic in topics]
+    guard = CommandGuard(*sources)
+    for one in sources:
+        one.heard(Origin(MIDDLEWARE, 100), 0)
+    assert guard.fault(0) == ""
+    sources[watched].heard(Origin(MIDDLEWARE, 7), 0)
+    assert guard.fault(0) == f"more than one publisher of {topics[watched]}: /one and /other"
+    guard.forget()
+    assert guard.fault(0) == ""
+
+
+def test_an_input_that_nobody_uses_is_no_fault():
+    commands, gains = (Sources(Middleware(), name) for name in ("/servo_cf", "/gain"))
+    guard = CommandGuard(commands, gains)
+    commands.heard(Origin(MIDDLEWARE, 100), 0)
+    assert guard.fault(0) == ""

@@ -1,10 +1,11 @@
-"""A device's parameters choose within what its scene allows, and can be kept as they are."""
+"""Parameters of device and controller: within what their scene allows, and kept as they are."""
 
 import math
 
 import pytest
 
 from hapticmech_ros.errors import SceneError
+from hapticmech_ros.nodes.controller_limits import input_timeout_of
 from hapticmech_ros.nodes.device_limits import limits_of
 from hapticmech_ros.nodes.parameters import (
     SAFETY,
@@ -37,6 +38,8 @@ BOUNDS = [
     ("workspace_radius", 0.3, 0.4, "device.safety.workspace_radius, 0.3"),
     ("command_timeout", 0.05, 0.051, "device.safety.command_timeout, 0.05"),
 ]
+# What of it a device has.
+OF_DEVICE = [name for name, _, _, _ in BOUNDS] + ["message_age_limit"]
 
 
 def test_by_themselves_they_are_the_scenes():
@@ -84,14 +87,46 @@ def test_all_that_is_wrong_is_named():
 
 def test_every_bounded_parameter_can_be_locked():
     assert {name for name, _, _, _ in BOUNDS} < set(SAFETY)
-    assert set(SAFETY) <= set(DeviceParameters.model_fields)
+    assert set(OF_DEVICE) == set(SAFETY) & set(DeviceParameters.model_fields)
+    assert set(SAFETY) - set(OF_DEVICE) <= set(ControllerParameters.model_fields)
 
 
-@pytest.mark.parametrize("name", [*SAFETY, "scene", "control_rate", "hand", "use_sim_time"])
+def test_a_controllers_inputs_stand_no_longer_than_the_scene_lets_a_command():
+    for allowed in (0.001, 0.05):
+        assert input_timeout_of(ControllerParameters(input_timeout=allowed), DEVICE) == allowed
+    with pytest.raises(ParameterError) as refused:
+        input_timeout_of(ControllerParameters(input_timeout=0.051), DEVICE)
+    assert str(refused.value) == (
+        "input_timeout: must be at most the scene's device.safety.command_timeout, 0.05 (got 0.051)"
+    )
+    # By default what is documented for a machine that stalls, and a driver of 10 Hz; the node's own
+    # default in every scene.
+    assert input_timeout_of(ControllerParameters(input_timeout=0.1), Device()) == 0.1
+    least = Device(safety=Safety(command_timeout=0.012))
+    assert input_timeout_of(ControllerParameters(), least) == 0.012
+    slow = Device(safety=Safety(command_timeout=1.0))
+    assert input_timeout_of(ControllerParameters(input_timeout=1.0), slow) == 1.0
+
+
+@pytest.mark.parametrize("name", [*OF_DEVICE, "scene", "control_rate", "hand", "use_sim_time"])
 def test_a_lock_keeps_what_safety_hangs_on(name):
     assert locked_by(DeviceParameters(lock_safety=True), name) == "lock_safety"
     assert locked_by(DeviceParameters(), name) == ""
     assert locked_by(ControllerParameters(), "scene") == ""
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["input_timeout", "message_age_limit", "soften", "scene", "network_delay", "use_sim_time"],
+)
+def test_a_controllers_lock_keeps_what_safety_hangs_on(name):
+    assert locked_by(ControllerParameters(lock_safety=True), name) == "lock_safety"
+    assert locked_by(ControllerParameters(), name) == ""
+
+
+@pytest.mark.parametrize("name", ["view_rate", "c1", "constraint_stiffness"])
+def test_a_controllers_lock_leaves_what_is_tuned_while_it_renders(name):
+    assert locked_by(ControllerParameters(lock_safety=True), name) == ""
 
 
 @pytest.mark.parametrize("name", ["view_rate", "diagnostics_period", "hand_timeout"])

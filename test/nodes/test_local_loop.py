@@ -10,6 +10,7 @@ from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, pack_gain, unpack_g
 
 GAIN = np.diag([2.0, 0.0, 0.0, 0.0, 0.0, 3.0])
 COMMAND = np.full(6, 0.5)
+ONES = np.ones(108)
 # Between samples.
 PERIOD_NS = 1_000_000
 
@@ -175,6 +176,22 @@ def test_a_message_is_what_was_packed():
 def test_gains_that_are_none_are_refused(data):
     with pytest.raises(InvalidInputError, match="gain message"):
         LocalLoop().take(data, 0, lockstep=False)
+
+
+@pytest.mark.parametrize("which", ["stamp_ns", "answered_ns"])
+@pytest.mark.parametrize("sign", [-1, 1], ids=["old", "future"])
+def test_a_gain_whose_stamps_are_too_far_from_now_is_refused(which, sign):
+    loop, limit, now = filled(10), 20 * PERIOD_NS, 100 * PERIOD_NS
+    stamps = {"stamp_ns": now, "answered_ns": now}
+    just = LocalFeedbackGain(**{**stamps, which: now + sign * limit}, to_mechanism=0.5, model=ONES)
+    beyond = just._replace(**{which: now + sign * (limit + 1)}, to_mechanism=9.0)
+    loop.take(pack_gain(just), now, False, limit)
+    with pytest.raises(InvalidInputError, match="age of stamp"):
+        loop.take(pack_gain(beyond), now, False, limit)
+    # Nothing of it is taken, and nothing counts as overtaken by it.
+    assert loop.to_mechanism == 0.0
+    loop.take(pack_gain(just._replace(to_mechanism=0.75)), now, False, limit)
+    assert (loop.to_mechanism, loop.order.overtaken) == (0.25, 0)
 
 
 @pytest.mark.parametrize("paired", [False, True])

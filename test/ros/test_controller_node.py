@@ -26,7 +26,7 @@ from hapticmech_ros.wire.layouts import (
     pack_device,
     pack_operational_model,
 )
-from ros.harness import Peer, figures, refuses, running, six
+from ros.harness import Peer, allowing, figures, refuses, running, six
 
 pytestmark = pytest.mark.ros
 SCENE = load_scene("five_bar")
@@ -79,7 +79,7 @@ class World:
 
 
 @pytest.mark.parametrize("packed", [True, False], ids=["packed", "crtk"])
-def test_answers_as_the_core_does(domain: int, peer: Peer, packed: bool) -> None:
+def test_answers_as_the_core_does(domain: int, peer: Peer, packed: bool, tmp_path: Path) -> None:
     control = ControlArchitecture(SCENE)
     start = Session(SCENE).tick()
     model = operational_model_of(start.analysis)
@@ -102,7 +102,8 @@ def test_answers_as_the_core_does(domain: int, peer: Peer, packed: bool) -> None
         told = expected.mechanism
     # On a busy machine this process may stand still for long: a timeout would engage anew, at the
     # moved pose.
-    with running("teleoperation_controller", domain, input_timeout=1.0):
+    scene = allowing(tmp_path, command_timeout=1.0)
+    with running("teleoperation_controller", domain, scene, input_timeout=1.0):
         world = World(peer, packed=packed)
 
         def engaged() -> bool:
@@ -242,7 +243,9 @@ class _none:
     message = ""
 
 
-def test_gains_change_while_it_renders_without_a_step(domain: int, peer: Peer) -> None:
+def test_gains_change_while_it_renders_without_a_step(
+    domain: int, peer: Peer, tmp_path: Path
+) -> None:
     aside = 1e-3
     names = {"position_stiffness": 0.0, "constraint_stiffness": 0.0}
     start = Session(SCENE).tick()
@@ -258,7 +261,8 @@ def test_gains_change_while_it_renders_without_a_step(domain: int, peer: Peer) -
 
     first, last = answer(SCENE.controller), answer(tuned(SCENE.controller, names))
     assert np.abs(first - last).max() > 0.5
-    with running("teleoperation_controller", domain, input_timeout=1.0):
+    scene = allowing(tmp_path, command_timeout=1.0)
+    with running("teleoperation_controller", domain, scene, input_timeout=1.0):
         world = World(peer)
 
         def engaged() -> bool:

@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 from hapticmech_ros.nodes.messages import stamp_ns
+from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, pack_gain
 from ros.harness import Peer, allowing, figures, running, six
 
 pytestmark = pytest.mark.ros
@@ -121,6 +123,41 @@ def test_a_second_publisher_is_refused_once_it_speaks(domain: int, peer: Peer) -
         assert "/peer (" in bench.figure("fault")
         peer.until(bench.pushed, "the push of the one that goes on")
         assert bench.figure("fault") is not None
+
+
+def test_a_second_publisher_of_gains_alone_is_refused_once_it_speaks(
+    domain: int, peer: Peer
+) -> None:
+    topic = "device/local_feedback_gain"
+
+    def gain() -> Float64MultiArray:
+        now = peer.node.get_clock().now().nanoseconds
+        told = LocalFeedbackGain(now, now, 0.0, np.zeros(108))
+        return Float64MultiArray(data=pack_gain(told).tolist())
+
+    with running("haptic_device", domain, **STILL):
+        bench = Bench(peer)
+        own = peer.publisher(topic, Float64MultiArray)
+
+        def pushed() -> bool:
+            own.publish(gain())
+            return bench.pushed()
+
+        peer.until(pushed, "the push")
+        second = peer.node.create_publisher(Float64MultiArray, topic, 10)
+        peer.until(lambda: second.get_subscription_count() > 0, "the device")
+        peer.until(pushed, "the push beside a silent one")
+
+        def refused() -> bool:
+            # As harmless as the other's.
+            second.publish(gain())
+            pushed()
+            return bench.zero() and f"more than one publisher of /{topic}" in bench.figure("fault")
+
+        peer.until(refused, "the refusal of two")
+        assert "/peer (" in bench.figure("fault")
+        assert " and /peer (" in bench.figure("fault")
+        peer.until(pushed, "the push of the one that goes on")
 
 
 def test_who_takes_over_from_a_silent_publisher_is_obeyed(domain: int, peer: Peer) -> None:

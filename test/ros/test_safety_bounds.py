@@ -1,14 +1,16 @@
-"""Over the graph: a device's safety cannot be taken from it by parameters."""
+"""Over the graph: safety cannot be taken from device and controller by parameters."""
+
+from pathlib import Path
 
 import pytest
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
-from ros.harness import WAIT_S, Peer, running
+from ros.harness import WAIT_S, Peer, allowing, running
 
 pytestmark = pytest.mark.ros
 
-DEVICE = "haptic_device"
+DEVICE, CONTROLLER = "haptic_device", "teleoperation_controller"
 # Less safe than five_bar allows: what a stranger set over the network.
 WORSE = {
     "force_limit": 1000.0,
@@ -77,6 +79,70 @@ def test_a_locked_device_stays_as_it_was_started(domain: int, peer: Peer) -> Non
         assert peer.transition(DEVICE, "deactivate", "cleanup")
         # And no other scene is a way round it.
         refused = peer.set_parameters(DEVICE, scene="two_link")
+        assert not refused.successful
+        assert "lock_safety" in refused.reason
+        assert process.poll() is None
+
+
+def test_no_running_controller_commands_from_older_inputs_than_the_scene_allows(
+    domain: int, peer: Peer
+) -> None:
+    name = "input_timeout"
+    with running(CONTROLLER, domain):
+        peer.until(lambda: peer.state_of(CONTROLLER) == "active", "the controller")
+        for value in (1.0, 0.1001):
+            refused = peer.set_parameters(CONTROLLER, **{name: value})
+            assert not refused.successful
+            for words in (name, "the scene's device.safety.command_timeout, 0.1", f"got {value:g}"):
+                assert words in refused.reason
+        assert peer.parameters_of(CONTROLLER, name) == [0.012]
+        for value in (0.05, 0.1):
+            assert peer.set_parameters(CONTROLLER, **{name: value}).successful
+        # Nor by way of a controller that is made anew.
+        assert peer.transition(CONTROLLER, "deactivate", "cleanup")
+        assert peer.set_parameters(CONTROLLER, **{name: 1.0}).successful
+        assert not peer.transition(CONTROLLER, "configure")
+        assert peer.state_of(CONTROLLER) == "unconfigured"
+
+
+def test_no_controller_starts_less_safe(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+    with running(CONTROLLER, domain, input_timeout=0.5) as process:
+        assert process.wait(WAIT_S) == 1
+    told = capfd.readouterr().err
+    rule = "input_timeout: must be at most the scene's device.safety.command_timeout, 0.1"
+    assert f"{rule} (got 0.5)" in told
+    assert "Traceback" not in told
+
+
+def test_a_slow_driver_is_waited_for_as_long_as_the_scene_allows(
+    domain: int, peer: Peer, tmp_path: Path
+) -> None:
+    scene = allowing(tmp_path, command_timeout=0.5)
+    with running(CONTROLLER, domain, scene, input_timeout=0.5, network_delay=0.05):
+        peer.until(lambda: peer.state_of(CONTROLLER) == "active", "the controller")
+        refused = peer.set_parameters(CONTROLLER, input_timeout=0.501)
+        assert "command_timeout, 0.5" in refused.reason
+
+
+def test_a_locked_controller_stays_as_it_was_started(domain: int, peer: Peer) -> None:
+    with running(CONTROLLER, domain, lock_safety=True) as process:
+        peer.until(lambda: peer.state_of(CONTROLLER) == "active", "the controller")
+        for name, value in (
+            ("input_timeout", 0.05),
+            ("input_timeout", 0.005),
+            ("message_age_limit", 10.0),
+            ("soften", False),
+            ("use_sim_time", True),
+        ):
+            refused = peer.set_parameters(CONTROLLER, **{name: value})
+            assert not refused.successful
+            assert name in refused.reason
+            assert "lock_safety" in refused.reason
+        assert not peer.set_parameters(CONTROLLER, lock_safety=False).successful
+        # Gains are tuned while it renders.
+        assert peer.set_parameters(CONTROLLER, view_rate=20.0, c1=0.5).successful
+        assert peer.transition(CONTROLLER, "deactivate", "cleanup")
+        refused = peer.set_parameters(CONTROLLER, scene="two_link")
         assert not refused.successful
         assert "lock_safety" in refused.reason
         assert process.poll() is None
