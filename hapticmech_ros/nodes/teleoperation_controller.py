@@ -352,7 +352,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         """Send what reaches the device now, and what the mechanism is told; the rest after that.
 
         In lockstep the device waits for a command with each sample: the last one is said again.
-        There, and over a network, a gain goes with its command and so before it.
+        There, over a network and until the device obeys, a gain goes before its command.
         """
         outputs, side = self._outputs, self._side
         if self.lockstep:
@@ -362,7 +362,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             outputs.mechanism(told, mechanism_ns)
             return
         with_gain = self.lockstep or answer.is_modelled
-        if with_gain and (self.lockstep or self._path.paced):
+        if with_gain and (self.lockstep or self._path.paced or not self._path.obeyed):
             outputs.gain(answer, stamp_ns)
             with_gain = False
         answered_ns = stamp_ns if self.lockstep else answer.answered_ns
