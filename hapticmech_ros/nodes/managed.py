@@ -15,7 +15,7 @@ from rclpy.clock import Clock, ClockType, JumpHandle, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from hapticmech_ros.errors import HapticMechError, InvalidInputError, as_ours
+from hapticmech_ros.errors import HapticMechError, as_ours
 from hapticmech_ros.nodes.acknowledged import wait_until_acknowledged
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange
@@ -28,14 +28,11 @@ from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.realtime import Realtime
-from hapticmech_ros.nodes.transitions import refuse_impossible_transitions
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.stamps import LAST_NS
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 
 E = TypeVar("E")
-# A refused message is logged at most this often for each topic; all of them are counted.
-REFUSAL_LOG_PERIOD_NS = NANOSECONDS
 # /clock may go on by so much at a time: what a clocked actor makes up for. More is a step.
 CLOCK_STEP_NS = NANOSECONDS // 2
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -70,7 +67,6 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self.refused = 0
         self.last_refusal = ""
         self._kept: list[Any] = []
-        self._refusal_logs: dict[str, int] = {}
         self._jumps: JumpHandle | None = None
         self._time = NodeTime()
         self._clock_steps, self._last_step = 0, ""
@@ -88,7 +84,6 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             DiagnosticArray, DIAGNOSTICS.name, STREAM_PUBLISHER
         )
         self._start_diagnostics()
-        refuse_impossible_transitions(self)
 
     @property
     def parameters(self) -> NodeParameters:
@@ -169,15 +164,11 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
 
         self.keep(self.create_timer(period_s, when_active, clock=self._steady))
 
-    def refuse(self, topic: str, error: InvalidInputError) -> None:
+    def refuse(self, topic: str, error: HapticMechError) -> None:
         """Count a message that breaks a rule, and say so now and then."""
         self.refused += 1
         self.last_refusal = f"{topic}: {error}"
-        now = int(self._steady.now().nanoseconds)
-        last = self._refusal_logs.get(topic)
-        if last is None or now - last > REFUSAL_LOG_PERIOD_NS:
-            self._refusal_logs[topic] = now
-            self.get_logger().warning(f"message on {topic} refused: {error}")
+        super().refuse(topic, error)
 
     def final_report(self) -> str:
         """Return what is printed when the node ends."""
