@@ -29,7 +29,7 @@ from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.realtime import Realtime
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.stamps import LAST_NS
+from hapticmech_ros.wire.stamps import nearest_stamp
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 
 E = TypeVar("E")
@@ -226,13 +226,15 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
 
     def _begin_anew(self, reason: str) -> None:
         """Leave nobody under a force, forget what was heard, and act again from now on."""
-        if self.actor is None or not self.active:
+        actor = self.actor
+        if actor is None or not self.active:
             return
         self._clock_steps += 1
         self._last_step = reason
         self.get_logger().warning(f"{reason}: forces are zero, this node starts anew")
-        self.actor.deactivate()
-        self._activate(self.actor)
+        # Each, whatever becomes of the other: no stamp may be able to tell the time now.
+        actor.failures.run("clock", actor.deactivate)
+        actor.failures.run("clock", self._activate, actor)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop acting; devices are left without force.
@@ -272,7 +274,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
 
     def _stop(self) -> None:
         if self.active and self.actor is not None:
-            self.actor.deactivate()
+            self.actor.failures.run("deactivation", self.actor.deactivate)
             # The last ones say that all is at zero; their publishers may be gone soon.
             self.exchange.publish_kept()
         self.active = False
@@ -383,5 +385,5 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             values=[KeyValue(key=key, value=value) for key, value in figures.items()],
         )
         message = DiagnosticArray(status=[status])
-        set_stamp(message.header.stamp, min(max(self.now_ns(), 0), LAST_NS))
+        set_stamp(message.header.stamp, nearest_stamp(self.now_ns()))
         self._diagnostics.publish(message)
