@@ -58,6 +58,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self._actor_type = actor_type
         self.exchange = exchange
         self._listeners: list[tuple[str, Listener, str]] = []
+        exchange.nodes.append(self)
         self._on_lane = False
         self.actor: Actor[Any] | None = None
         self.active = False
@@ -270,7 +271,14 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         """Deactivate if active; what remains is destroyed with the node."""
         if self.active:
             self.trigger_deactivate()
-        wait_until_acknowledged(self._kept)
+
+    def acknowledged(self) -> None:
+        """Wait for those who hear this node to have its last messages, unless others would too.
+
+        While it waits, no node of this process does anything.
+        """
+        if not any(node.active for node in self.exchange.nodes):
+            wait_until_acknowledged(self._kept)
 
     def _stop(self) -> None:
         if self.active and self.actor is not None:
@@ -283,7 +291,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             self._jumps = None
 
     def _release(self) -> None:
-        wait_until_acknowledged(self._kept)
+        self.acknowledged()
         for topic, listener, kind in self._listeners:
             self.exchange.silence(topic, listener, kind)
         self._listeners.clear()
