@@ -193,43 +193,54 @@ def _made() -> bytes:
     """Return the library, built in a process of its own.
 
     Raises:
-        LibraryError: that failed.
+        LibraryError: that failed, or there is no room for it.
     """
-    with TemporaryDirectory(prefix=NAME) as place:
-        made = Path(place, NAME)
-        paths = [str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
-        with subprocess.Popen(
-            [sys.executable, "-m", BUILDER, _processor()[0], str(made), str(os.getpid())],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-            # A group of its own, which ends as a whole: the builder has helpers.
-            start_new_session=True,
-        ) as process:
-            late = threading.Event()
+    try:
+        with TemporaryDirectory(prefix=NAME) as place:
+            return _built_at(Path(place, NAME))
+    except OSError as error:
+        raise LibraryError(f"kernels cannot be compiled: {error}") from None
 
-            def give_up() -> None:
-                late.set()
-                _kill_group(process.pid)
 
-            timer = threading.Timer(COMPILE_TIMEOUT_S, give_up)
-            timer.start()
-            try:
-                last = _followed(process.stdout or ())
-            except BaseException:
-                _kill_group(process.pid)
-                raise
-            finally:
-                timer.cancel()
-        if late.is_set():
-            raise LibraryError(f"kernels: not done after {COMPILE_TIMEOUT_S:g} s")
-        if process.returncode < 0:
-            raise LibraryError(f"kernels: their builder was ended by signal {-process.returncode}")
-        if process.returncode or not made.exists():
-            raise LibraryError(f"kernels cannot be compiled: {last or 'nothing was written'}")
-        return made.read_bytes()
+def _built_at(made: Path) -> bytes:
+    """Let a builder write the library to a path, and return it.
+
+    Raises:
+        LibraryError: it did not.
+    """
+    paths = [str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    with subprocess.Popen(
+        [sys.executable, "-m", BUILDER, _processor()[0], str(made), str(os.getpid())],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        # A group of its own, which ends as a whole: the builder has helpers.
+        start_new_session=True,
+    ) as process:
+        late = threading.Event()
+
+        def give_up() -> None:
+            late.set()
+            _kill_group(process.pid)
+
+        timer = threading.Timer(COMPILE_TIMEOUT_S, give_up)
+        timer.start()
+        try:
+            last = _followed(process.stdout or ())
+        except BaseException:
+            _kill_group(process.pid)
+            raise
+        finally:
+            timer.cancel()
+    if late.is_set():
+        raise LibraryError(f"kernels: not done after {COMPILE_TIMEOUT_S:g} s")
+    if process.returncode < 0:
+        raise LibraryError(f"kernels: their builder was ended by signal {-process.returncode}")
+    if process.returncode or not made.exists():
+        raise LibraryError(f"kernels cannot be compiled: {last or 'nothing was written'}")
+    return made.read_bytes()
 
 
 def _kill_group(leader: int) -> None:

@@ -17,6 +17,7 @@ from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, gain_bounds, pack_gain
 from hapticmech_ros.wire.port_energies import CONTROLLER_ENERGY_FIELDS, pack_controller_energy
+from hapticmech_ros.wire.stamps import nearest_stamp
 from hapticmech_ros.wire.topics import (
     CHANNEL_PART,
     CONSTRAINT_PART,
@@ -105,5 +106,8 @@ class ControllerOutputs:
     def zero(self, device_ns: int, mechanism_ns: int) -> None:
         """Say zero to both sides, each by its own clock (ns), later than what it was told last."""
         self._gain_ns = NEVER
-        self._publish_device.publish(encode_wrench(NO_WRENCH, device_ns))
-        self._publish_point.publish(encode_wrench(NO_WRENCH, mechanism_ns))
+        for outlet, time_ns in (
+            (self._publish_device, device_ns),
+            (self._publish_point, mechanism_ns),
+        ):
+            outlet.publish(encode_wrench(NO_WRENCH, nearest_stamp(time_ns)))

@@ -45,6 +45,16 @@ class Publishes(Protocol):
         """Return how many subscriptions it has met, those of this process included."""
 
 
+class Acts(Protocol):
+    """What is needed of a node of the process.
+
+    Attributes:
+        active: whether it acts now.
+    """
+
+    active: bool
+
+
 class _Line:
     """One topic in this process: who listens, and what else is under way to them outside."""
 
@@ -185,9 +195,11 @@ class Exchange:
         refusal: why there is no lane though one was asked for.
         strange_ns: when the middleware last brought what had not come another way, on a topic of
             the lane, by the monotonic clock.
+        nodes: of this process: who waits for one of them keeps all waiting.
     """
 
     def __init__(self) -> None:
+        self.nodes: list[Acts] = []
         self.lane: Lane | None = None
         self.refusal = ""
         self.strange_ns = -(1 << 62)

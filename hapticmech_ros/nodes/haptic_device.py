@@ -32,6 +32,7 @@ from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.device_wire import DeviceWriter
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, gain_bounds
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED, device_bounds
+from hapticmech_ros.wire.stamps import nearest_stamp
 from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,
     DEVICE_GAIN,
@@ -284,7 +285,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             return
         # After the last sample, before the next.
         now = self.now_ns()
-        stamp_ns = min(now, max(self.clock.next_ns - 1, now - self.period_ns))
+        stamp_ns = nearest_stamp(min(now, max(self.clock.next_ns - 1, now - self.period_ns)))
         if not self.lockstep:
             self._publish(stamp_ns)
         self._publish_view(stamp_ns)

@@ -94,6 +94,9 @@ class HostedParameters:
         return validated(self._model, {**self.values.model_dump(), **new})
 
     def _vet(self, changes: Sequence[Parameter]) -> SetParametersResult:
+        # rclpy takes this for declared.
+        if not all(p.name for p in changes):
+            return SetParametersResult(successful=False, reason="'': must have a name")
         locked = [p.name for p in changes if locked_by(self.values, p.name)]
         if locked:
             reason = f"{', '.join(locked)}: stays as it is, since the node was started with {LOCK}"

@@ -15,7 +15,7 @@ from rclpy.clock import Clock, ClockType, JumpHandle, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from hapticmech_ros.errors import HapticMechError, InvalidInputError, as_ours
+from hapticmech_ros.errors import HapticMechError, as_ours
 from hapticmech_ros.nodes.acknowledged import wait_until_acknowledged
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange
@@ -28,14 +28,11 @@ from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.realtime import Realtime
-from hapticmech_ros.nodes.transitions import refuse_impossible_transitions
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.stamps import LAST_NS
+from hapticmech_ros.wire.stamps import nearest_stamp
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 
 E = TypeVar("E")
-# A refused message is logged at most this often for each topic; all of them are counted.
-REFUSAL_LOG_PERIOD_NS = NANOSECONDS
 # /clock may go on by so much at a time: what a clocked actor makes up for. More is a step.
 CLOCK_STEP_NS = NANOSECONDS // 2
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -61,6 +58,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self._actor_type = actor_type
         self.exchange = exchange
         self._listeners: list[tuple[str, Listener, str]] = []
+        exchange.nodes.append(self)
         self._on_lane = False
         self.actor: Actor[Any] | None = None
         self.active = False
@@ -70,7 +68,6 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self.refused = 0
         self.last_refusal = ""
         self._kept: list[Any] = []
-        self._refusal_logs: dict[str, int] = {}
         self._jumps: JumpHandle | None = None
         self._time = NodeTime()
         self._clock_steps, self._last_step = 0, ""
@@ -88,7 +85,6 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             DiagnosticArray, DIAGNOSTICS.name, STREAM_PUBLISHER
         )
         self._start_diagnostics()
-        refuse_impossible_transitions(self)
 
     @property
     def parameters(self) -> NodeParameters:
@@ -169,15 +165,11 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
 
         self.keep(self.create_timer(period_s, when_active, clock=self._steady))
 
-    def refuse(self, topic: str, error: InvalidInputError) -> None:
+    def refuse(self, topic: str, error: HapticMechError) -> None:
         """Count a message that breaks a rule, and say so now and then."""
         self.refused += 1
         self.last_refusal = f"{topic}: {error}"
-        now = int(self._steady.now().nanoseconds)
-        last = self._refusal_logs.get(topic)
-        if last is None or now - last > REFUSAL_LOG_PERIOD_NS:
-            self._refusal_logs[topic] = now
-            self.get_logger().warning(f"message on {topic} refused: {error}")
+        super().refuse(topic, error)
 
     def final_report(self) -> str:
         """Return what is printed when the node ends."""
@@ -235,13 +227,15 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
 
     def _begin_anew(self, reason: str) -> None:
         """Leave nobody under a force, forget what was heard, and act again from now on."""
-        if self.actor is None or not self.active:
+        actor = self.actor
+        if actor is None or not self.active:
             return
         self._clock_steps += 1
         self._last_step = reason
         self.get_logger().warning(f"{reason}: forces are zero, this node starts anew")
-        self.actor.deactivate()
-        self._activate(self.actor)
+        # Each, whatever becomes of the other: no stamp may be able to tell the time now.
+        actor.failures.run("clock", actor.deactivate)
+        actor.failures.run("clock", self._activate, actor)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop acting; devices are left without force.
@@ -277,11 +271,18 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         """Deactivate if active; what remains is destroyed with the node."""
         if self.active:
             self.trigger_deactivate()
-        wait_until_acknowledged(self._kept)
+
+    def acknowledged(self) -> None:
+        """Wait for those who hear this node to have its last messages, unless others would too.
+
+        While it waits, no node of this process does anything.
+        """
+        if not any(node.active for node in self.exchange.nodes):
+            wait_until_acknowledged(self._kept)
 
     def _stop(self) -> None:
         if self.active and self.actor is not None:
-            self.actor.deactivate()
+            self.actor.failures.run("deactivation", self.actor.deactivate)
             # The last ones say that all is at zero; their publishers may be gone soon.
             self.exchange.publish_kept()
         self.active = False
@@ -290,7 +291,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             self._jumps = None
 
     def _release(self) -> None:
-        wait_until_acknowledged(self._kept)
+        self.acknowledged()
         for topic, listener, kind in self._listeners:
             self.exchange.silence(topic, listener, kind)
         self._listeners.clear()
@@ -392,5 +393,5 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             values=[KeyValue(key=key, value=value) for key, value in figures.items()],
         )
         message = DiagnosticArray(status=[status])
-        set_stamp(message.header.stamp, min(max(self.now_ns(), 0), LAST_NS))
+        set_stamp(message.header.stamp, nearest_stamp(self.now_ns()))
         self._diagnostics.publish(message)

@@ -84,6 +84,8 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
         for node in nodes:
             print_report(node)
             node.end()
+        for node in nodes:
+            node.acknowledged()
         return 0
     except (HapticMechError, *REFUSALS) as error:
         sys.stderr.write(f"{as_ours(error)}\n")

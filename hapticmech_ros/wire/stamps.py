@@ -24,6 +24,14 @@ def stamp_of(seconds: float, nanoseconds: float) -> int:
     return int(seconds) * NANOSECONDS + int(nanoseconds)
 
 
+def nearest_stamp(time_ns: int) -> int:
+    """Return the time, ns, that a stamp can hold and that is nearest to one that it may not.
+
+    For what must be said at any time: that all is at zero, and what is wrong.
+    """
+    return min(max(time_ns, 0), LAST_NS)
+
+
 def seconds_of(time_ns: int) -> tuple[int, int]:
     """Return a time as a stamp has it, in s and ns.
 

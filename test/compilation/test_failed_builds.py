@@ -4,6 +4,7 @@ import errno
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -64,6 +65,16 @@ def test_a_builder_that_is_killed(builder, alone):
     builder("os.kill(os.getpid(), 9)")
     with pytest.raises(LibraryError, match="ended by signal 9"):
         library.library()
+
+
+def test_a_disk_without_room_for_a_temporary_folder(builder, alone, monkeypatch):
+    """As of a disk that is full: there is none that could be written to."""
+    builder("")
+    missing = alone / "missing"
+    monkeypatch.setattr(tempfile, "tempdir", str(missing))
+    with pytest.raises(LibraryError, match=f"kernels cannot be compiled: .*{missing}") as refused:
+        library.library()
+    assert "\n" not in str(refused.value)
 
 
 def test_a_builder_that_hangs_is_given_up(builder, alone, monkeypatch):

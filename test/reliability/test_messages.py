@@ -12,7 +12,7 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray
 
-from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, Host, applied_in
+from benchmarks.reliability.fake_graph import ACTORS, START_NS, FakeGraph, Host, applied_in
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.messages import run_in_process
 from hapticmech_ros.errors import OutputError
@@ -351,6 +351,13 @@ def test_time_that_goes_beyond_what_stamps_hold_leaves_the_device_at_zero(graph)
     assert "builtin_interfaces/Time" in device.actor.failures.last
     assert not np.any(device.actor._state.applied)
     assert graph.seen.not_finite == 0
+    # Nobody has given up: as soon as the clock is right again, all go on.
+    assert all(host.active for host in graph.hosts.values())
+    graph.now_ns = START_NS
+    for host in graph.hosts.values():
+        host.begin()
+    graph.run(1.0)
+    assert well(graph)
 
 
 def test_hostile_messages_repeat_and_are_of_every_kind():

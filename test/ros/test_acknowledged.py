@@ -6,23 +6,33 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
 
 import pytest
-from std_msgs.msg import String
+import rclpy
+from std_msgs.msg import Float64MultiArray, String
 
 from hapticmech_ros.graph import private_environment, stop_process
+from hapticmech_ros.nodes import managed
 from hapticmech_ros.nodes.acknowledged import wait_until_acknowledged
+from hapticmech_ros.nodes.exchange import Exchange
+from hapticmech_ros.nodes.runtime import actor_type
 from ros.harness import RELIABLE, Peer
 
 pytestmark = pytest.mark.ros
 TOPIC = "last_words"
 # A subscriber in a process of its own, which can be stopped.
-SUBSCRIBER = f"""
+SUBSCRIBER = """
+import sys
 import rclpy
-from std_msgs.msg import String
+from std_msgs import msg
 rclpy.init()
 node = rclpy.create_node("subscriber")
-node.create_subscription(String, "{TOPIC}", lambda message: None, 10)
+node.create_subscription(getattr(msg, sys.argv[2]), sys.argv[1], lambda message: None, 10)
 while rclpy.ok():
     rclpy.spin_once(node, timeout_sec=0.5)
 """
@@ -45,19 +55,73 @@ def test_what_was_acknowledged_arrives_though_its_publisher_is_gone(domain: int)
         speaks.close()
 
 
-def test_a_subscriber_that_stands_still_is_not_waited_for_long(domain: int, peer: Peer) -> None:
+@contextmanager
+def standing_still(domain: int, publisher: Any, *messages: Any) -> Iterator[subprocess.Popen[str]]:
+    """Let a subscriber hear the first of two messages, and stand still before the second comes."""
+    topic, kind = publisher.topic_name, type(messages[0]).__name__
     process = subprocess.Popen(
-        [sys.executable, "-c", SUBSCRIBER], env=private_environment(domain), text=True
+        [sys.executable, "-c", SUBSCRIBER, topic, kind], env=private_environment(domain), text=True
     )
+    end = time.monotonic() + 20.0
     try:
-        publisher = peer.publisher(TOPIC, String, RELIABLE)
-        publisher.publish(String(data="heard"))
+        while publisher.get_subscription_count() == 0:
+            assert time.monotonic() < end, f"a subscriber of {topic}"
+            time.sleep(0.01)
+        publisher.publish(messages[0])
         assert wait_until_acknowledged([publisher], within_s=5.0)
         os.kill(process.pid, signal.SIGSTOP)
-        publisher.publish(String(data="not heard"))
-        assert not wait_until_acknowledged([publisher])
-        os.kill(process.pid, signal.SIGCONT)
-        assert wait_until_acknowledged([publisher], within_s=5.0)
+        publisher.publish(messages[1])
+        yield process
     finally:
         os.kill(process.pid, signal.SIGCONT)
         stop_process(process)
+
+
+def test_a_subscriber_that_stands_still_is_not_waited_for_long(domain: int, peer: Peer) -> None:
+    publisher = peer.node.create_publisher(String, TOPIC, RELIABLE)
+    messages = String(data="heard"), String(data="not heard")
+    with standing_still(domain, publisher, *messages) as process:
+        assert not wait_until_acknowledged([publisher])
+        os.kill(process.pid, signal.SIGCONT)
+        assert wait_until_acknowledged([publisher], within_s=5.0)
+
+
+@pytest.mark.parametrize("step", ["end", "trigger_cleanup"])
+@pytest.mark.parametrize("others", [0, 1])
+def test_no_node_waits_where_another_of_its_process_acts(
+    domain: int, monkeypatch: pytest.MonkeyPatch, others: int, step: str
+) -> None:
+    """A device would take longer than its command_timeout for the end of commands."""
+    within_s = 2.0
+    wait = partial(wait_until_acknowledged, within_s=within_s)
+    monkeypatch.setattr(managed, "wait_until_acknowledged", wait)
+    for name, value in private_environment(domain).items():
+        monkeypatch.setenv(name, value)
+    given = ["scene:=five_bar", "transport:=middleware"]
+    rclpy.init(args=["--ros-args", *(word for one in given for word in ("-p", one))])
+    names, exchange = ("nullspace_analyser", "mechanism_simulator")[: 1 + others], Exchange()
+    nodes = [managed.ManagedNode(actor_type(name), exchange) for name in names]
+    try:
+        for node in nodes:
+            node.start()
+        model = nodes[0].resolve_topic_name("analysis/handle/operational_model")
+        publisher = next(one for one in nodes[0].publishers if one.topic_name == model)
+        with standing_still(domain, publisher, Float64MultiArray(), Float64MultiArray()):
+            if step != "end":
+                nodes[0].trigger_deactivate()
+            begun = time.monotonic()
+            getattr(nodes[0], step)()
+            waited = time.monotonic() - begun >= within_s
+            assert waited == (step == "trigger_cleanup" and not others)
+            for node in nodes[1:]:
+                assert node.active
+                node.end()
+            if step == "end":
+                # When the process ends and nobody acts any more.
+                begun = time.monotonic()
+                nodes[0].acknowledged()
+                assert time.monotonic() - begun >= within_s
+    finally:
+        for node in nodes:
+            node.destroy_node()
+        rclpy.shutdown()

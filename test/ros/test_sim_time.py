@@ -53,6 +53,10 @@ class TestClock:
         message.clock.sec, message.clock.nanosec = divmod(time_ns, 1000 * MS)
         self._publisher.publish(message)
 
+    def publish(self, message: Clock | bytes) -> None:
+        """Say something else."""
+        self._publisher.publish(message)
+
     def step(self) -> None:
         """Go on by a step and wait for the device's sample."""
         seen = len(self.devices)
@@ -201,6 +205,42 @@ def test_a_clock_that_is_set_puts_the_hand_at_zero_and_the_loop_begins_anew(
             )
         peer.until(loop.pushing, "the push after it")
         assert loop.run(300) <= 1.2 * usual
+
+
+@pytest.mark.parametrize(
+    ("seconds", "nanoseconds"), [(-1, 0), (-(2**31), 2**32 - 1), (2**31 - 1, 2**32 - 1)]
+)
+def test_time_that_no_stamp_can_hold_ends_nobody(
+    domain: int, peer: Peer, seconds: int, nanoseconds: int
+) -> None:
+    """The last is a time, though one that no stamp can tell."""
+    given = {"use_sim_time": True, "diagnostics_period": 0.05}
+    with running(",".join(NODES), domain, **given) as process:
+        loop = Loop(peer)
+        loop.clock.begin(100_000 * MS, loop.clock.devices, loop.clock.mechanisms)
+        peer.until(loop.pushing, "the push")
+        before = loop.clock.now_ns
+        wrong = Clock()
+        wrong.clock.sec, wrong.clock.nanosec = seconds, nanoseconds
+        for _ in range(20):
+            loop.clock.publish(wrong)
+            peer.run(0.02)
+        assert process.poll() is None
+        if seconds < 0:
+            # As if nothing had been said.
+            peer.until(
+                lambda: all(
+                    "/clock" in figures(loop.statuses[node])["last_refusal"] for node in NODES
+                ),
+                "that it was refused",
+            )
+            assert loop.run(100) > 0.1
+        else:
+            assert not loop.clock.samples(-1)[0].applied.any()
+        # What it says now is taken, and the graph renders.
+        loop.clock.begin(before + STEP_NS, loop.clock.devices)
+        peer.until(loop.pushing, "the push after it")
+        assert process.poll() is None
 
 
 def test_an_emergency_stop_needs_no_clock_that_goes_on(domain: int, peer: Peer) -> None:
