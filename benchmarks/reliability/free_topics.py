@@ -43,12 +43,19 @@ def free_topics(scene: Scene, who: str) -> dict[str, Any]:
     return found
 
 
-def gentler(kind: Any, message: bytes, most: float) -> bytes:
-    """Return a message whose push, where it is one of numbers, is at most so large, N and N m."""
+def gentler(kind: Any, message: bytes, force: float, torque: float) -> bytes:
+    """Return a message whose push, where it is one of numbers, is at most so large.
+
+    Args:
+        kind: the message type; other than wrenches stay as they are.
+        message: its bytes.
+        force: N, of each axis.
+        torque: N m, of each axis.
+    """
     if kind is not WrenchStamped or len(message) < _WRENCH_BYTES:
         return message
-    values = np.frombuffer(message[-_WRENCH_BYTES:])
-    if not np.isfinite(values).all() or np.abs(values).max() <= most:
+    values, most = np.frombuffer(message[-_WRENCH_BYTES:]), np.repeat((force, torque), 3)
+    if not np.isfinite(values).all():
         return message
     # Not by one factor: what is small beside an extreme would be nothing.
     return message[:-_WRENCH_BYTES] + np.clip(values, -most, most).tobytes()

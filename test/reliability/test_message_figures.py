@@ -86,7 +86,7 @@ def test_a_stranger_on_free_topics_leaves_the_graph_rendering_up_to_its_limit():
     for _ in range(1000):
         topic = topics[hostile.index(4)]
         message = hostile.message(heard[topic], b"", graph.now_ns)
-        graph.put(topic, gentler(heard[topic], message, GENTLE))
+        graph.put(topic, gentler(heard[topic], message, *GENTLE))
         graph.tick()
         seen.look(graph.last["/device/state"])
     assert [one.name for one in seen.figures("messages", "here", True) if not one.kept] == []
@@ -114,14 +114,16 @@ def test_force_beyond_its_limit_or_none_at_all_is_seen():
 
 
 def test_only_pushes_of_finite_numbers_become_gentler():
-    def wrench(force):
+    def wrench(force, torque=0.5):
         message = WrenchStamped()
+        message.wrench.torque.z = torque
         message.wrench.force.x, message.wrench.force.y = force, 2.0
         return serialize_message(message)
 
-    assert gentler(WrenchStamped, wrench(1e6), 30.0) == wrench(30.0)
-    assert gentler(WrenchStamped, wrench(-1e300), 30.0) == wrench(-30.0)
+    assert gentler(WrenchStamped, wrench(1e6), 30.0, 1.5) == wrench(30.0)
+    assert gentler(WrenchStamped, wrench(-1e300), 30.0, 1.5) == wrench(-30.0)
+    assert gentler(WrenchStamped, wrench(5.0, -3.0), 30.0, 1.5) == wrench(5.0, -1.5)
     for same in (wrench(np.nan), wrench(np.inf), wrench(5.0), b"", wrench(1e6)[:20]):
-        assert gentler(WrenchStamped, same, 30.0) == same
+        assert gentler(WrenchStamped, same, 30.0, 1.5) == same
     pose = serialize_message(PoseStamped())
-    assert gentler(PoseStamped, pose, 1e-9) == pose
+    assert gentler(PoseStamped, pose, 1e-9, 1e-9) == pose
