@@ -52,6 +52,9 @@ RECOVERS_S = 2.0
 # Topics of the control rate that it listens to; its own messages that it knows again.
 LISTENED, REMEMBERED = 6, 100_000
 SENT_RELIABLY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+# One that is lost does not keep back those after it until the publisher's heartbeat, 3 s later: it
+# would be the middleware that is silent.
+AS_THEY_COME = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 SEED = 20270
 
 
@@ -129,7 +132,9 @@ class Attack:
         self._own: dict[bytes, None] = {}
         for topic, kind in heard.items():
             self._listen(topic, kind)
-        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_status, 100)
+        self._node.create_subscription(
+            DiagnosticArray, "/diagnostics", self._on_status, AS_THEY_COME
+        )
         self._grasped: list[PoseStamped] = []
         grasped = f"mechanism/{POINT}/operational_point"
         self._node.create_subscription(PoseStamped, grasped, self._grasped.append, LATCHED)
