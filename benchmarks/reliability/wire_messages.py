@@ -49,6 +49,8 @@ AT_ONCE, PAUSE_S = 14, 0.005
 FREE_AT_ONCE, GENTLE, WILD_EVERY = 4, (30.0, 1.5), 500
 STARTS_WITHIN_S, BACK_WITHIN_S, HANG_S = 30.0, 10.0, 5.0
 RECOVERS_S = 2.0
+# Refused in a second, at least: a run ends without its messages if there are fewer.
+RATE, FREE_RATE = 100.0, 30.0
 # Topics of the control rate that it listens to; its own messages that it knows again.
 LISTENED, REMEMBERED = 6, 100_000
 SENT_RELIABLY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -172,7 +174,7 @@ class Attack:
             for topic, kind in self._kinds.items()
         ]
         self._spin(1.0)
-        end = time.monotonic() + max(60.0, count / 100.0)
+        end = time.monotonic() + max(60.0, count / (FREE_RATE if self._free else RATE))
         while self.refused < count and not self._graph.ended() and time.monotonic() < end:
             for _ in range(FREE_AT_ONCE if self._free else AT_ONCE):
                 topic, kind, publisher = publishers[self._hostile.index(len(publishers))]
