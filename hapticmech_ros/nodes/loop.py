@@ -48,6 +48,9 @@ STRANGE_NS = NANOSECONDS // 2
 # half as much again as the shortest of so many calls, which are more than there is to do at first.
 MOST_CALLBACKS = 32
 NOTHING_NS, FIRST_CALLS = 8_000, 64
+# A message that came over the lane before is dropped as quickly as nothing is found: those are
+# counted. Else one a look would be taken, while more come, and timers and services wait behind them.
+NOT_NOTHING_NS = 1 << 62
 # Who answers nobody takes what has come so often, s: to wake up for each message would take as much
 # of a processor again, and keep those waiting who answer.
 GATHER_S = 0.005
@@ -182,9 +185,15 @@ class Inbox:
         self._answer_ns = time.monotonic_ns() + ANSWER_NS
 
     def _take_one(self, _: int = 0) -> int:
-        """Run a callback of what the middleware has brought, if any; return its time, ns."""
-        begun = time.monotonic_ns()
+        """Run a callback of what the middleware has brought, if any.
+
+        Returns:
+            How long it took, ns; :data:`NOT_NOTHING_NS` for a message, however short that was.
+        """
+        brought, begun = self._exchange.brought, time.monotonic_ns()
         self._executor.spin_once(timeout_sec=NO_WAIT_S)
+        if self._exchange.brought != brought:
+            return NOT_NOTHING_NS
         return time.monotonic_ns() - begun
 
     def look(self) -> bool:
