@@ -49,7 +49,7 @@ STRANGE_NS = NANOSECONDS // 2
 MOST_CALLBACKS = 32
 NOTHING_NS, FIRST_CALLS = 8_000, 64
 # A message that came over the lane before is dropped as quickly as nothing is found: those are
-# counted. Else one a look would be taken, while more come, and timers and services wait behind them.
+# counted. Else one a look would be taken while more come, and timers and services wait behind them.
 NOT_NOTHING_NS = 1 << 62
 # Who answers nobody takes what has come so often, s: to wake up for each message would take as much
 # of a processor again, and keep those waiting who answer.
