@@ -16,9 +16,12 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
 
 from benchmarks.children import BenchError, output_to
@@ -58,6 +61,9 @@ SENT_RELIABLY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 # would be the middleware that is silent.
 AS_THEY_COME = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 SEED = 20270
+# Types of parameters from this number on there are not.
+NO_TYPE, TYPE_NUMBERS = 10, 256
+ASKED = ("view_rate", "scene", "use_sim_time", "nobody's", "")
 
 
 def run_wire(count: int, out: Path, free: bool = False) -> list[Figure]:
@@ -137,6 +143,12 @@ class Attack:
         self._node.create_subscription(
             DiagnosticArray, "/diagnostics", self._on_status, AS_THEY_COME
         )
+        self._clients = [
+            self._node.create_client(SetParameters, f"{name}/set_parameters")
+            for name in graph.processes
+        ]
+        self._asked: list[Future | None] = [None] * len(self._clients)
+        self.requests = self.answered = 0
         self._grasped: list[PoseStamped] = []
         grasped = f"mechanism/{POINT}/operational_point"
         self._node.create_subscription(PoseStamped, grasped, self._grasped.append, LATCHED)
@@ -185,6 +197,7 @@ class Attack:
                 self._own[_known(message)] = None
                 publisher.publish(message)
                 self.sent += 1
+            self._ask()
             while len(self._own) > REMEMBERED:
                 del self._own[next(iter(self._own))]
             self._spin(PAUSE_S)
@@ -224,6 +237,7 @@ class Attack:
             ),
             figure("processes that ended", len(self.ended)),
             figure("longest silence of a node", self.silence_s, "s", HANG_S),
+            figure("requests without a refusal", self.requests - self.answered),
             figure("outputs not finite", self.not_finite),
             *self.force.figures(PART, self._where, renders=self._free),
             figure("graphs that did not come back", 0 if self.back else 1),
@@ -242,6 +256,23 @@ class Attack:
         """Leave the graph."""
         self._node.destroy_node()
         self._context.try_shutdown()
+
+    def _ask(self) -> None:
+        """Ask a node for parameters of types that there are not, unless it has yet to answer."""
+        which = self._hostile.index(len(self._clients))
+        before = self._asked[which]
+        if before is not None and not before.done():
+            return
+        kind = NO_TYPE + self._hostile.index(TYPE_NUMBERS - NO_TYPE)
+        parameters = [Parameter(name=name, value=ParameterValue(type=kind)) for name in ASKED]
+        asked = self._clients[which].call_async(SetParameters.Request(parameters=parameters))
+        self._asked[which] = asked
+        self.requests += 1
+        asked.add_done_callback(self._on_answer)
+
+    def _on_answer(self, answer: Future) -> None:
+        results = answer.result().results
+        self.answered += len(results) == len(ASKED) and not any(one.successful for one in results)
 
     def _listen(self, topic: str, kind: Any) -> None:
         """Look at what nodes send, not at what this one does."""
