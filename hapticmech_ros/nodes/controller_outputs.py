@@ -12,7 +12,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.rendering_controller import ControllerCommand, LedgerEntry
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import NEVER
-from hapticmech_ros.times import nanoseconds
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, gain_bounds, pack_gain
@@ -29,6 +29,8 @@ from hapticmech_ros.wire.topics import (
 from hapticmech_ros.wire.wrench import encode_wrench
 
 NO_WRENCH = np.zeros(6)
+# A gain lapses after five times as long, and who sends gains is known by them.
+LONGEST_WITHOUT_GAIN_NS = NANOSECONDS // 50
 
 
 class ControllerOutputs:
@@ -57,9 +59,10 @@ class ControllerOutputs:
         self._gain_ns = NEVER
 
     def wants_gain(self, stamp_ns: int) -> bool:
-        """Return whether ``local_feedback_gain`` is due: at view rate, or each command's."""
+        """Return whether ``local_feedback_gain`` is due: at view rate, at least at 50 Hz."""
         # Less half a period: samples are not evenly apart.
         every_ns = nanoseconds((self._actor.view_every - 0.5) * self._actor.period_s)
+        every_ns = min(every_ns, LONGEST_WITHOUT_GAIN_NS)
         return self._actor.lockstep or stamp_ns - self._gain_ns >= every_ns
 
     def gain(self, answer: ControllerCommand, stamp_ns: int) -> None:

@@ -99,3 +99,18 @@ def test_until_the_device_obeys_every_command_comes_with_its_gain(graph, monkeyp
     sent.clear()
     graph.run(0.1)
     assert 9 <= sent[TOPIC] <= 11
+
+
+@pytest.mark.parametrize(("view_rate", "most"), [(1.0, 52), (20.0, 52), (100.0, 101)])
+def test_gains_come_often_enough_however_rarely_people_look(graph, view_rate, most):
+    actor = graph.hosts["teleoperation_controller"].actor
+    actor.apply_parameters(actor.parameters.model_copy(update={"view_rate": view_rate}))
+    sent, send = Counter(), graph.sent
+
+    def count(topic, kind, message):
+        sent[topic] += 1
+        send(topic, kind, message)
+
+    graph.sent = count
+    graph.run(1.0)
+    assert most - 3 <= sent[TOPIC] <= most
