@@ -76,8 +76,8 @@ DEVICE_GAIN = Topic(
     CONTROLLER,
     "gains G, K and B of the device's local feedback, which corrects `servo_cf` for the changes of "
     "F_h, pose and twist since the sample that it answers, and E_m; 6 x 6 each, axes of `world`; "
-    "over a declared network, and until the device obeys, with every command, else at least 50 times a "
-    "second",
+    "over a declared network, and until the device obeys, with every command, else at least 50 "
+    "times a second",
     (DEVICE,),
 )
 HAND_WRENCH = Topic(
