@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 from hapticmech_ros.mechanism.inertia import inaccurate
+from hapticmech_ros.mechanism.kernels.energy_kernels import allowed
 from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.mechanism.motion import Start, Stepped
 
@@ -35,7 +36,7 @@ class Balance(NamedTuple):
 
     def is_within(self, tolerance: float) -> bool:
         """Return whether the step is off by no more than a share of what was exchanged."""
-        return self.judged <= tolerance * self.exchanged + self.rounding
+        return self.judged <= allowed(tolerance, self.exchanged, self.rounding)
 
 
 # Of no step.

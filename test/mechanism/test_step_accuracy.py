@@ -5,6 +5,7 @@ import pytest
 
 from hapticmech_ros import Session, Simulator, load_scene
 from hapticmech_ros.errors import ClosureError, InaccurateStepError
+from hapticmech_ros.scene import scene_from_document
 from oracles.planar_linkages import chain, elbow, five_bar, five_bar_bent, pin_end, relative_angles
 from oracles.running import simulator, total_energy, unaccounted, with_start
 
@@ -121,3 +122,14 @@ def test_steps_within_their_tolerance_add_up_to_a_drift_that_is_told():
     assert state.account.inaccurate == 0
     assert state.account.drift(now) == pytest.approx(abs(now - kinetic) / now, rel=1e-3)
     assert state.account.drift(now) > 1e-5
+
+
+def test_a_mechanism_at_rest_without_load_is_accurate_by_a_rule_whose_account_is_only_counted():
+    """Nothing is exchanged, of which any share is allowed, an infinite one too."""
+    document = with_start(five_bar(), five_bar_bent(1.9, 0.6)) | {"gravity": [0.0, 0.0, 0.0]}
+    document["simulation"] = {"integrator": "semi_implicit_euler"}
+    sim = Simulator(scene_from_document(document))
+    state = sim.run(sim.initial_state(), 20).end
+    for _ in range(20):
+        state = sim.step(state, np.zeros((len(sim.mechanism.point_names), 6)))
+    assert state.account.refined == state.account.inaccurate == 0

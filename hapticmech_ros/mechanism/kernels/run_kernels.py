@@ -13,6 +13,7 @@ from hapticmech_ros.mechanism.kernels.energy_kernels import (
     JUDGED,
     OFF,
     ROUNDING,
+    allowed,
     pushed_energy,
     put_balance,
 )
@@ -206,10 +207,10 @@ def _watched(
     """Return SETTLED, or INACCURATE for a step whose energy account is off by too much."""
     account, tolerance, found = parts.account, parts.settings[9], local(BALANCE)
     put_balance(model, first, last, parts, implicit, work_in, lost, found)
-    judged, most = found[JUDGED], tolerance * found[EXCHANGED] + found[ROUNDING]
-    if not judged <= most:
-        most += tolerance * pushed_energy(model, first, parts, external)
-        if not judged <= most:
+    judged, exchanged, rounding = found[JUDGED], found[EXCHANGED], found[ROUNDING]
+    if not judged <= allowed(tolerance, exchanged, rounding):
+        exchanged += pushed_energy(model, first, parts, external)
+        if not judged <= allowed(tolerance, exchanged, rounding):
             return INACCURATE
     account[6] += found[OFF]
     return SETTLED
