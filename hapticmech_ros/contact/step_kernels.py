@@ -88,7 +88,7 @@ def _untouched(
         return NEAR
     put(begun[: q0.size], q0)
     put(begun[q0.size :], v0)
-    work_in, lost, done, off = account[0], account[1], account[5], account[6]
+    work_in, lost, done, off, moved = account[0], account[1], account[5], account[6], account[11]
     one, other, code, odd = first, unpack(end, model), SETTLED, False
     for step in range(substeps):
         odd = step % 2 == 1
@@ -113,6 +113,7 @@ def _untouched(
     put(q0, begun[: q0.size])
     put(v0, begun[q0.size :])
     account[0], account[1], account[5], account[6] = work_in, lost, done, off
+    account[11] = moved
     if substeps > 1:
         code = factor(model, q0, first)
         if code < 0:
@@ -327,7 +328,7 @@ def advance_period(
         end: (size,) packed terms, to fill at the end.
         scratch: (size,) packed terms of stages.
         work: (work,) see ``step_kernels.Work``; ``q0`` and ``v0`` are the start, ``state`` the end,
-            account 0, 1, 5, 6 and 7 add up.
+            account 0, 1, 5, 6, 7 and 11 add up.
         spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         contact_numbers: (integers,) of the contacts, whole ones.
         contact_values: (numbers,) the others; see ``layout.Contacts``.

@@ -122,7 +122,7 @@ class ContactStepper:
                 # Of the dense factorisation nothing is undecided: the step needs care.
                 stepped, steps = self._alone(took.code, now, external), 1
             ended = stepped if ended is None else stepped.after(ended)
-            now, left = end_of(stepped, start), left - steps
+            now, left = end_of(stepped, now), left - steps
             if not left:
                 return ended
             took = self._call(active_set, now, external, left, EACH)

@@ -8,7 +8,8 @@ from typing import NamedTuple
 from hapticmech_ros.mechanism.inertia import inaccurate
 from hapticmech_ros.mechanism.kernels.energy_kernels import allowed
 from hapticmech_ros.mechanism.model import TreeModel
-from hapticmech_ros.mechanism.motion import Start, Stepped
+from hapticmech_ros.mechanism.motion import Owed, Start, Stepped
+from hapticmech_ros.mechanism.tolerances import DRIFT, ROUNDED_STEPS
 
 # A step that is off by this share of what it exchanged, however it is divided, is an error.
 FAILURE = 0.1
@@ -46,7 +47,9 @@ NO_BALANCE = Balance(math.inf, math.inf, math.inf, 0.0, 0.0, 0.0)
 def judged(
     tree: TreeModel, start: Start, stepped: Stepped, balance: Balance, tolerance: float
 ) -> Stepped:
-    """Return a step with its account; without what it made from nothing, if that is too much.
+    """Return a step with its account; without what was made from nothing, if that is too much.
+
+    In the step, or in all since the start: then all of it is taken out of the motion.
 
     Args:
         tree: the mechanism's.
@@ -58,11 +61,33 @@ def judged(
     Raises:
         InaccurateStepError: it is off by a tenth of what it exchanged.
     """
-    if balance.is_within(tolerance):
-        return stepped._replace(surplus=balance.off, refined=1)
-    if balance.judged > FAILURE * balance.exchanged:
-        raise inaccurate(tree, stepped.v - start.v, balance.off, balance.exchanged)
-    taken = min(balance.made, balance.kinetic)
+    within, made = balance.is_within(tolerance), 0.0
+    if not within:
+        if balance.judged > FAILURE * balance.exchanged:
+            raise inaccurate(tree, stepped.v - start.v, balance.off, balance.exchanged)
+        made = min(balance.made, balance.kinetic)
+    surplus, kinetic = balance.off - made, balance.kinetic - made
+    drifted = min(drift(start.owed, stepped, surplus, balance), kinetic)
+    taken = made + drifted
     share = math.sqrt(1.0 - taken / balance.kinetic) if taken > 0.0 else 1.0
-    surplus = balance.off - taken
-    return stepped._replace(v=share * stepped.v, surplus=surplus, refined=1, inaccurate=1)
+    return stepped._replace(
+        v=share * stepped.v if taken > 0.0 else stepped.v,
+        surplus=surplus - drifted,
+        refined=1,
+        inaccurate=int(not within or drifted > 0.0),
+        moved=kinetic - drifted,
+    )
+
+
+def drift(owed: Owed, stepped: Stepped, surplus: float, balance: Balance) -> float:
+    """Return what steps made from nothing since the start, J, if it is too much; 0 if not.
+
+    Args:
+        owed: by the account before the step.
+        stepped: what it did.
+        surplus: that is left of the step, J.
+        balance: its account.
+    """
+    total, work = owed.surplus + surplus, owed.work_in + stepped.work_in
+    exchanged = abs(work) + owed.lost + stepped.energy_lost + max(owed.moved, balance.kinetic)
+    return total if total > DRIFT * exchanged + ROUNDED_STEPS * balance.rounding else 0.0

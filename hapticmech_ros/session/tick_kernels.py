@@ -210,6 +210,8 @@ def move_mechanism(
         pushed[index, i] = wrenches[1, i] + data.external[i]
     parts.held[:] = 0.0
     account[0] = account[1] = account[5] = account[6] = account[7] = 0.0
+    account[8], account[9], account[11] = totals[7], totals[1], totals[11]
+    account[10] = totals[2] + totals[10] + abs(totals[5])
     at, plan = clock[AT], local_whole(6)
     first, last, stages, touches = packed[at], packed[1 - at], packed[3], contact_numbers.size > 0
     contacts = Contacts(contact_numbers, contact_values)
@@ -246,6 +248,7 @@ def move_mechanism(
     totals[1] += account[0] - account[7]
     totals[2] += account[1]
     totals[7] += account[6]
+    totals[11] = account[11]
     totals[3] = unpack(packed[1 - at], Model(numbers, values)).tail[0]
     if touches:
         held = contacts.report[HELD] if contacts.counts[NOW] > 0 else 0.0
