@@ -45,7 +45,12 @@ NO_BALANCE = Balance(math.inf, math.inf, math.inf, 0.0, 0.0, 0.0)
 
 
 def judged(
-    tree: TreeModel, start: Start, stepped: Stepped, balance: Balance, tolerance: float
+    tree: TreeModel,
+    start: Start,
+    stepped: Stepped,
+    balance: Balance,
+    tolerance: float,
+    damps: bool,
 ) -> Stepped:
     """Return a step with its account; without what was made from nothing, if that is too much.
 
@@ -57,6 +62,7 @@ def judged(
         stepped: what it did.
         balance: its account.
         tolerance: share of what it exchanged by which it may be off.
+        damps: whether the rule does, see ``energy_kernels.put_balance``.
 
     Raises:
         InaccurateStepError: it is off by a tenth of what it exchanged.
@@ -67,7 +73,7 @@ def judged(
             raise inaccurate(tree, stepped.v - start.v, balance.off, balance.exchanged)
         made = min(balance.made, balance.kinetic)
     surplus, kinetic = balance.off - made, balance.kinetic - made
-    drifted = min(drift(start.owed, stepped, surplus, balance), kinetic)
+    drifted = min(drift(start.owed, stepped, surplus, balance, damps), kinetic)
     taken = made + drifted
     share = math.sqrt(1.0 - taken / balance.kinetic) if taken > 0.0 else 1.0
     return stepped._replace(
@@ -79,7 +85,7 @@ def judged(
     )
 
 
-def drift(owed: Owed, stepped: Stepped, surplus: float, balance: Balance) -> float:
+def drift(owed: Owed, stepped: Stepped, surplus: float, balance: Balance, damps: bool) -> float:
     """Return what steps made from nothing since the start, J, if it is too much; 0 if not.
 
     Args:
@@ -87,7 +93,10 @@ def drift(owed: Owed, stepped: Stepped, surplus: float, balance: Balance) -> flo
         stepped: what it did.
         surplus: that is left of the step, J.
         balance: its account.
+        damps: whether the rule does: what is made is energy beyond the work done then, whatever it
+            says was lost.
     """
-    total, work = owed.surplus + surplus, owed.work_in + stepped.work_in
-    exchanged = abs(work) + owed.lost + stepped.energy_lost + max(owed.moved, balance.kinetic)
+    work, lost = owed.work_in + stepped.work_in, owed.lost + stepped.energy_lost
+    total = owed.surplus + surplus - (lost if damps else 0.0)
+    exchanged = abs(work) + lost + max(owed.moved, balance.kinetic)
     return total if total > DRIFT * exchanged + ROUNDED_STEPS * balance.rounding else 0.0

@@ -67,7 +67,7 @@ class Loops:
         return float(np.linalg.norm(whole - basis @ (basis.T @ whole)))
 
     def singular_values(self, closing: Closing) -> Array:
-        """Return σ of these closures alone, descending; see ``ConstraintSpace.sigma``.
+        """Return (k,) σ of these closures alone, descending; see ``ConstraintSpace.sigma``.
 
         Args:
             closing: the closures' terms.

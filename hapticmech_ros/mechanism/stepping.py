@@ -175,7 +175,8 @@ class Stepper:
         if self._tolerance == 0.0:
             return single(start, external)
         stepped, balance = self._refined(start, external, single)
-        return judged(self._mechanism.tree, start, stepped, balance, self._tolerance)
+        damps = bool(self.implicit)
+        return judged(self._mechanism.tree, start, stepped, balance, self._tolerance, damps)
 
     def _refined(
         self, start: Start, external: ExternalWrenches, single: SingleStep
