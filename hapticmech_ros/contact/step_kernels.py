@@ -14,6 +14,7 @@ from hapticmech_ros.contact.effect_kernels import contact_effects
 from hapticmech_ros.contact.layout import (
     BEFORE,
     DIVISION,
+    FAILED,
     FAR_SHARE,
     FOUND,
     IS_PART,
@@ -22,6 +23,7 @@ from hapticmech_ros.contact.layout import (
     NOW,
     PERIOD,
     REPORT_VALUES,
+    UNSOLVED,
     Contacts,
 )
 from hapticmech_ros.contact.near_kernels import near_pairs, needs_search, place_shapes
@@ -300,6 +302,7 @@ def _substep(
         )
         for c in range(felt.size):
             felt[c] += share * force[c]
+        counts[UNSOLVED] += int(report[FAILED])
     return code
 
 
@@ -354,7 +357,7 @@ def advance_period(
     if plan[3] == WHOLE:
         links = contacts.carriers.size
         contacts.joint_force[:] = 0.0
-        contacts.counts[DIVISION] = 1
+        contacts.counts[DIVISION], contacts.counts[UNSOLVED] = 1, 0
         external = contacts.external[links : links + external_count]
         code = _untouched(
             model, start, end, stage_space, parts, contacts, spring_work, plan, external

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local_whole, put
-from hapticmech_ros.contact.layout import HELD, NOW, Contacts
+from hapticmech_ros.contact.layout import HELD, NOW, UNSOLVED, Contacts
 from hapticmech_ros.contact.memory_kernels import keep, restore
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period
 from hapticmech_ros.control.account_kernels import (
@@ -254,6 +254,7 @@ def move_mechanism(
         held = contacts.report[HELD] if contacts.counts[NOW] > 0 else 0.0
         totals[5] += totals[6] - held - account[7]
         totals[6] = held
+        totals[9] += contacts.counts[UNSOLVED]
     return True
 
 
