@@ -27,18 +27,19 @@ PUSH_VALUES = 10
 SHAPE_A, SHAPE_B, JOINT_A, JOINT_B, NEEDS_SEARCH = 0, 1, 2, 3, 4
 # Columns of a pair's law: k, N/m; d, N s/m; μ; χ, s/m.
 STIFFNESS, DAMPING, COULOMB, DISSIPATION = 0, 1, 2, 3
-# Of the counts: points in the last substep, in the one before, those the workspace lacked, and how
-# many parts a substep has to be divided into.
-NOW, BEFORE, FOUND, DIVISION, COUNTS = 0, 1, 2, 3, 4
+# Of the counts: points in the last substep, in the one before, those the workspace lacked, how many
+# parts a substep has to be divided into, and substeps so far in the period whose forces are not
+# what the law says.
+NOW, BEFORE, FOUND, DIVISION, UNSOLVED, COUNTS = 0, 1, 2, 3, 4, 5
 # Of the settings: how far ahead in a step depths are taken, the period, s, the share of their size
 # by which shapes are apart that a period leaves alone, 1 for a step that is part of a divided one,
 # and what is known of the step without contacts.
 AHEAD, PERIOD, FAR_SHARE, IS_PART, KNOWN, SETTINGS = 0, 1, 2, 3, 4, 5
 # Nothing; rates and place at its end; and the branch of the motion that it is on as well.
 NOTHING, ITS_END, ITS_BRANCH = 0.0, 1.0, 2.0
-# Of a report on a substep: sweeps done, how far rates are from the law, m/s, and energy held at its
-# end and at its start, J.
-SWEEPS, OFF, HELD, HELD_BEFORE, REPORT_VALUES = 0, 1, 2, 3, 4
+# Of a report on a substep: sweeps done, how far rates are from the law, m/s, energy held at its end
+# and at its start, J, and 1 if forces are not what the law says.
+SWEEPS, OFF, HELD, HELD_BEFORE, FAILED, REPORT_VALUES = 0, 1, 2, 3, 4, 5
 # Room for so many points at first; a scene where more touch gets more.
 FIRST_WORKSPACE = 16
 
@@ -53,7 +54,7 @@ class Contacts(Structure):
         faces: (f, 2) first corner and number of corners, of all polytopes.
         corners: (c,) vertices, in order around each face.
         carriers: (l,) joint that carries each link.
-        counts: (4,) of points; see ``NOW``.
+        counts: (5,) of points; see ``NOW``.
         owners: (4 p,) pair of each point.
         owners_before: (4 p,) in the substep before.
         shape_values: (s, 20) pose in the joint, radius, half-length, middle and half-lengths of a
@@ -85,7 +86,7 @@ class Contacts(Structure):
         joint_force: (nv,) mean of Σ J_cᵀ λ over the period so far, zero in what is left of it, N m
             or N.
         step_force: (nv,) Σ J_cᵀ λ of the substep.
-        report: (4,) see ``HELD``.
+        report: (5,) see ``HELD``.
         begun: (nq + nv,) state at the period's start.
         external: (l + links, 10) what contacts do to links, then what else pushes on them.
         frames: (4 p, 9) normal and tangents of points.

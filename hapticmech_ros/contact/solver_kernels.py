@@ -29,6 +29,7 @@ from hapticmech_ros.contact.layout import (
     COULOMB,
     DAMPING,
     DISSIPATION,
+    FAILED,
     HELD,
     HELD_BEFORE,
     IS_PART,
@@ -64,6 +65,10 @@ LEAST_GIVE = 1e-9
 MOST_SWEEPS = 40
 # Sweeps end once rates are as the law says to this share of the largest one, or m/s.
 SHARE, FLOOR = 1e-8, 1e-13
+# Rates that are off by more than this share of the largest one, and ways of impacts by this share
+# of the longest, are not what the law says: the energy is off by a share of the same size then,
+# which is what rk4 allows a step.
+UNSOLVED_SHARE = 1e-6
 # Of points that impact rates are solved for to this share, and ways by so many rounds at most: what
 # is wrong there is energy.
 EXACT, MOST_TURNS = 1e-10, 12
@@ -150,7 +155,7 @@ def solve_points(
         impulse: (3 points,) first guess, N s; replaced by the solution.
         velocity: (3 points,) relative velocities with these impulses, m/s; replaced likewise.
         tolerance: of the impulses' effect, m/s.
-        report: (4,) its SWEEPS and OFF are filled.
+        report: (5,) its SWEEPS and OFF are filled.
         slopes: (3 points, 3 points) to work in.
     """
     n, size = scales.shape[0], impulse.size
@@ -238,6 +243,7 @@ def _solve(
         largest = max(largest, abs(apart[i]))
         velocity[i] = apart[i]
     tolerance = (EXACT if reached else SHARE) * largest + FLOOR
+    moving = False
     for turn in range(MOST_TURNS if reached else 1):
         away, longest = 0.0, 0.0
         for c in range(n):
@@ -249,10 +255,13 @@ def _solve(
             away, longest = max(away, abs(way - ways[c])), max(longest, abs(way))
             ways[c] = way
             fill_impact_scales(c, law, depths[c], way, now[3 * c], step, coupling, scales)
+        moving = away > UNSOLVED_SHARE * longest
         if turn > 0 and away <= EXACT * longest:
             break
         put_velocity(apart, coupling, impulse, velocity)
         solve_points(scales, apart, coupling, impulse, velocity, tolerance, report, slopes)
+    if (reached and moving) or report[OFF] > UNSOLVED_SHARE * largest + FLOOR:
+        report[FAILED] = 1.0
 
 
 @inner

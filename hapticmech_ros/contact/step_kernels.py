@@ -14,6 +14,7 @@ from hapticmech_ros.contact.effect_kernels import contact_effects
 from hapticmech_ros.contact.layout import (
     BEFORE,
     DIVISION,
+    FAILED,
     FAR_SHARE,
     FOUND,
     IS_PART,
@@ -22,6 +23,7 @@ from hapticmech_ros.contact.layout import (
     NOW,
     PERIOD,
     REPORT_VALUES,
+    UNSOLVED,
     Contacts,
 )
 from hapticmech_ros.contact.near_kernels import near_pairs, needs_search, place_shapes
@@ -88,7 +90,7 @@ def _untouched(
         return NEAR
     put(begun[: q0.size], q0)
     put(begun[q0.size :], v0)
-    work_in, lost, done, off = account[0], account[1], account[5], account[6]
+    work_in, lost, done, off, moved = account[0], account[1], account[5], account[6], account[11]
     one, other, code, odd = first, unpack(end, model), SETTLED, False
     for step in range(substeps):
         odd = step % 2 == 1
@@ -113,6 +115,7 @@ def _untouched(
     put(q0, begun[: q0.size])
     put(v0, begun[q0.size :])
     account[0], account[1], account[5], account[6] = work_in, lost, done, off
+    account[11] = moved
     if substeps > 1:
         code = factor(model, q0, first)
         if code < 0:
@@ -299,6 +302,7 @@ def _substep(
         )
         for c in range(felt.size):
             felt[c] += share * force[c]
+        counts[UNSOLVED] += int(report[FAILED])
     return code
 
 
@@ -327,7 +331,7 @@ def advance_period(
         end: (size,) packed terms, to fill at the end.
         scratch: (size,) packed terms of stages.
         work: (work,) see ``step_kernels.Work``; ``q0`` and ``v0`` are the start, ``state`` the end,
-            account 0, 1, 5, 6 and 7 add up.
+            account 0, 1, 5, 6, 7 and 11 add up.
         spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         contact_numbers: (integers,) of the contacts, whole ones.
         contact_values: (numbers,) the others; see ``layout.Contacts``.
@@ -353,7 +357,7 @@ def advance_period(
     if plan[3] == WHOLE:
         links = contacts.carriers.size
         contacts.joint_force[:] = 0.0
-        contacts.counts[DIVISION] = 1
+        contacts.counts[DIVISION], contacts.counts[UNSOLVED] = 1, 0
         external = contacts.external[links : links + external_count]
         code = _untouched(
             model, start, end, stage_space, parts, contacts, spring_work, plan, external

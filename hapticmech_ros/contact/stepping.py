@@ -14,6 +14,7 @@ from hapticmech_ros.contact.impact_kernels import MOST_PARTS, TOO_MANY_PARTS
 from hapticmech_ros.contact.layout import (
     AHEAD,
     DIVISION,
+    FAILED,
     HELD,
     HELD_BEFORE,
     IS_PART,
@@ -26,6 +27,7 @@ from hapticmech_ros.contact.layout import (
     PERIOD,
     SHAPE_A,
     SHAPE_B,
+    UNSOLVED,
 )
 from hapticmech_ros.contact.memory import ContactMemory
 from hapticmech_ros.contact.step_kernels import (
@@ -122,7 +124,7 @@ class ContactStepper:
                 # Of the dense factorisation nothing is undecided: the step needs care.
                 stepped, steps = self._alone(took.code, now, external), 1
             ended = stepped if ended is None else stepped.after(ended)
-            now, left = end_of(stepped, start), left - steps
+            now, left = end_of(stepped, now), left - steps
             if not left:
                 return ended
             took = self._call(active_set, now, external, left, EACH)
@@ -229,14 +231,18 @@ class ContactStepper:
         stepped = self._stepper.alone(code, start, external._replace(touching=touching))
         share = self._stepper.step / contacts.settings[PERIOD]
         contacts.joint_force += share * contacts.step_force
+        contacts.counts[UNSOLVED] += int(contacts.report[FAILED])
         return stepped
 
     def _divided(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Do a substep in the parts that an impact needs; inaccurate where these are too many."""
         counts = self.memory.contacts.counts
-        wanted = int(counts[DIVISION])
+        wanted, unsolved = int(counts[DIVISION]), int(counts[UNSOLVED])
         counts[DIVISION] = min(wanted, MOST_PARTS)
         stepped = self._in_parts(start, external, min(wanted, MOST_PARTS))
+        # It is one step, however many of its parts were not solved.
+        counts = self.memory.contacts.counts
+        counts[UNSOLVED] = min(counts[UNSOLVED], unsolved + (wanted <= TOO_MANY_PARTS))
         return stepped._replace(
             refined=stepped.refined + 1,
             inaccurate=stepped.inaccurate + (wanted > TOO_MANY_PARTS),
@@ -258,7 +264,8 @@ class ContactStepper:
 
     def _touched(self, stepped: Stepped) -> Touched:
         """Return a period's outcome with what is known of its last substep."""
-        touching = self.memory.touching()
+        touching, unsolved = self.memory.touching(), int(self.memory.contacts.counts[UNSOLVED])
+        stepped = stepped._replace(inaccurate=stepped.inaccurate + unsolved)
         # Of the arrays there are now, which a call may replace.
         held = float(self.memory.contacts.report[HELD]) if touching.pairs.size else 0.0
         return Touched(stepped, touching, held)

@@ -18,6 +18,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
+from hapticmech_ros.mechanism.loops import Loops
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.projection import Projected, project
 from hapticmech_ros.mechanism.tolerances import DETERMINED
@@ -75,9 +76,17 @@ class Branch:
 
 
 def branch_along(
-    mechanism: Mechanism, q: Array, active: Active, space: ConstraintSpace, direction: Array
+    mechanism: Mechanism,
+    q: Array,
+    active: Active,
+    space: ConstraintSpace,
+    direction: Array,
+    loops: Loops,
 ) -> Branch | None:
     """Return the branch through q in a direction; None if there is none, or it stays singular.
+
+    Beside q it is looked for along the loops' coordinates alone: what else moves, and be it faster
+    by far, does not change which directions these have.
 
     Args:
         mechanism: whose closures.
@@ -85,8 +94,9 @@ def branch_along(
         active: which closures are closed.
         space: their terms at q.
         direction: (nv,) of any length.
+        loops: whose branch it is.
     """
-    along, size = direction, space.size
+    along, size = loops.part(direction), space.size
     for reach in REACHES:
         for _ in range(ALIGNMENTS):
             span = mechanism.span(along)
@@ -96,7 +106,7 @@ def branch_along(
             if points is None:
                 break
             branch = Branch(mechanism, q, active, points)
-            before, along = along, branch.closed_rates(along)
+            before, along = along, loops.part(branch.closed_rates(along))
             if size(along - before) <= ALIGNED * size(along):
                 return branch
     return None

@@ -10,7 +10,7 @@ closes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -22,6 +22,7 @@ from hapticmech_ros.mechanism.branch import Branch, branch_along
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing
 from hapticmech_ros.mechanism.energy_balance import Balance
+from hapticmech_ros.mechanism.loops import Loops, loops_of, near_singular
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import ExternalWrenches, HeldMotion, Rates, Start, Stepped
 from hapticmech_ros.mechanism.projection import project, refuse_flipped, refuse_open
@@ -29,7 +30,8 @@ from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.singular import REACH, free_change, nearest_branch
 from hapticmech_ros.mechanism.tolerances import SINGULAR
 
-# Parts of the step move no joint further, rad, or m over the length...
+# Parts of the step move no joint of a loop next to a singular position further, rad, or m over the
+# length...
 LARGEST_PART = 5e-3
 # ...and are halved until the energy account of the step closes to this share of the kinetic energy
 # and of what was exchanged; or so many times.
@@ -63,7 +65,8 @@ class BranchMotion:
         step: s.
 
     Attributes:
-        span: how far the step moves a joint, rad, or m over the length, to first order in forces.
+        span: how far the step moves a joint of the loops that are next to a singular position, rad,
+            or m over the length, to first order in forces.
         has_branch: whether a branch was found, or none is needed.
     """
 
@@ -78,16 +81,19 @@ class BranchMotion:
         closing = start.closing or mechanism.closing_terms(q, start.active)
         free = self._free_rates(q, v).acceleration
         change = free_change(closing.space, step * v + 0.5 * step**2 * free)
-        self.span = mechanism.span(change)
         self._rank = closing.rank
         self._direction, self.has_branch = change, True
-        if self.span > 0.0:
-            there = mechanism.integrate(q, change * (2.0 * REACH / self.span))
+        beside, loops = None, loops_of(mechanism, start.active)
+        away = _away(loops, change)
+        if away.any():
             with suppress(ClosureError):
-                beside = project(mechanism, there, np.zeros(v.size), start.active)
-                self._rank = max(self._rank, beside.closing.rank)
+                there = mechanism.integrate(q, away)
+                beside = project(mechanism, there, np.zeros(v.size), start.active).closing
+                self._rank = max(self._rank, beside.rank)
+        self._loops = near_singular(mechanism, loops, closing, beside)
+        self.span = self._loops.span(change)
         if self._is_near(closing):
-            found = nearest_branch(mechanism, q, start.active, closing.space, change)
+            found = nearest_branch(mechanism, q, start.active, closing.space, change, self._loops)
             self.has_branch = found is not None
             if found is not None:
                 self._direction = found
@@ -143,7 +149,9 @@ class BranchMotion:
         return _Stage(q, v, HeldMotion(self._mechanism, start, self._external)(q, v), closing)
 
     def _branch(self, q: Array, closing: Closing) -> Branch | None:
-        return branch_along(self._mechanism, q, self._active, closing.space, self._direction)
+        return branch_along(
+            self._mechanism, q, self._active, closing.space, self._direction, self._loops
+        )
 
     def _is_near(self, closing: Closing) -> bool:
         """Return whether rows say too little, or some of them nothing, of the branch."""
@@ -152,6 +160,16 @@ class BranchMotion:
     def _free_rates(self, q: Array, v: Array) -> Rates:
         """Return what there would be without closures."""
         return HeldMotion(self._mechanism, Start(q, v, self._open), self._external)(q, v)
+
+
+def _away(loops: Sequence[Loops], change: Array) -> Array:
+    """Return a change (nv,) by which each of the loops moves alike, as ``change`` turns it."""
+    away = np.zeros(change.size)
+    for one in loops:
+        span = one.span(change)
+        if span > 0.0:
+            away += one.part(change) * (2.0 * REACH / span)
+    return away
 
 
 def branch_projection(

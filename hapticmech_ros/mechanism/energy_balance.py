@@ -6,8 +6,10 @@ import math
 from typing import NamedTuple
 
 from hapticmech_ros.mechanism.inertia import inaccurate
+from hapticmech_ros.mechanism.kernels.energy_kernels import allowed
 from hapticmech_ros.mechanism.model import TreeModel
-from hapticmech_ros.mechanism.motion import Start, Stepped
+from hapticmech_ros.mechanism.motion import Owed, Start, Stepped
+from hapticmech_ros.mechanism.tolerances import DRIFT, ROUNDED_STEPS
 
 # A step that is off by this share of what it exchanged, however it is divided, is an error.
 FAILURE = 0.1
@@ -35,7 +37,7 @@ class Balance(NamedTuple):
 
     def is_within(self, tolerance: float) -> bool:
         """Return whether the step is off by no more than a share of what was exchanged."""
-        return self.judged <= tolerance * self.exchanged + self.rounding
+        return self.judged <= allowed(tolerance, self.exchanged, self.rounding)
 
 
 # Of no step.
@@ -43,9 +45,16 @@ NO_BALANCE = Balance(math.inf, math.inf, math.inf, 0.0, 0.0, 0.0)
 
 
 def judged(
-    tree: TreeModel, start: Start, stepped: Stepped, balance: Balance, tolerance: float
+    tree: TreeModel,
+    start: Start,
+    stepped: Stepped,
+    balance: Balance,
+    tolerance: float,
+    damps: bool,
 ) -> Stepped:
-    """Return a step with its account; without what it made from nothing, if that is too much.
+    """Return a step with its account; without what was made from nothing, if that is too much.
+
+    In the step, or in all since the start: then all of it is taken out of the motion.
 
     Args:
         tree: the mechanism's.
@@ -53,15 +62,41 @@ def judged(
         stepped: what it did.
         balance: its account.
         tolerance: share of what it exchanged by which it may be off.
+        damps: whether the rule does, see ``energy_kernels.put_balance``.
 
     Raises:
         InaccurateStepError: it is off by a tenth of what it exchanged.
     """
-    if balance.is_within(tolerance):
-        return stepped._replace(surplus=balance.off, refined=1)
-    if balance.judged > FAILURE * balance.exchanged:
-        raise inaccurate(tree, stepped.v - start.v, balance.off, balance.exchanged)
-    taken = min(balance.made, balance.kinetic)
+    within, made = balance.is_within(tolerance), 0.0
+    if not within:
+        if balance.judged > FAILURE * balance.exchanged:
+            raise inaccurate(tree, stepped.v - start.v, balance.off, balance.exchanged)
+        made = min(balance.made, balance.kinetic)
+    surplus, kinetic = balance.off - made, balance.kinetic - made
+    drifted = min(drift(start.owed, stepped, surplus, balance, damps), kinetic)
+    taken = made + drifted
     share = math.sqrt(1.0 - taken / balance.kinetic) if taken > 0.0 else 1.0
-    surplus = balance.off - taken
-    return stepped._replace(v=share * stepped.v, surplus=surplus, refined=1, inaccurate=1)
+    return stepped._replace(
+        v=share * stepped.v if taken > 0.0 else stepped.v,
+        surplus=surplus - drifted,
+        refined=1,
+        inaccurate=int(not within or drifted > 0.0),
+        moved=kinetic - drifted,
+    )
+
+
+def drift(owed: Owed, stepped: Stepped, surplus: float, balance: Balance, damps: bool) -> float:
+    """Return what steps made from nothing since the start, J, if it is too much; 0 if not.
+
+    Args:
+        owed: by the account before the step.
+        stepped: what it did.
+        surplus: that is left of the step, J.
+        balance: its account.
+        damps: whether the rule does: what is made is energy beyond the work done then, whatever it
+            says was lost.
+    """
+    work, lost = owed.work_in + stepped.work_in, owed.lost + stepped.energy_lost
+    total = owed.surplus + surplus - (lost if damps else 0.0)
+    exchanged = abs(work) + lost + max(owed.moved, balance.kinetic)
+    return total if total > DRIFT * exchanged + ROUNDED_STEPS * balance.rounding else 0.0

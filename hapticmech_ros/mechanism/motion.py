@@ -14,11 +14,28 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing
 from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene.mechanism import Simulation
 
 NOTHING: Mapping[str, Array] = MappingProxyType({})
+
+
+class Owed(NamedTuple):
+    """What the energy account has at a step's start, J, as far as its drift goes.
+
+    Attributes:
+        surplus: made from nothing so far.
+        work_in: work done.
+        lost: energy lost, contacts and latches included.
+        moved: largest kinetic energy at the end of a step.
+    """
+
+    surplus: float = 0.0
+    work_in: float = 0.0
+    lost: float = 0.0
+    moved: float = 0.0
 
 
 class Start(NamedTuple):
@@ -30,6 +47,7 @@ class Start(NamedTuple):
         active: per closure, whether it is closed.
         terms: of Eq. 1 there, if known.
         closing: the closures' terms there, if known.
+        owed: by the account so far.
     """
 
     q: Array
@@ -37,6 +55,14 @@ class Start(NamedTuple):
     active: Active
     terms: Evaluation | None = None
     closing: Closing | None = None
+    owed: Owed = Owed()
+
+    def packed(self, active_set: ActiveSet) -> Array | None:
+        """Return the packed terms (size,) if they are known, and of this kind."""
+        closing = self.closing if self.terms is None else self.terms.closing
+        if closing is None:
+            return None
+        return closing.packed if closing.active_set is active_set else None
 
 
 class ExternalWrenches(NamedTuple):
@@ -69,6 +95,7 @@ class Stepped(NamedTuple):
         inaccurate: of these the ones whose account is still off by more than the tolerance, or
             whose impact would need more parts.
         contact_work: work by contacts, J.
+        moved: largest kinetic energy at the end of a step that was watched, J.
     """
 
     q: Array
@@ -81,6 +108,7 @@ class Stepped(NamedTuple):
     refined: int = 0
     inaccurate: int = 0
     contact_work: float = 0.0
+    moved: float = 0.0
 
     def after(self, before: Stepped) -> Stepped:
         """Return this with what the steps before it did added to the accounts."""
@@ -91,6 +119,7 @@ class Stepped(NamedTuple):
             refined=before.refined + self.refined,
             inaccurate=before.inaccurate + self.inaccurate,
             contact_work=before.contact_work + self.contact_work,
+            moved=max(before.moved, self.moved),
         )
 
 
@@ -124,8 +153,15 @@ class Took(NamedTuple):
 
 
 def end_of(stepped: Stepped, start: Start) -> Start:
-    """Return where a step ended as where the next one begins."""
-    return Start(stepped.q, stepped.v, start.active, closing=stepped.closing)
+    """Return where a step from ``start`` ended as where the next one begins."""
+    before = start.owed
+    owed = Owed(
+        before.surplus + stepped.surplus,
+        before.work_in + stepped.work_in,
+        before.lost + stepped.energy_lost,
+        max(before.moved, stepped.moved),
+    )
+    return Start(stepped.q, stepped.v, start.active, closing=stepped.closing, owed=owed)
 
 
 def plan_of(simulation: Simulation) -> Plan:

@@ -129,6 +129,23 @@ class MultibodyModel:
         angular = [ANGULAR[kind] for kind in self.tree.joint_types]
         return self.length ** (1.0 - np.concatenate([np.zeros(0), *angular]))
 
+    def rates_in(self, index: int) -> Array:
+        """Return (nv,) which coordinates move closure ``index``: of the joints in its loop.
+
+        Args:
+            index: of the closure.
+        """
+        loop, model = self.closures[index], self.model
+        joints = [int(model.frames[frame].parentJoint) for frame in (loop.frame_a, loop.frame_b)]
+        if loop.kind != "coupling":
+            a, b = (set(model.supports[joint]) for joint in joints)
+            joints = sorted(a ^ b)
+        rates = np.zeros(self.nv, dtype=bool)
+        for joint in joints:
+            if joint:
+                rates[self.tree.velocity_slice(joint - 1)] = True
+        return rates
+
     def local_rates(self, start: Array, q: Array, v: Array) -> Array:
         """Return θ̇ (nv,), rad/s or m/s, with q = start ⊕ θ: J_r(θ)⁻¹ v.
 

@@ -19,6 +19,7 @@ from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.branch import STRAIGHT, branch_along
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
+from hapticmech_ros.mechanism.loops import Loops
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.mechanism.tolerances import SINGULAR
@@ -37,7 +38,12 @@ ROUNDS = 4
 
 
 def nearest_branch(
-    mechanism: Mechanism, q: Array, active: Active, space: ConstraintSpace, change: Array
+    mechanism: Mechanism,
+    q: Array,
+    active: Active,
+    space: ConstraintSpace,
+    change: Array,
+    loops: Loops,
 ) -> Array | None:
     """Return the direction (nv,) of the branch through q that ``change`` is nearest to.
 
@@ -47,26 +53,27 @@ def nearest_branch(
         active: which closures are closed.
         space: the closures' terms at q.
         change: (nv,) the free motion, rad or m.
+        loops: which of its closures are singular there.
 
     Returns:
         None where no branch takes up any of the change.
     """
-    whole = space.size(change)
+    whole = loops.size(space, change)
     best, found = 1e-6 * whole, None
     for start in _directions(space, change):
         along = start
         for _ in range(ROUNDS):
-            tried = _branch_towards(mechanism, q, active, space, along)
+            tried = _branch_towards(mechanism, q, active, space, loops.part(along))
             if tried is None:
                 break
             there, is_on_it = tried
-            size = space.size(along)
+            size = loops.size(space, along)
             may_be = is_on_it and along is not start and size > best
-            if may_be and branch_along(mechanism, q, active, space, along) is not None:
+            if may_be and branch_along(mechanism, q, active, space, along, loops) is not None:
                 best, found = size, along
                 break
             along = there.closed_rates(change)
-            if not space.size(along) > 1e-6 * whole:
+            if not loops.size(space, along) > 1e-6 * whole:
                 break
         if best > SURE * whole:
             break

@@ -136,7 +136,7 @@ class Stepper:
             code, steps, stepped = self._call(active_set, now, external, count, rows, apart)
             if stepped is not None:
                 ended = stepped if ended is None else stepped.after(ended)
-                now = end_of(stepped, start)
+                now = end_of(stepped, now)
             if steps < count:
                 try:
                     stepped = self.alone(code, now, external)
@@ -144,7 +144,7 @@ class Stepper:
                     error.time += (done + steps) * self.step
                     raise
                 ended = stepped if ended is None else stepped.after(ended)
-                now = end_of(stepped, start)
+                now = end_of(stepped, now)
                 steps, since = steps + 1, 1
             done += steps
             if apart and since and done % apart == 0:
@@ -175,7 +175,8 @@ class Stepper:
         if self._tolerance == 0.0:
             return single(start, external)
         stepped, balance = self._refined(start, external, single)
-        return judged(self._mechanism.tree, start, stepped, balance, self._tolerance)
+        damps = bool(self.implicit)
+        return judged(self._mechanism.tree, start, stepped, balance, self._tolerance, damps)
 
     def _refined(
         self, start: Start, external: ExternalWrenches, single: SingleStep
@@ -193,16 +194,17 @@ class Stepper:
         Raises:
             HapticMechError: it fails however small the steps are, as it does in one.
         """
-        best, least, failed, count = None, NO_BALANCE, None, 1
-        while count <= self._plan.max_substeps and not least.is_within(self._tolerance):
+        best, least, failed, count, done = None, NO_BALANCE, None, 1, False
+        while count <= self._plan.max_substeps and not done:
             try:
                 stepped = self._divided(start, external, single, count)
                 balance = self._balance(start, stepped, external, bool(self.implicit))
             except HapticMechError as error:
                 failed = failed or error
             else:
-                if balance.judged < least.judged:
+                if best is None or balance.judged < least.judged:
                     best, least = stepped, balance
+                done = least.is_within(self._tolerance)
             count *= 2
         if best is None:
             raise cast(HapticMechError, failed)
@@ -331,7 +333,8 @@ class Stepper:
         parts.held[:] = 0.0 if external.in_joints is None else external.in_joints
         parts.settings[10] = len(external.touching)
         self.prepare(heeded)
-        return _known(start, active_set)
+        parts.account[8:] = start.owed
+        return start.packed(active_set)
 
     def prepare(self, heeded: int = EVERYTHING) -> None:
         """Set what the kernel's steps heed, and begin their account.
@@ -362,7 +365,7 @@ class Stepper:
             HapticMechError: a step failed.
         """
         parts = self.parts
-        work, lost, *_, done, surplus, by_contacts = parts.account.tolist()
+        work, lost, *_, done, surplus, by_contacts = parts.account[:8].tolist()
         failed = code not in (SETTLED, NOT_DECIDED) and code < NEEDS_CARE
         # Smaller steps may go where this one cannot.
         if failed and not parts.settings[9] > 0.0:
@@ -378,6 +381,7 @@ class Stepper:
         stepped = Stepped(
             *(q, v, closing.error, closing, work - by_contacts, lost, surplus),
             contact_work=by_contacts,
+            moved=float(parts.account[11]),
         )
         return Took(code, int(done), stepped)
 
@@ -390,11 +394,3 @@ class Stepper:
             joint, placement = mechanism.link_place(link)
             rows.append(np.concatenate(([joint], placement.translation, wrench)))
         return np.array(rows, dtype=float)
-
-
-def _known(start: Start, active_set: ActiveSet) -> Array | None:
-    """Return the terms at a step's start if they are known, and of the same kind."""
-    closing = start.closing if start.terms is None else start.terms.closing
-    if closing is None:
-        return None
-    return closing.packed if closing.active_set is active_set else None

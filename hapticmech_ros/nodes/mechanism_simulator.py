@@ -13,6 +13,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Evaluation
 from hapticmech_ros.mechanism.grasp import grasp_written
+from hapticmech_ros.mechanism.tolerances import DRIFT
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.closure_services import offer_closures
 from hapticmech_ros.nodes.contact_port import ContactPort
@@ -36,9 +37,6 @@ from hapticmech_ros.wire.layouts import ENERGY_FIELDS, pack_energy
 from hapticmech_ros.wire.stamped import JointStateWriter
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import CLOSURES, EXTERNAL_WRENCH, JOINT_STATES, STATE
-
-# Share of what was exchanged by which the sum of steps within their tolerance may be off.
-MOST_DRIFT = 1e-3
 
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):
@@ -219,7 +217,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             fault = f"restarting after an error: {self.failures.last}"
         if not fault and now - self._inaccurate_ns < NANOSECONDS:
             fault = self._inaccuracy()
-        if not fault and drift > MOST_DRIFT:
+        if not fault and drift > DRIFT:
             fault = f"energy has drifted by {drift:.1%} of what was exchanged: shorten the period"
         well = not fault
         return well, fault or f"closed loops: {closed}", figures

@@ -51,9 +51,10 @@ class SessionData(Structure):
         given: the last answer that was given, over a connection.
         q: (nq,) configuration at the tick's start.
         v: (nv,) rates there.
-        totals: (10,) time of the mechanism, s; work done on it, and energy lost, J; closure error,
+        totals: (12,) time of the mechanism, s; work done on it, and energy lost, J; closure error,
             m or rad; the number of joint constraints reported; energy lost in contacts, and held by
-            them, J; and ``surplus``, ``refined`` and ``inaccurate`` of its account.
+            them, J; ``surplus``, ``refined``, ``inaccurate``, ``latch_loss``, ``moved`` of its
+            account.
         began_state, began_q, began_v, began_totals: of the device and the mechanism when the tick
             began.
         forth, back: messages on the way to the controller, and back; the last parts, as no sample

@@ -192,11 +192,11 @@ class SessionLoop:
             "given": np.zeros(ANSWER.size),
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),
-            "totals": np.zeros(10),
+            "totals": np.zeros(12),
             "began_state": state,
             "began_q": np.zeros(mechanism.nq),
             "began_v": np.zeros(mechanism.nv),
-            "began_totals": np.zeros(10),
+            "began_totals": np.zeros(12),
         }
         data = session_data(sizes, parts)
         side.account, side.queue = data.controller, data.told
@@ -210,9 +210,8 @@ class SessionLoop:
 
     def _left(self) -> LeftState:
         """Return how the kernel left the mechanism."""
-        data = self._parts
-        parts = data.totals.copy(), data.q.copy(), data.v.copy()
-        return LeftState(self._known, *parts, self._touching())
+        totals, q, v = (one.copy() for one in (self._parts.totals, self._parts.q, self._parts.v))
+        return LeftState(self._known, totals, q, v, self._touching())
 
     def _touching(self) -> Touching | None:
         """Return the points of contact of the last step; None in a scene without contacts."""
@@ -229,7 +228,8 @@ class SessionLoop:
         data.v[:] = state.v
         a = state.account
         data.totals[:4] = state.time, a.work_in, a.damping_loss, state.closure_error
-        data.totals[5:] = a.contact_loss, a.contact_energy, a.surplus, a.refined, a.inaccurate
+        data.totals[5:8] = a.contact_loss, a.contact_energy, a.surplus
+        data.totals[8:] = a.refined, a.inaccurate, a.latch_loss, a.moved
         if self._contacts is not None:
             self._contacts.begin_with(state.touching)
         closing = self.simulator.closing(state)

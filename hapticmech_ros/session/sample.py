@@ -27,7 +27,7 @@ class LeftState(NamedTuple):
 
     Attributes:
         known: the last state before that was known as such.
-        totals: (10,) see :class:`~hapticmech_ros.session.data.SessionData`.
+        totals: (12,) see :class:`~hapticmech_ros.session.data.SessionData`.
         q, v: configuration (nq,) and rates (nv,).
         touching: points of contact; None in a scene without.
     """
@@ -40,9 +40,9 @@ class LeftState(NamedTuple):
 
     def state(self) -> MechanismState:
         """Return the state; q and v can be written no more."""
-        before, account = self.known, self.known.account
-        time, work_in, lost, error, _, in_contact, held, surplus, *counts = self.totals.tolist()
-        refined, inaccurate = map(int, counts)
+        before = self.known
+        time, work_in, lost, error, _, in_contact, held, surplus, *rest = self.totals.tolist()
+        refined, inaccurate, latched, moved = rest
         self.q.flags.writeable = self.v.flags.writeable = False
         return MechanismState(
             time,
@@ -53,12 +53,13 @@ class LeftState(NamedTuple):
             EnergyAccount(
                 work_in,
                 lost,
-                account.latch_loss,
+                latched,
                 in_contact,
                 held,
                 surplus,
-                refined,
-                inaccurate,
+                int(refined),
+                int(inaccurate),
+                moved,
             ),
             self.touching,
             before.released,

@@ -95,6 +95,7 @@ class Session(SessionLoop):
 
         Raises:
             ClosureError: a closed loop came apart.
+            InaccurateStepError: a step's energy account is off by a tenth of what it exchanged.
             InvalidInputError: the state is no longer finite, or a wrench of another shape or not
                 finite; nothing has moved then.
         """
@@ -135,6 +136,7 @@ class Session(SessionLoop):
 
         Raises:
             ClosureError: a closed loop came apart.
+            InaccurateStepError: a step's energy account is off by a tenth of what it exchanged.
             InvalidInputError: the state is no longer finite; fewer than 0 ticks, ``every`` or
                 ``chunk`` below 1, or arrays of another shape or not finite.
         """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local_whole, put
-from hapticmech_ros.contact.layout import HELD, NOW, Contacts
+from hapticmech_ros.contact.layout import HELD, NOW, UNSOLVED, Contacts
 from hapticmech_ros.contact.memory_kernels import keep, restore
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period
 from hapticmech_ros.control.account_kernels import (
@@ -210,6 +210,8 @@ def move_mechanism(
         pushed[index, i] = wrenches[1, i] + data.external[i]
     parts.held[:] = 0.0
     account[0] = account[1] = account[5] = account[6] = account[7] = 0.0
+    account[8], account[9], account[11] = totals[7], totals[1], totals[11]
+    account[10] = totals[2] + totals[10] + abs(totals[5])
     at, plan = clock[AT], local_whole(6)
     first, last, stages, touches = packed[at], packed[1 - at], packed[3], contact_numbers.size > 0
     contacts = Contacts(contact_numbers, contact_values)
@@ -246,11 +248,13 @@ def move_mechanism(
     totals[1] += account[0] - account[7]
     totals[2] += account[1]
     totals[7] += account[6]
+    totals[11] = account[11]
     totals[3] = unpack(packed[1 - at], Model(numbers, values)).tail[0]
     if touches:
         held = contacts.report[HELD] if contacts.counts[NOW] > 0 else 0.0
         totals[5] += totals[6] - held - account[7]
         totals[6] = held
+        totals[9] += contacts.counts[UNSOLVED]
     return True
 
 

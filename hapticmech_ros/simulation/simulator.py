@@ -15,7 +15,14 @@ from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.motion import NOTHING, ExternalWrenches, Start, Stepped, plan_of
+from hapticmech_ros.mechanism.motion import (
+    NOTHING,
+    ExternalWrenches,
+    Owed,
+    Start,
+    Stepped,
+    plan_of,
+)
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.mechanism.stepping import Stepper
 from hapticmech_ros.scene.document import Scene
@@ -212,7 +219,9 @@ class Simulator:
         """Return a state as the start of a step, with what is known there."""
         known = self._evaluated
         terms = known[1] if known is not None and known[0] is state else None
-        return Start(state.q, state.v, state.active, terms, self._closing(state))
+        a = state.account
+        owed = Owed(a.surplus, a.work_in, a.lost, a.moved)
+        return Start(state.q, state.v, state.active, terms, self._closing(state), owed)
 
     def _ended(
         self, state: MechanismState, stepped: Stepped, steps: int, touched: Touched | None = None
@@ -225,7 +234,9 @@ class Simulator:
             steps: how many.
             touched: of a step with contacts.
         """
-        q, v, error, closing, work_in, lost, surplus, refined, inaccurate, by_contacts = stepped
+        q, v, error, closing, work_in, lost, surplus, refined, inaccurate, by_contacts, moved = (
+            stepped
+        )
         before, touching, in_contact, held = state.account, None, state.account.contact_loss, 0.0
         if touched is not None:
             touching, held = touched.touching, touched.energy
@@ -239,6 +250,7 @@ class Simulator:
             before.surplus + surplus,
             before.refined + refined,
             before.inaccurate + inaccurate,
+            max(before.moved, moved),
         )
         time = state.time + steps * self.period
         q, v, released = _frozen(q), _frozen(v), state.released

@@ -25,9 +25,13 @@ class EnergyAccount:
         surplus: what steps made from nothing, or lost if negative: errors of the integration.
         refined: number of steps that were done again in smaller ones, with care, or in parts for
             an impact.
-        inaccurate: number of these whose account was still off by more than the scene's tolerance:
-            what they made from nothing was taken out of the motion; or whose impact was over too
-            soon, so that its rebound is off by more than 2 %.
+        inaccurate: number of these whose account was still off by more than the scene's tolerance,
+            or with which what all steps made from nothing was more than 1e-3 of what was exchanged:
+            it was taken out of the motion then; or whose impact was over too soon, so that its
+            rebound is off by more than 2 %. And of steps, done again or not, in which forces of
+            contacts were not found: rates are off what the law says by more than 1e-6 of the
+            largest.
+        moved: largest kinetic energy at a step's end.
     """
 
     work_in: float = 0.0
@@ -38,17 +42,22 @@ class EnergyAccount:
     surplus: float = 0.0
     refined: int = 0
     inaccurate: int = 0
+    moved: float = 0.0
+
+    @property
+    def lost(self) -> float:
+        """Energy lost, whatever to, J."""
+        return self.damping_loss + self.latch_loss + abs(self.contact_loss)
 
     def drift(self, kinetic: float) -> float:
-        """Return the surplus, as a share of what was exchanged since the start and moves now.
+        """Return the surplus, as a share of what was exchanged since the start and moved at most.
 
         Every step may be within its tolerance, and the sum of many still be a large part.
 
         Args:
             kinetic: energy of the motion now, J.
         """
-        lost = self.damping_loss + self.latch_loss + abs(self.contact_loss)
-        exchanged = abs(self.work_in) + lost + kinetic
+        exchanged = abs(self.work_in) + self.lost + max(kinetic, self.moved)
         return abs(self.surplus) / exchanged if exchanged > 0.0 else 0.0
 
 

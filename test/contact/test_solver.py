@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from contact.test_many_bodies import LAW, stack
+from hapticmech_ros import Session
 from hapticmech_ros.contact.solver_kernels import MOST_SWEEPS
+from hapticmech_ros.scene import scene_from_document
 from oracles.touching import (
     FLOOR,
     SHAPES,
@@ -107,6 +109,34 @@ def test_sweeps_help_where_newton_does_not_end():
         _, states = run(document, 0.5)
         assert any(state.touching.sweeps for state in states[1:]) == needed
         assert max(state.touching.residual for state in states[1:]) < 1e-6
+
+
+def unsolved(period):
+    """Return a box that sticks in a V at steps for which no sweeps suffice."""
+    document = corner(1.5)
+    document["simulation"] = {"period": period, "integrator": "rk4"}
+    return document
+
+
+def test_forces_that_are_not_what_the_law_says_make_a_step_inaccurate():
+    """Rates that are off by a share of 1e-6 are energy that is: what rk4 allows a step."""
+    _, states = run(unsolved(3e-2), 1.0)
+    off = [
+        state.touching.residual > 1e-6 * (np.abs(state.v).max() + 3e-2 * G) for state in states[1:]
+    ]
+    assert sum(off) > 0
+    assert states[-1].account.inaccurate >= sum(off)
+    counted = np.diff([state.account.inaccurate for state in states])
+    assert counted[off].all()
+    _, states = run(unsolved(1e-3), 1.0)
+    assert states[-1].account.inaccurate == 0
+
+
+def test_a_session_counts_forces_that_are_not_what_the_law_says():
+    document = unsolved(3e-2)
+    session = Session(scene_from_document(document | {"hand": {"kind": "constant_wrench"}}))
+    session.run(33)
+    assert session.mechanism.account.inaccurate > 0
 
 
 def test_what_was_there_before_leaves_no_friction():

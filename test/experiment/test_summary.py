@@ -107,6 +107,20 @@ def test_a_gain_needs_something_expected(handmade, scene):
     assert held["force_gain_median"] is None
 
 
+def test_what_steps_made_from_nothing_and_how_many_were_inaccurate(handmade, scene):
+    """The surplus of the record's own time; steps since the mechanism's start, as its account."""
+    n = handmade().energy_times.size
+    told = {
+        "surplus": np.linspace(0.5, -0.25, n),
+        "refined": np.arange(n) + 7.0,
+        "inaccurate": np.floor(np.arange(n) / 10.0),
+    }
+    energy = summarise(handmade(**told), scene)["energy"]
+    assert energy["surplus_j"] == pytest.approx(-0.75, rel=1e-12)
+    assert (energy["steps_refined"], energy["steps_inaccurate"]) == (n + 6, (n - 1) // 10)
+    assert all(isinstance(energy[f"steps_{key}"], int) for key in ("refined", "inaccurate"))
+
+
 def test_energy_that_leaks(handmade, scene):
     n = handmade().energy_times.size
     work = np.concatenate((np.linspace(0.0, 2.0, 51), np.linspace(2.0, 1.0, n - 51)))

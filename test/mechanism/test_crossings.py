@@ -7,13 +7,16 @@ the motion, and the branch is kept, however near a sample is.
 import numpy as np
 import pytest
 
-from oracles.crossings import MECHANISMS, Step, passed
+from hapticmech_ros.mechanism.careful import BranchMotion
+from hapticmech_ros.mechanism.motion import ExternalWrenches, Start
+from oracles.crossings import MECHANISMS, SPEED, Step, passed
 from oracles.generator import blank
 from oracles.planar_linkages import chain, elbow, pin_end, relative_angles
 from oracles.running import simulator, with_start
 
 DISTANCES = (0.0, 1e-12, 1e-10, 1e-9, -1e-8, 1e-7, -1e-6, 1e-5, 1e-4, -1e-3)
 KEPT = 1e-8
+PLAIN = "one parallelogram"
 INTEGRATORS = ("rk4", "rk2", "semi_implicit_euler", "linearly_implicit")
 
 
@@ -26,6 +29,25 @@ def test_a_sample_next_to_a_crossing_keeps_energy_and_branch(name, distance):
     assert lost < 1.5 * own + KEPT
     assert apart < 1.5 * off + KEPT
     assert untold < KEPT
+
+
+@pytest.mark.parametrize("other", ["beside a spinner", "with a flywheel"])
+def test_care_next_to_a_crossing_knows_nothing_of_what_turns_fast_elsewhere(other):
+    """Into how many parts a step is divided, and which direction is a branch's: the loop's own."""
+    angle = -0.2 * SPEED * 1e-3
+    motions = [led_from(MECHANISMS[name], angle) for name in (f"parallelogram {other}", PLAIN)]
+    assert all(motion.has_branch for motion in motions)
+    # To the second order in the step: the wheel has a mass.
+    assert motions[0].span == pytest.approx(motions[1].span, rel=1e-6)
+
+
+def led_from(mechanism, angle):
+    """Return the motion, on its branch, of a step of 1 ms from an angle (rad)."""
+    sim = simulator(mechanism.document())
+    start = sim.initial_state()
+    q, v = mechanism.configuration(angle), SPEED * mechanism.slope(angle)
+    wrenches = ExternalWrenches(np.zeros((len(sim.mechanism.point_names), 6)))
+    return BranchMotion(sim.mechanism, Start(q, v, start.active), wrenches, 1e-3)
 
 
 @pytest.mark.parametrize("distance", DISTANCES)

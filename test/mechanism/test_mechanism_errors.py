@@ -1,5 +1,7 @@
 """One test per error that mechanism and simulator promise."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,9 @@ from hapticmech_ros.errors import (
 )
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_upper
+from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR
 from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.step_errors import step_error
 from hapticmech_ros.scene import scene_from_document
 from oracles.planar_linkages import (
     INERTIAS,
@@ -69,6 +73,21 @@ def test_a_step_that_blows_up_is_no_missing_mass(integrator, closed):
         sim.run(state, 1000)
     assert not isinstance(raised.value, SingularInertiaError)
     assert "mass" not in str(raised.value)
+    assert re.search(r"joint 'joint\d'|closures \['pin'\]|mechanism state", str(raised.value))
+
+
+@pytest.mark.parametrize("rate", range(4))
+def test_a_step_that_diverged_names_the_joint_that_went_furthest(rate):
+    """Where D is positive definite at its start, and not at a stage that it threw far away."""
+    sim = simulator(with_start(five_bar(), five_bar_bent(1.9, 0.6)))
+    parts, start = sim.stepper.parts, sim.initial_state()
+    parts.q0[:] = parts.q[:] = start.q
+    parts.q += np.where(np.arange(4) == rate, -1e9, 1e3)
+    parts.settings[0] = sim.period
+    packed = sim.mechanism.closing_terms(start.q, start.active).packed
+    error = step_error(sim.mechanism, parts, SINGULAR - 2, packed, start.active)
+    assert not isinstance(error, SingularInertiaError)
+    assert f"joint 'joint{rate + 1}' moved by -1e+09 rad or m in 0.001 s" in str(error)
 
 
 def test_an_indefinite_inertia_is_singular():

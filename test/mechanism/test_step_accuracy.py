@@ -5,6 +5,7 @@ import pytest
 
 from hapticmech_ros import Session, Simulator, load_scene
 from hapticmech_ros.errors import ClosureError, InaccurateStepError
+from hapticmech_ros.scene import scene_from_document
 from oracles.planar_linkages import chain, elbow, five_bar, five_bar_bent, pin_end, relative_angles
 from oracles.running import simulator, total_energy, unaccounted, with_start
 
@@ -121,3 +122,57 @@ def test_steps_within_their_tolerance_add_up_to_a_drift_that_is_told():
     assert state.account.inaccurate == 0
     assert state.account.drift(now) == pytest.approx(abs(now - kinetic) / now, rel=1e-3)
     assert state.account.drift(now) > 1e-5
+
+
+def test_a_mechanism_at_rest_without_load_is_accurate_by_a_rule_whose_account_is_only_counted():
+    """Nothing is exchanged, of which any share is allowed, an infinite one too."""
+    document = with_start(five_bar(), five_bar_bent(1.9, 0.6)) | {"gravity": [0.0, 0.0, 0.0]}
+    document["simulation"] = {"integrator": "semi_implicit_euler"}
+    sim = Simulator(scene_from_document(document))
+    state = sim.run(sim.initial_state(), 20).end
+    for _ in range(20):
+        state = sim.step(state, np.zeros((len(sim.mechanism.point_names), 6)))
+    assert state.account.refined == state.account.inaccurate == 0
+
+
+def swinging(integrator):
+    """Return the document of two bars on springs whose motions turn by 0.1 to 0.6 rad in a step."""
+    document = chain(np.array([1.0, 0.8]), np.array([1.0, 0.5]), np.array([1.0, 0.5]) / 12.0)
+    for link in document["links"]:
+        link["joint"] |= {"stiffness": 2000.0, "rest": 0.0}
+    document |= {"hand": {"kind": "constant_wrench"}}
+    return with_start(document, np.array([0.3, -0.4])) | {"simulation": {"integrator": integrator}}
+
+
+# What a scene allows a session to make from nothing, of what it exchanged: DRIFT, and a step more.
+DRIFTS = 1.1e-3
+
+
+@pytest.mark.parametrize("integrator", ["rk2", "semi_implicit_euler"])
+def test_what_accurate_steps_add_up_to_is_taken_out_of_the_motion(integrator):
+    """Kinetic and potential energy stay below start, work and losses, step by step or in a run."""
+    sim = Simulator(scene_from_document(swinging(integrator)))
+    states, nothing = [sim.initial_state()], np.zeros((len(sim.mechanism.point_names), 6))
+    for _ in range(2000):
+        states.append(sim.step(states[-1], nothing))
+    off, account = unaccounted(sim, states), states[-1].account
+    assert off.max() < DRIFTS * max(sim.mechanism.energy(s.q, s.v)[0] for s in states)
+    assert off[-1] == pytest.approx(account.surplus, abs=1e-9 * total_energy(sim, states[0]))
+    assert account.inaccurate > 0
+    at_once = sim.run(states[0], 2000).end
+    assert at_once.account == account
+    assert np.array_equal(at_once.v, states[-1].v)
+
+
+@pytest.mark.parametrize("integrator", ["rk2", "semi_implicit_euler"])
+def test_a_session_cannot_render_what_accurate_steps_add_up_to(integrator):
+    session = Session(scene_from_document(swinging(integrator)))
+    sim, start = session.simulator, total_energy(session.simulator, session.mechanism)
+    for _ in range(40):
+        session.run(50)
+        state, account = session.mechanism, session.mechanism.account
+        paid = account.work_in - account.damping_loss
+        now = total_energy(sim, state) - start
+        exchanged = abs(account.work_in) + account.damping_loss + account.moved
+        assert now < paid + DRIFTS * exchanged
+    assert account.inaccurate > 0

@@ -147,6 +147,46 @@ class Parallelograms(Mechanism):
         )
 
 
+class BesideFast(Parallelograms):
+    """A parallelogram, and a balanced wheel that turns so many times as fast, evenly as it does.
+
+    Args:
+        times: by how much the wheel is faster.
+        carried: whether its axle is on the link that moves, rather than beside the parallelogram.
+    """
+
+    mass, _moment = 0.1, 1e-5
+
+    def __init__(self, times: float, carried: bool) -> None:
+        super().__init__(1)
+        self._times, self._carried = times, carried
+
+    def document(self) -> Document:
+        """Return its document."""
+        found = super().document()
+        inertia = dict.fromkeys(("ixx", "iyy", "izz"), self._moment)
+        origin = {"xyz": [0.4, 0.0, 0.0] if self._carried else [0.0, 3.0, 0.0]}
+        wheel = {
+            "name": "wheel",
+            "parent": "top0" if self._carried else "world",
+            "joint": {"name": "axle", "type": "revolute", "origin": origin},
+            "inertial": {"mass": self.mass, "com": [0.0, 0.0, 0.0], "inertia": inertia},
+        }
+        found["links"].append(wheel)
+        found["initial_state"]["q"]["axle"] = self._times * AWAY
+        return found
+
+    def configuration(self, angle: float) -> Array:
+        """Return q, depth first."""
+        plain = super().configuration(angle)
+        return np.insert(plain, 2 if self._carried else 3, self._times * angle)
+
+    def inertia(self, angle: float = 0.0) -> float:
+        """Return M."""
+        carried = self.mass if self._carried else 0.0
+        return super().inertia(angle) + carried + self._moment * self._times**2
+
+
 class OnFloor(Parallelograms):
     """Parallelograms whose first upright's tip is in a floor below it, with friction.
 
@@ -441,6 +481,8 @@ MECHANISMS = {
     "five parallelograms": Parallelograms(5),
     "twenty parallelograms": Parallelograms(20),
     "two parallelograms with a spring": Parallelograms(2, stiffness=300.0, rest=0.5),
+    "parallelogram beside a spinner": BesideFast(60.0, carried=False),
+    "parallelogram with a flywheel": BesideFast(200.0, carried=True),
     "parallelogram pressed into a floor": OnFloor(1, depth=0.3, stiffness=500.0),
     "two parallelograms that leave a floor": OnFloor(2, depth=2e-3, stiffness=1e4),
     "rhombus": Rhombus(),

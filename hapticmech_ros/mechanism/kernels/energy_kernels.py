@@ -99,6 +99,18 @@ def put_balance(
 
 
 @inner
+def allowed(tolerance: float, exchanged: float, rounding: float) -> float:
+    """Return by how much an account may be off, J; where any share may be, by anything.
+
+    Args:
+        tolerance: share of what was exchanged; infinite for any.
+        exchanged: J; nothing at rest without a load, where an infinite share of it is no number.
+        rounding: of the energies, J.
+    """
+    return math.inf if tolerance == math.inf else tolerance * exchanged + rounding
+
+
+@inner
 def pushed_energy(model: Model, first: Data, parts: Work, external: Array) -> float:
     """Return ½ h² (fᵀD⁻¹f + bᵀD⁻¹b), J: what the step's forces would give to a free mechanism.
 

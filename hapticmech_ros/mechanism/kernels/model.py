@@ -22,7 +22,7 @@ JOINT_COLUMNS, JOINT_NUMBERS, FRAME_COLUMNS = 52, 5, 12
 # Of a packed array's tail; see ``data.Data``.
 TAIL = 4
 # Of a step's work; see ``step_kernels.Work``.
-SETTINGS, MOST_STAGES, ACCOUNT = 11, 4, 8
+SETTINGS, MOST_STAGES, ACCOUNT = 11, 4, 12
 # What a sparse factorisation keeps of a rate, and of a closure row beside its band.
 _PIVOT, _ROW = 8, 5
 

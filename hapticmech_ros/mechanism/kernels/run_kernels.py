@@ -11,8 +11,10 @@ from hapticmech_ros.mechanism.kernels.energy_kernels import (
     BALANCE,
     EXCHANGED,
     JUDGED,
+    KINETIC,
     OFF,
     ROUNDING,
+    allowed,
     pushed_energy,
     put_balance,
 )
@@ -27,12 +29,13 @@ from hapticmech_ros.mechanism.kernels.step_kernels import (
     find_rates,
     start_step,
 )
-from hapticmech_ros.mechanism.tolerances import NEAR, PASSING
+from hapticmech_ros.mechanism.tolerances import DRIFT, NEAR, PASSING, ROUNDED_STEPS
 
 # A run ended before a step that starts at, lands on, or would leave a singular position, or has a
 # stage next to one.
 NEEDS_CARE = 10
-# Before a step whose energy account would be off by more than is allowed.
+# Before a step whose energy account would be off by more than is allowed, or with whose surplus the
+# account since the start would.
 INACCURATE = 11
 # What a step heeds of that: nothing, or all of it.
 UNCHECKED, EVERYTHING = 0, 1
@@ -203,15 +206,28 @@ def _watched(
     work_in: float,
     lost: float,
 ) -> int:
-    """Return SETTLED, or INACCURATE for a step whose energy account is off by too much."""
+    """Return SETTLED, or INACCURATE for a step whose energy account is off by too much.
+
+    So it is as well where the steps so far and this one together made too much from nothing.
+    """
     account, tolerance, found = parts.account, parts.settings[9], local(BALANCE)
     put_balance(model, first, last, parts, implicit, work_in, lost, found)
-    judged, most = found[JUDGED], tolerance * found[EXCHANGED] + found[ROUNDING]
-    if not judged <= most:
-        most += tolerance * pushed_energy(model, first, parts, external)
-        if not judged <= most:
+    judged, exchanged, rounding = found[JUDGED], found[EXCHANGED], found[ROUNDING]
+    if not judged <= allowed(tolerance, exchanged, rounding):
+        exchanged += pushed_energy(model, first, parts, external)
+        if not judged <= allowed(tolerance, exchanged, rounding):
             return INACCURATE
+    moved = max(account[11], found[KINETIC])
+    surplus, work = account[8] + account[6] + found[OFF], account[9] + account[0] - account[7]
+    losses = account[10] + account[1]
+    exchanged = abs(work) + losses + moved
+    if implicit:
+        # It does not integrate all losses: what is made is energy beyond the work done.
+        surplus -= losses
+    if surplus > allowed(DRIFT, exchanged, ROUNDED_STEPS * rounding):
+        return INACCURATE
     account[6] += found[OFF]
+    account[11] = moved
     return SETTLED
 
 
@@ -241,7 +257,7 @@ def advance(
         end: (size,) packed terms, to fill at the end.
         scratch: (size,) packed terms of stages.
         work: (work,) see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, account
-            0, 1, 5, 6 and 7 add up.
+            0, 1, 5, 6, 7 and 11 add up.
         spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
         samples: (samples, nq + nv) to fill.

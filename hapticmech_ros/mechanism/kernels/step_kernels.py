@@ -40,10 +40,11 @@ class Work(Structure):
             exchanges a step's energy account may be off, 0 where nobody looks; and how many of the
             wrenches on links are those of contacts, which come first.
         scheme: (4, 2) per stage its weight, and the fraction of the step at which the next one is.
-        account: (8,) work done and energy lost since the run began (J), |φ| of the round before,
+        account: (12,) work done and energy lost since the run began (J), |φ| of the round before,
             in the mass metric how far the step went, if it may have been a jump, and the
             projection; the number of steps done; by how much the energy accounts of all steps
-            are off, J; and the part of the work that contacts did, J.
+            are off, J; and the part of the work that contacts did, J. Then what the run began with,
+            see ``motion.Owed``; the last of it is the largest so far.
         q0: (nq,) configuration at the start.
         v0: (nv,) rates at the start.
         state: (nq + nv,) q and v.
