@@ -55,13 +55,13 @@ def falling(duration: float = 0.04) -> Case:
 
 @pytest.fixture
 def make_run() -> MakeRun:
-    """Return a maker of runs that meet every goal, with bare ones at 100 µs."""
+    """Return a maker of runs that meet every goal, at 40 µs, with bare ones at 100 µs."""
 
     def make(
         kind: Kind = "real",
         configuration: Configuration = SEPARATE,
         repeat: int = 1,
-        latency_us: float = 100.0,
+        latency_us: float | None = None,
         rate_hz: float | None = None,
         missed: int = 0,
         lost: int = 0,
@@ -69,6 +69,8 @@ def make_run() -> MakeRun:
         **changes: object,
     ) -> Run:
         rate = configuration.rate_hz if rate_hz is None else rate_hz
+        if latency_us is None:
+            latency_us = 40.0 if kind == "real" else 100.0
         latency = Percentiles(latency_us, 2 * latency_us, 3 * latency_us, 4 * latency_us)
         found = Recorded(
             {RECORDED_TRIP: latency},
