@@ -105,6 +105,9 @@ def test_short_idle_states_are_asked_for_as_long_as_the_process_wants(
     monkeypatch.setattr(realtime, "DMA_LATENCY", place)
     monkeypatch.setattr(realtime, "IDLE_DRIVER", idle_driver)
     monkeypatch.setattr(realtime, "lock_memory", str)
+    # This process is to stay an ordinary one.
+    monkeypatch.setattr(realtime, "ask_for_share", str)
+    monkeypatch.setattr(realtime, "ask_for_real_time", lambda _: "")
     asked = Realtime(Request("auto", 50))
     assert asked.figures()["cpu_dma_latency"] == f"{most_us} us"
     assert struct.unpack("i", place.read_bytes()) == (most_us,)

@@ -128,6 +128,70 @@ def test_a_node_that_keeps_off_the_lane_is_served_by_the_middleware(
         assert not any(figures(status).get("fault") for status in statuses.values())
 
 
+def test_a_topic_that_is_remapped_takes_the_lane_by_its_new_name(domain: int, peer: Peer) -> None:
+    statuses = peer.statuses()
+    remapped = ["-r", "device/servo_cf:=/omega/servo_cf"]
+    environment = private_environment(domain)
+    with Graph("five_bar", parameters=OFTEN, environment=environment, arguments=remapped):
+        peer.until(renders(statuses), "rendering")
+
+        def way() -> str:
+            status = figures(statuses["teleoperation_controller"])
+            return status.get("transport of /omega/servo_cf", "")
+
+        peer.until(lambda: way() == "lane", "the lane to carry the new topic")
+        assert peer.node.count_publishers("/omega/servo_cf") == 1
+        assert peer.node.count_publishers("/device/servo_cf") == 0
+
+
+def test_a_topic_that_is_remapped_at_one_end_alone_reaches_nobody(domain: int, peer: Peer) -> None:
+    statuses = peer.statuses()
+    environment = private_environment(domain)
+    elsewhere = ["-r", "device/servo_cf:=/omega/servo_cf"]
+    others = [name for name in NODES if name != "haptic_device"]
+    with (
+        Graph("five_bar", parameters=OFTEN, environment=environment, nodes=others),
+        Graph(
+            "five_bar",
+            parameters=OFTEN,
+            environment=environment,
+            nodes=["haptic_device"],
+            arguments=elsewhere,
+        ),
+    ):
+        topic = "/device/state"
+        peer.until(lambda: ways(statuses, topic) == "lane", "the lane to carry samples")
+        peer.until(
+            lambda: int(figures(statuses["haptic_device"])["periods"]) > 1000, "a thousand samples"
+        )
+        assert figures(statuses["haptic_device"])["times_held"] == "0"
+        assert ways(statuses, "/device/servo_cf") == "nobody"
+
+
+def test_graphs_of_two_namespaces_are_apart_on_the_lane(domain: int, peer: Peer) -> None:
+    environment = private_environment(domain)
+    forces = {
+        name: peer.listen(f"/{name}/device/setpoint_cf", WrenchStamped)
+        for name in ("left", "right")
+    }
+    with (
+        Graph("five_bar", parameters=OFTEN, environment=environment, namespace="left"),
+        Graph(
+            "five_bar",
+            parameters={**OFTEN, "haptic_device.hand": "commanded"},
+            environment=environment,
+            namespace="right",
+        ),
+    ):
+        peer.until(
+            lambda: forces["left"] and abs(six(forces["left"][-1])[0]) > 0.3, "the left one's force"
+        )
+        peer.until(lambda: len(forces["right"]) > 200, "samples of the right one")
+        # All of both are in one folder; nobody holds the right one.
+        assert len(list(folder_of(domain).iterdir())) == 2 * len(NODES)
+        assert max(abs(value) for one in forces["right"] for value in six(one)) < 1e-3
+
+
 def test_a_stranger_that_commands_is_noticed_on_the_lane_too(domain: int, peer: Peer) -> None:
     statuses = peer.statuses()
     forces = peer.listen("device/setpoint_cf", WrenchStamped)
