@@ -15,6 +15,7 @@ from benchmarks.accuracy.benchmark import AccuracyResults
 from benchmarks.accuracy.crossings import app
 from benchmarks.accuracy.endurance import hour_of, lines, minute_of_windows
 from benchmarks.accuracy.run import Run, Setting, Watch, measure, settings
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.simulation import MechanismState
 from oracles.mechanism.mechanism import ReadableMechanism
 
@@ -144,6 +145,39 @@ def test_what_loses_energy_at_a_crossing_is_an_exit_code(
     monkeypatch.setattr(crossings, "ALLOWED", -1.0)
     result = CliRunner().invoke(app, ["--samples", "2", "--out", str(tmp_path)])
     assert result.exit_code == 1
+
+
+def test_runs_with_seeds_of_their_own_are_added_up(tmp_path: Path) -> None:
+    runs = [tmp_path / name for name in ("one", "two")]
+    for seed, out in enumerate(runs):
+        arguments = ["--samples", "3", "--seed", str(seed), "--out", str(out)]
+        assert CliRunner().invoke(app, arguments).exit_code == 0
+    files = [out / "bench_crossings.json" for out in runs]
+    parts = [json.loads(path.read_text(encoding="utf-8")) for path in files]
+    together = [word for path in files for word in ("--merge", str(path))]
+    result = CliRunner().invoke(app, [*together, "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    found = json.loads((tmp_path / "bench_crossings.json").read_text(encoding="utf-8"))
+    assert found["seeds"] == [0, 1]
+    for name in found["count"]:
+        assert found["count"][name] == sum(part["count"].get(name, 0) for part in parts)
+        assert found["untold"][name] == max(part["untold"].get(name, 0.0) for part in parts)
+    again = CliRunner().invoke(app, [*together, *together[:2], "--out", str(tmp_path)])
+    assert isinstance(again.exception, InvalidInputError)
+    assert "seed" in str(again.exception)
+
+
+@pytest.mark.parametrize("period", crossings.PERIODS)
+def test_a_motion_on_another_branch_is_bad_at_any_step(
+    monkeypatch: pytest.MonkeyPatch, period: float
+) -> None:
+    """Off by a fifth of its way since the crossing, with a step that was not done with care."""
+    case = crossings.Case("one parallelogram", "rk4", period)
+    off = 0.2 * 5.0 * 6 * period
+    monkeypatch.setattr(crossings, "beyond", lambda *_: (0.0, off, 0.0, False))
+    tally = crossings.Tally()
+    tally.see(case, 1e-3)
+    assert tally.bad["one parallelogram"] == 1
 
 
 def test_scenes_are_pushed_and_what_is_silent_is_an_exit_code(

@@ -32,6 +32,9 @@ FINER = 20
 BEFORE, AFTER = 3, 6
 # Scenes start here, rad, where closures are well determined.
 AWAY = 0.3
+# A rule's own error is that of as many steps around here, on both sides: the longest steps neither
+# come near the crossing nor leave what is known of a motion.
+APART = 0.2
 
 
 class Step(NamedTuple):
@@ -89,7 +92,7 @@ class Mechanism:
     def own_error(self, distance: float, step: Step) -> tuple[float, float]:
         """Return the errors of a rule and a step as such, as :class:`Passed` has them."""
         del distance
-        return _beside(self, step)
+        return _away(self, step)
 
     def start(self, distance: float, before: int, step: Step) -> tuple[float, float]:
         """Return angle and speed from which so many steps lead to ``distance`` (rad)."""
@@ -500,12 +503,15 @@ class Passed(NamedTuple):
         apart: largest difference of q from the motion, rad or m.
         untold: by how much the state's account is off by more than its ``surplus`` says, likewise.
         led: number of steps that were done with care, or again.
+        by_care: largest change of ``lost`` in one of these that the account calls accurate, and
+            that was not divided for an impact: such parts are the scene's rule's.
     """
 
     lost: float
     apart: float
     untold: float
     led: int
+    by_care: float = 0.0
 
 
 def passed(
@@ -533,6 +539,10 @@ def passed(
         energy(state.q, state.v) - energy(q, v)
         for state, q, v in zip(states, wanted, rates, strict=True)
     ]
+    counts = np.diff([(s.account.refined, s.account.inaccurate) for s in states], axis=0)
+    whole_steps = [s.touching is None or s.touching.divided == 1 for s in states[1:]]
+    with_care = (counts[:, 0] > 0) & (counts[:, 1] == 0) & np.array(whole_steps)
+    by_care = np.abs(np.diff(lost)[with_care]).max(initial=0.0)
     apart = np.array([state.q for state in states]) - np.array(wanted)
     whole = energy(wanted[0], rates[0])
     end, account = states[-1], states[-1].account
@@ -545,14 +555,15 @@ def passed(
         float(np.abs(apart).max()),
         abs(untold) / whole,
         account.refined,
+        float(by_care) / whole,
     )
 
 
 @cache
-def _beside(mechanism: Mechanism, step: Step) -> tuple[float, float]:
-    """Return both errors where no sample is near the crossing."""
-    found = passed(mechanism, SPEED * step.period / 3.0, step.period, step.integrator)
-    return found.lost, found.apart
+def _away(mechanism: Mechanism, step: Step) -> tuple[float, float]:
+    """Return both errors far from the crossing, the larger ones of its two sides."""
+    found = [passed(mechanism, at, step.period, step.integrator) for at in (APART, -APART)]
+    return max(one.lost for one in found), max(one.apart for one in found)
 
 
 @cache
