@@ -7,18 +7,19 @@ from collections.abc import Iterable
 
 from hapticmech_ros.errors import InvalidInputError
 
-_RULE = "must be numbers and ranges of CPUs, such as 0,2-3"
+ANY = "any"
+_RULE = "must be numbers and ranges of CPUs, such as 0,2-3, or 'any'"
 _PART = re.compile(r"(\d{1,4})(?:-(\d{1,4}))?")
 
 
 def cpus_of(text: str) -> frozenset[int]:
-    """Return the processors that a list names; none for an empty one.
+    """Return the processors that a list names; none for an empty one, and for :data:`ANY`.
 
     Raises:
         InvalidInputError: no such list.
     """
     found: set[int] = set()
-    for part in text.split(",") if text.strip() else ():
+    for part in text.split(",") if text.strip() not in ("", ANY) else ():
         match = _PART.fullmatch(part.strip())
         if match is None:
             raise InvalidInputError("cpu_affinity", text, _RULE)

@@ -36,20 +36,12 @@ COMMAND_PERIOD_S = 0.5
 
 def ways() -> dict[str, dict[str, object] | None]:
     """Return what is compared: parameters of the nodes, by name; None for the bare graph."""
-    cpus = sorted(os.sched_getaffinity(0))
-    first, second = str(cpus[0]), str(cpus[-1])
-    pinned = {
-        "haptic_device.cpu_affinity": first,
-        "teleoperation_controller.cpu_affinity": first,
-        "mechanism_simulator.cpu_affinity": second,
-        "nullspace_analyser.cpu_affinity": second,
-    }
     return {
         "off": {"realtime": "off"},
         "auto": {"realtime": "auto"},
-        "auto, pinned": {"realtime": "auto", **pinned},
+        "auto, any CPU": {"realtime": "auto", "cpu_affinity": "any"},
         "on": {"realtime": "on"},
-        "on, pinned": {"realtime": "on", **pinned},
+        "on, any CPU": {"realtime": "on", "cpu_affinity": "any"},
         "bare graph": None,
     }
 

@@ -6,7 +6,7 @@ A change builds the whole model anew, so rules that concern several parameters h
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
 from annotated_types import Ge, Le
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -90,9 +90,16 @@ def gain(description: str, unit: str, high: float) -> Any:
 
 
 class NodeParameters(BaseModel):
-    """Parameters that every node has."""
+    """Parameters that every node has.
+
+    Attributes:
+        place: where there are few CPUs, the one to run on by itself: the first, the last (-1), or
+            any (None). Who sends and who receives are apart: a receiver does not have to wait until
+            its sender has also done what people see.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+    place: ClassVar[int | None] = None
 
     scene: str = text("five_bar", "shipped scene, or path of a YAML file")
     operational_point: str = text(
@@ -131,7 +138,8 @@ class NodeParameters(BaseModel):
     )
     cpu_affinity: CpuList = Field(
         "",
-        description="CPUs to run on, such as 0,2-3; empty: any",
+        description="CPUs to run on, such as 0,2-3; any: all; empty: with 2 or 3 CPUs one by the "
+        "node's part, unless realtime is off, else all",
         json_schema_extra={"changes": "never", "untyped": True},
     )
     view_rate: float = number(100.0, "rate of topics outside the control loop", "Hz", 1.0, 1000.0)
@@ -141,6 +149,8 @@ class NodeParameters(BaseModel):
 
 class DeviceParameters(NodeParameters):
     """Parameters of the simulated haptic device."""
+
+    place = 0
 
     command_timeout: float = number(
         0.012, "servo_cf older than this counts as lost: actuators at zero", "s", 0.001, 1.0
@@ -186,6 +196,8 @@ class DeviceParameters(NodeParameters):
 class MechanismParameters(NodeParameters):
     """Parameters of the mechanism simulator."""
 
+    place = -1
+
     command_timeout: float = number(
         0.05, "servo_cf older than this counts as lost and is ramped to zero", "s", 0.001, 1.0
     )
@@ -209,9 +221,13 @@ class MechanismParameters(NodeParameters):
 class AnalyserParameters(NodeParameters):
     """Parameters of the null-space analyser."""
 
+    place = 0
+
 
 class ControllerParameters(NodeParameters):
     """Parameters of the teleoperation controller."""
+
+    place = -1
 
     input_timeout: float = number(
         0.012, "an input older than this counts as lost: disengaged", "s", 0.001, 1.0

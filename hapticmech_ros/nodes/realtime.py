@@ -83,12 +83,15 @@ class Request:
         mode: ``off``: nothing; ``auto``: what is granted, and real-time scheduling only with
             :data:`ENOUGH_CPUS`, else :data:`NICE`; ``on``: that with fewer too.
         priority: of SCHED_FIFO.
-        cpus: to run on; empty: any.
+        cpus: to run on; empty: any, or by ``place``.
+        place: of the sorted CPUs the one to run on if there are less than :data:`ENOUGH_CPUS`, such
+            as -1 for the last; None: any.
     """
 
     mode: RealtimeMode = "off"
     priority: int = 0
     cpus: frozenset[int] = frozenset()
+    place: int | None = None
 
     @classmethod
     def of(cls, nodes: Iterable[NodeParameters], in_sim_time: bool) -> Request:
@@ -103,13 +106,14 @@ class Request:
             "on" if any(node.realtime == "on" for node in asking) else "auto",
             max(node.thread_priority for node in asking),
             frozenset().union(*(cpus_of(node.cpu_affinity) for node in asking)),
+            _common_place(asking),
         )
 
 
 class Realtime:
     """What this process has asked for, and how that went.
 
-    Threads begun later and processes started from here are ordinary ones, on all processors.
+    Threads begun later and processes started from here are ordinary ones, on the same processors.
 
     Args:
         request: what to ask for, now.
@@ -124,7 +128,8 @@ class Realtime:
         asked = request.mode != "off"
         # How many others could use: one that is pinned to a single one leaves them the rest.
         self._cpus = len(os.sched_getaffinity(0))
-        self._pinning = pin(request.cpus) if asked and request.cpus else ""
+        cpus = request.cpus or self._own_cpu()
+        self._pinning = pin(cpus) if asked and cpus else ""
         self._scheduling = self._schedule() if asked else ""
         self._memory = lock_memory() if asked else NOT_REQUESTED
         self._idle = self._keep_awake() if asked else NOT_REQUESTED
@@ -145,6 +150,13 @@ class Realtime:
         if self._latency is not None:
             os.close(self._latency)
             self._latency = None
+
+    def _own_cpu(self) -> frozenset[int]:
+        """Return the CPU for this process's part where there are few; else nothing."""
+        place = self._request.place
+        if place is None or not 1 < self._cpus < ENOUGH_CPUS:
+            return frozenset()
+        return frozenset({sorted(os.sched_getaffinity(0))[place]})
 
     def _schedule(self) -> str:
         cpus = self._cpus
@@ -315,6 +327,12 @@ def scheduling() -> str:
     nice = os.getpriority(os.PRIO_PROCESS, 0)
     short = f", slice {SLICE_NS // 1000} us" if slice_ns() == SLICE_NS else ""
     return f"{name}, nice {nice}{short}" if nice else name
+
+
+def _common_place(nodes: Iterable[NodeParameters]) -> int | None:
+    """Return the place of all nodes of a process; None if they differ, or one chooses its CPUs."""
+    places = {None if node.cpu_affinity else node.place for node in nodes}
+    return places.pop() if len(places) == 1 else None
 
 
 def _threads() -> list[int]:

@@ -13,8 +13,10 @@ from hapticmech_ros.cpu_list import cpus_of, listed
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes import realtime
 from hapticmech_ros.nodes.parameters import (
+    AnalyserParameters,
     ControllerParameters,
     DeviceParameters,
+    MechanismParameters,
     ParameterError,
     ViewerParameters,
     validated,
@@ -192,6 +194,48 @@ def test_one_that_is_pinned_to_a_processor_leaves_others_the_rest(monkeypatch):
     assert allowed == {2}
 
 
+@pytest.mark.parametrize(
+    ("cpus", "place", "pinned"),
+    [
+        ({0, 1}, 0, {0}),
+        ({0, 1}, -1, {1}),
+        ({2, 5, 7}, -1, {7}),
+        ({0, 1}, None, None),
+        ({0}, 0, None),
+        (set(range(ENOUGH_CPUS)), 0, None),
+    ],
+)
+def test_where_there_are_few_processors_a_part_has_its_own(monkeypatch, cpus, place, pinned):
+    pins = []
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(cpus))
+    monkeypatch.setattr(realtime, "pin", lambda wanted: pins.append(set(wanted)) or "")
+    for name in ("ask_for_share", "lock_memory"):
+        monkeypatch.setattr(realtime, name, str)
+    monkeypatch.setattr(realtime, "ask_for_real_time", lambda _: "")
+    Realtime(Request("auto", 50, place=place)).close()
+    assert pins == ([] if pinned is None else [pinned])
+    # What somebody chooses goes before.
+    Realtime(Request("auto", 50, frozenset({1}), place)).close()
+    assert pins[-1] == {1}
+    Realtime(Request("off", place=place)).close()
+    assert len(pins) == (1 if pinned is None else 2)
+
+
+def test_who_sends_and_who_receives_are_on_different_processors():
+    kinds = (DeviceParameters, ControllerParameters, MechanismParameters, AnalyserParameters)
+    requests = [Request.of([kind()], in_sim_time=False) for kind in kinds]
+    device, controller, mechanism, analyser = (request.place for request in requests)
+    assert device != controller
+    assert controller == mechanism
+    assert mechanism != analyser
+    # All in one process, or chosen by somebody: nothing by itself.
+    assert Request.of([kind() for kind in kinds], in_sim_time=False).place is None
+    for given in ("any", "1"):
+        chosen = DeviceParameters(cpu_affinity=given)
+        assert Request.of([chosen], in_sim_time=False).place is None
+    assert Request.of([DeviceParameters()], in_sim_time=True) == Request()
+
+
 def test_whoever_wants_nothing_changes_nothing(monkeypatch):
     def asked(*_: object) -> None:
         raise AssertionError
@@ -299,7 +343,14 @@ def test_a_process_asks_for_the_most_that_one_of_its_nodes_asks_for():
 
 @pytest.mark.parametrize(
     ("given", "kept"),
-    [("", ""), (2, "2"), ([0, 2], "0,2"), ("0,2-3", "0,2-3"), (" 1 , 3 ", " 1 , 3 ")],
+    [
+        ("", ""),
+        ("any", "any"),
+        (2, "2"),
+        ([0, 2], "0,2"),
+        ("0,2-3", "0,2-3"),
+        (" 1 , 3 ", " 1 , 3 "),
+    ],
 )
 def test_cpus_are_given_as_a_list_a_number_or_an_array(given, kept):
     assert validated(DeviceParameters, {"cpu_affinity": given}).cpu_affinity == kept
@@ -315,5 +366,6 @@ def test_lists_of_cpus_are_as_linux_writes_them():
     assert cpus_of("0,2-4,4") == {0, 2, 3, 4}
     assert listed({4, 0, 3, 2}) == "0,2-4"
     assert listed(()) == ""
+    assert cpus_of("") == cpus_of("any") == frozenset()
     with pytest.raises(InvalidInputError, match="ranges of CPUs"):
         cpus_of("1-")
