@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from rclpy.duration import Duration
 from rclpy.executors import Executor
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import ReliabilityPolicy
@@ -22,6 +21,7 @@ from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.bag.schedule import Cut, Message, cut_of, latched_first, stream
 from hapticmech_ros.bag.timeline import Timeline
 from hapticmech_ros.errors import BagError, HapticMechError
+from hapticmech_ros.nodes.acknowledged import wait_until_acknowledged
 from hapticmech_ros.nodes.bags.bag_prefetch import Prefetch
 from hapticmech_ros.nodes.bags.bag_qos import adapted_offer
 from hapticmech_ros.nodes.bags.keyboard import Keyboard
@@ -172,11 +172,12 @@ class BagPlayerNode(QuietEventsNode):
 
     def settle(self) -> None:
         """Wait, for a while at most, until reliable subscribers have everything."""
-        end = time.monotonic() + ACKNOWLEDGE_S
-        for publisher in self._sent.values():
-            if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
-                left = max(0.0, end - time.monotonic())
-                publisher.wait_for_all_acked(Duration(seconds=left))
+        reliable = [
+            publisher
+            for publisher in self._sent.values()
+            if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        ]
+        wait_until_acknowledged(reliable, ACKNOWLEDGE_S)
 
     def _publisher(self, name: str) -> Any:
         topic = self._bag.topics[name]
