@@ -8,19 +8,21 @@ renders again. Doubles leave in order, and by SIGKILL.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from benchmarks.children import BenchError, ReportingProcess, wait_until
 from benchmarks.reliability.figure import Figure
-from benchmarks.reliability.rig import Rig, pushing
+from benchmarks.reliability.rig import POINT, Rig, pushing
 from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, POINT_MODEL
 from benchmarks.reliability.trial import Fault, Trial, observe, report_delays, summarised
 from hapticmech_ros.graph import Graph
+from hapticmech_ros.wire import topics
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER
 from hapticmech_ros.wire.topic import DEVICE as DEVICE_NODE
 from hapticmech_ros.wire.topic import MECHANISM as MECHANISM_NODE
@@ -50,24 +52,26 @@ class Kind:
         original: the node of the graph that it doubles.
         topic: of the original, as it is watched; foreign drivers, and who only tells gains, do not
             speak on it.
+        speaks_on: the double's own topic.
         outputs: topics whose force is to be zero.
     """
 
     name: str
     original: str
     topic: int
+    speaks_on: str
     outputs: tuple[int, ...] = (DEVICE,)
 
 
 KINDS = (
-    Kind(f"second_{DEVICE_NODE}", DEVICE_NODE, DEVICE),
-    Kind(f"second_{MECHANISM_NODE}", MECHANISM_NODE, MECHANISM),
-    Kind(f"second_{ANALYSER}", ANALYSER, POINT_MODEL),
-    Kind(f"second_{CONTROLLER}", CONTROLLER, COMMAND),
+    Kind(f"second_{DEVICE_NODE}", DEVICE_NODE, DEVICE, topics.DEVICE_STATE.name),
+    Kind(f"second_{MECHANISM_NODE}", MECHANISM_NODE, MECHANISM, topics.STATE.name),
+    Kind(f"second_{ANALYSER}", ANALYSER, POINT_MODEL, topics.POINT_MODEL.of(POINT)),
+    Kind(f"second_{CONTROLLER}", CONTROLLER, COMMAND, topics.DEVICE_COMMAND.name),
     # What is commanded is what its actuators would do.
-    Kind(DRIVER, DEVICE_NODE, DEVICE, (DEVICE, COMMAND)),
-    Kind(COMMANDER, CONTROLLER, COMMAND),
-    Kind(GAIN, CONTROLLER, COMMAND),
+    Kind(DRIVER, DEVICE_NODE, DEVICE, topics.DEVICE_POSE.name, (DEVICE, COMMAND)),
+    Kind(COMMANDER, CONTROLLER, COMMAND, topics.DEVICE_COMMAND.name),
+    Kind(GAIN, CONTROLLER, COMMAND, topics.DEVICE_GAIN.name),
 )
 
 
@@ -75,6 +79,7 @@ class Double:
     """A process that plays a part which is taken."""
 
     def __init__(self, rig: Rig, kind: Kind, alone: bool) -> None:
+        self._watch, self._topic = rig.watch, kind.speaks_on
         self._graph: Graph | None = None
         self.teller: ReportingProcess | None = None
         if kind.name in SCRIPTS:
@@ -88,7 +93,12 @@ class Double:
             self._process = self._graph.processes[kind.original]
 
     def leave(self, killed: bool) -> int:
-        """End it; return when it had ended, ns of the monotonic clock."""
+        """End it; return when it could speak no more, ns of the monotonic clock.
+
+        Its publisher goes before its process, which may take a second more: about as long as the
+        graph waits for a publisher that is silent.
+        """
+        asked_ns = time.monotonic_ns()
         if killed:
             self._process.kill()
             self._process.wait()
@@ -96,7 +106,23 @@ class Double:
             self.teller.stop()
         elif self._graph is not None:
             self._graph.stop()
-        return time.monotonic_ns()
+        return silent_from(self._watch.of("publishers"), self._topic, asked_ns, time.monotonic_ns())
+
+
+def silent_from(
+    counted: Sequence[Mapping[str, Any]], topic: str, asked_ns: int, ended_ns: int
+) -> int:
+    """Return when a node that was asked to end could speak no more, ns.
+
+    Args:
+        counted: what the watcher told of the numbers of publishers.
+        topic: that the node speaks on.
+        asked_ns: when it was asked.
+        ended_ns: when its process had ended.
+    """
+    fewer = (event for event in counted if event["topic"] == topic and event["fewer"])
+    gone = (int(event["at_ns"]) for event in fewer)
+    return min((at_ns for at_ns in gone if asked_ns <= at_ns < ended_ns), default=ended_ns)
 
 
 @contextmanager

@@ -2,7 +2,8 @@
 
 Usage: ``python watch.py RING [POINT]``; with a point it also listens to the mechanism's
 and the analyser's messages. Samples go into a ring that the parent reads; what nodes say in their
-diagnostics and logs is told by lines of JSON. Times of arrival are by the monotonic clock.
+diagnostics and logs, and how many publishers the topics have that one node may speak on, is told
+by lines of JSON. Times of arrival are by the monotonic clock.
 """
 
 from __future__ import annotations
@@ -40,6 +41,15 @@ NAN = float("nan")
 # After nodes in real time, before all else: an ordinary process gets what they leave of the
 # processor that it is on, and may be late by a second.
 REQUEST = Request("auto", 10)
+# Publishers of these are counted so often, s.
+OWNED = (
+    topics.DEVICE_STATE,
+    topics.DEVICE_POSE,
+    topics.DEVICE_COMMAND,
+    topics.DEVICE_GAIN,
+    topics.STATE,
+)
+COUNTED_S = 0.01
 # What a sample of the ring can hold.
 LAST = 1 << 63
 Told = tuple[int, float, float]
@@ -60,6 +70,9 @@ class GraphWatch(Node):
         qos = RECORDER_SUBSCRIBER
         self.create_subscription(DiagnosticArray, topics.DIAGNOSTICS.name, self._on_status, qos)
         self.create_subscription(Log, "/rosout", self._on_log, qos)
+        counted = [topic.name for topic in OWNED] + [topics.POINT_MODEL.of(point)] * bool(point)
+        self._publishers = dict.fromkeys(counted, 0)
+        self.create_timer(COUNTED_S, self._count)
         self._realtime = Realtime(REQUEST)
 
     def _listen(self, topic: int, name: str, kind: type, read: Callable[[bytes], Told]) -> None:
@@ -77,6 +90,16 @@ class GraphWatch(Node):
             ring.put((topic, now, stamp, number if number < LAST else 0, force, torque))
 
         self.create_subscription(kind, name, WithInfo(keep), RECORDER_SUBSCRIBER, raw=True)
+
+    def _count(self) -> None:
+        for topic, before in self._publishers.items():
+            count = self.count_publishers(topic)
+            if count != before:
+                self._publishers[topic] = count
+                now = time.monotonic_ns()
+                write_progress(
+                    "publishers", topic=topic, count=count, fewer=count < before, at_ns=now
+                )
 
     def _on_status(self, message: DiagnosticArray) -> None:
         for status in message.status:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.reliability.doubles import first_heard
+from benchmarks.reliability.doubles import first_heard, silent_from
 from benchmarks.reliability.sample import CAPACITY, COMMAND, DEVICE, SAMPLE, Ring
 from benchmarks.reliability.trial import Fault, Seen, Trial, largest_force, seen, summarised
 
@@ -273,3 +273,16 @@ def test_a_newcomer_that_never_speaks_counts_from_when_force_ended() -> None:
     assert first_heard(None, [698 * MS], arrived, on, 0) == 698 * MS
     assert first_heard(None, [], arrived, on, 0) == 700 * MS
     assert first_heard(None, [], arrived, np.zeros(1000, dtype=bool), 7) == 7
+
+
+def test_a_double_could_speak_until_its_publisher_was_gone_not_until_its_process_was() -> None:
+    counted = [
+        {"topic": "/device/servo_cf", "count": 2, "fewer": False, "at_ns": 100 * MS},
+        {"topic": "/device/state", "count": 0, "fewer": True, "at_ns": 450 * MS},
+        {"topic": "/device/servo_cf", "count": 1, "fewer": True, "at_ns": 500 * MS},
+    ]
+    assert silent_from(counted, "/device/servo_cf", 400 * MS, 1600 * MS) == 500 * MS
+    # Somebody else had gone before it was asked.
+    assert silent_from(counted, "/device/servo_cf", 600 * MS, 1600 * MS) == 1600 * MS
+    # One that is killed stays in the middleware's list for a while.
+    assert silent_from(counted, "/device/servo_cf", 400 * MS, 450 * MS) == 450 * MS
