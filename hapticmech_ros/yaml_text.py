@@ -15,6 +15,10 @@ from typing import Any
 import yaml
 
 from hapticmech_ros.errors import FileError
+from hapticmech_ros.files import read_text
+
+# Bytes of a scene.
+FILE_SIZE_LIMIT = 4_000_000
 
 # Values with its aliases and merges written out: a short text can alias its way to billions.
 VALUE_LIMIT = 200_000
@@ -50,6 +54,26 @@ class _Open:
     key: Any = None
     has_key: bool = False
     merges: list[dict[Any, Any]] = field(default_factory=list)
+
+
+def document_in(file: str) -> Any:
+    """Return what is in a YAML file whose keys are all text, as those of a scene are.
+
+    Raises:
+        FileError: cannot be read; see :func:`read_yaml`; or a key is none.
+    """
+    document = read_yaml(read_text(file, FILE_SIZE_LIMIT), file)
+    pending = [document]
+    while pending:
+        value = pending.pop()
+        if isinstance(value, dict):
+            for key in value:
+                if not isinstance(key, str):
+                    raise FileError(file, key, "a key of a scene is text")
+            pending += value.values()
+        elif isinstance(value, list):
+            pending += value
+    return document
 
 
 def read_yaml(text: str, source: str) -> Any:

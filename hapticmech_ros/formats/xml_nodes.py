@@ -6,16 +6,14 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from xml.parsers import expat
 
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
 from hapticmech_ros.files import read_file
+from hapticmech_ros.foreign_text import parsed
 from hapticmech_ros.scene.part import LARGEST
+from hapticmech_ros.xml_text import Element, elements
 
 FILE_SIZE_LIMIT = 8_000_000
-NODE_LIMIT = 200_000
-DEPTH_LIMIT = 200
-ATTRIBUTE_LIMIT = 100
 
 
 @dataclass(slots=True)
@@ -165,44 +163,18 @@ class Source:
         return found
 
     def _parse(self, data: bytes) -> Node:
-        above: list[Node] = [Node("", {}, 0)]
-        texts: list[list[str]] = [[]]
-        parser = expat.ParserCreate()
-
-        def start(tag: str, attributes: dict[str, str]) -> None:
-            self._sizes.nodes += 1
-            node = Node(tag, attributes, parser.CurrentLineNumber, file=self._file)
-            depth = len(above) + self._depth
-            if self._sizes.nodes > NODE_LIMIT:
-                raise self.error(node, self._sizes.nodes, f"at most {NODE_LIMIT} elements")
-            if depth > DEPTH_LIMIT:
-                raise self.error(node, depth, f"at most {DEPTH_LIMIT} elements in each other")
-            if len(attributes) > ATTRIBUTE_LIMIT:
-                raise self.error(node, len(attributes), f"at most {ATTRIBUTE_LIMIT} attributes")
-            above[-1].children.append(node)
-            above.append(node)
-            texts.append([])
-
-        def end(_tag: str) -> None:
-            above.pop().text = "".join(texts.pop())
-
-        def characters(text: str) -> None:
-            texts[-1].append(text)
-
-        def entity(name: str, *_rest: object) -> None:
-            raise self.error(None, name, "entities are not read")
-
-        parser.StartElementHandler = start
-        parser.EndElementHandler = end
-        parser.CharacterDataHandler = characters
-        parser.EntityDeclHandler = entity
-        parser.buffer_text = True
+        # As text in which a character is a byte, whatever the file's encoding is.
+        text = data.decode("latin-1")
+        item = [str(self.path), text, self._sizes.nodes, self._depth]
         try:
-            parser.Parse(data, True)
-        except expat.ExpatError as error:
-            where = f"line {error.lineno}"
-            problem = SceneProblem(where, expat.errors.messages[error.code], "not valid XML")
+            return self._node(parsed(elements, self.path, item))
+        except FileError as error:
+            problem = SceneProblem(error.where, error.value, error.rule)
             raise SceneError(str(self.path), [problem]) from None
-        except (ValueError, LookupError) as error:  # an encoding that nobody knows
-            raise self.error(None, str(error), "not valid XML") from None
-        return above[0].children[0]
+
+    def _node(self, element: Element) -> Node:
+        """Return an element and all in it as nodes, and count them."""
+        tag, attributes, line, text, children = element
+        self._sizes.nodes += 1
+        inner = [self._node(child) for child in children]
+        return Node(tag, attributes, line, inner, text, self._file)

@@ -9,26 +9,26 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
-from hapticmech_ros.files import read_text
+from hapticmech_ros.foreign_text import parsed
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.part import LARGEST
 from hapticmech_ros.scene.rules import broken_rules
-from hapticmech_ros.yaml_text import read_yaml
+from hapticmech_ros.yaml_text import document_in
 
 MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf")
-FILE_SIZE_LIMIT = 4_000_000
 
 
 def written_document(path: Path) -> object:
     """Return what a scene's file says; of a model, that it is the scene's.
 
     Raises:
-        SceneError: too large, not readable, or not YAML within the limits of ``yaml_text``.
+        SceneError: too large, not readable, or not YAML within the limits of ``yaml_text`` and
+            ``foreign_text``.
     """
     if path.suffix.lower() in MODEL_SUFFIXES:
         return {"format": "hapticmech-scene/1", "model": path.name}
     try:
-        return read_yaml(read_text(path, FILE_SIZE_LIMIT), str(path))
+        return parsed(document_in, path, str(path))
     except FileError as error:
         problem = SceneProblem(error.where, error.value, error.rule)
         raise SceneError(str(path), [problem]) from None

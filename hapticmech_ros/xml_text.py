@@ -1,0 +1,72 @@
+"""Takes XML apart into plain elements with their lines: bounded, and without entities."""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.parsers import expat
+
+from hapticmech_ros.errors import FileError
+
+NODE_LIMIT = 200_000
+DEPTH_LIMIT = 200
+ATTRIBUTE_LIMIT = 100
+# Tag, attributes as written, line where it begins, text in it, and the elements in it.
+Element = list[Any]
+
+
+def elements(item: list[Any]) -> Element:
+    """Return the outermost element of a text.
+
+    Args:
+        item: name of the file; its text, of which a character is a byte; and of the files that
+            include it, how many elements they have and in how many of these it is.
+
+    Raises:
+        FileError: not XML, too large or too deep; entities are refused.
+    """
+    file, text, count, depth = item
+    above: list[Element] = [["", {}, 0, "", []]]
+    texts: list[list[str]] = [[]]
+    parser = expat.ParserCreate()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        line = parser.CurrentLineNumber
+        deep = len(above) + depth
+        where = f"line {line}, <{tag}>"
+        if count > NODE_LIMIT:
+            raise FileError(file, count, f"at most {NODE_LIMIT} elements", where)
+        if deep > DEPTH_LIMIT:
+            raise FileError(file, deep, f"at most {DEPTH_LIMIT} elements in each other", where)
+        if len(attributes) > ATTRIBUTE_LIMIT:
+            rule = f"at most {ATTRIBUTE_LIMIT} attributes"
+            raise FileError(file, len(attributes), rule, where)
+        element = [tag, attributes, line, "", []]
+        above[-1][4].append(element)
+        above.append(element)
+        texts.append([])
+
+    def end(_tag: str) -> None:
+        above.pop()[3] = "".join(texts.pop())
+
+    def characters(text: str) -> None:
+        texts[-1].append(text)
+
+    def entity(name: str, *_rest: object) -> None:
+        raise FileError(file, name, "entities are not read")
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.CharacterDataHandler = characters
+    parser.EntityDeclHandler = entity
+    parser.buffer_text = True
+    try:
+        parser.Parse(text.encode("latin-1"), True)
+    except expat.ExpatError as error:
+        said = expat.errors.messages[error.code]
+        raise FileError(file, said, "not valid XML", f"line {error.lineno}") from None
+    except (ValueError, LookupError) as error:  # an encoding that nobody knows
+        raise FileError(file, str(error), "not valid XML") from None
+    outermost: Element = above[0][4][0]
+    return outermost
