@@ -71,7 +71,7 @@ class GraphWatch(Node):
         self.create_subscription(DiagnosticArray, topics.DIAGNOSTICS.name, self._on_status, qos)
         self.create_subscription(Log, "/rosout", self._on_log, qos)
         counted = [topic.name for topic in OWNED] + [topics.POINT_MODEL.of(point)] * bool(point)
-        self._publishers = dict.fromkeys(counted, 0)
+        self._counted = dict.fromkeys(counted, 0)
         self.create_timer(COUNTED_S, self._count)
         self._realtime = Realtime(REQUEST)
 
@@ -92,10 +92,10 @@ class GraphWatch(Node):
         self.create_subscription(kind, name, WithInfo(keep), RECORDER_SUBSCRIBER, raw=True)
 
     def _count(self) -> None:
-        for topic, before in self._publishers.items():
+        for topic, before in self._counted.items():
             count = self.count_publishers(topic)
             if count != before:
-                self._publishers[topic] = count
+                self._counted[topic] = count
                 now = time.monotonic_ns()
                 write_progress(
                     "publishers", topic=topic, count=count, fewer=count < before, at_ns=now
