@@ -37,6 +37,7 @@ _SOURCES = (
     "mechanism/kernels/element_kernels.py",
     "mechanism/kernels/motion_kernels.py",
     "mechanism/kernels/step_kernels.py",
+    "mechanism/kernels/step_layout.py",
     "mechanism/kernels/implicit_kernels.py",
     "mechanism/kernels/settle_kernels.py",
     "mechanism/kernels/energy_kernels.py",

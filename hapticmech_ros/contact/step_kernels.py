@@ -45,6 +45,17 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_kernels import Work, find_rates, start_step
+from hapticmech_ros.mechanism.kernels.step_layout import (
+    BEGINS_WITH,
+    IMPLICIT,
+    PUSHES,
+    STAGES,
+    STEP,
+    STEPS,
+    TERMS_KNOWN,
+    TOLERANCE,
+    TOUCHING,
+)
 from hapticmech_ros.mechanism.kernels.tree_kernels import place_tree
 
 # Points are looked for this many steps ahead: forces begin half a step before surfaces meet.
@@ -79,8 +90,9 @@ def _untouched(
     the end, or of a failure, are in ``end``.
     """
     q0, v0, account, begun = parts.q0, parts.v0, parts.account, contacts.begun
-    substeps, stages, implicit, first = plan[0], plan[1], plan[5] != 0, unpack(start, model)
-    if plan[2] == 0:
+    substeps, stages, implicit = plan[STEPS], plan[STAGES], plan[IMPLICIT] != 0
+    first = unpack(start, model)
+    if plan[TERMS_KNOWN] == 0:
         code = factor(model, q0, first)
         if code < 0:
             return code
@@ -90,7 +102,8 @@ def _untouched(
         return NEAR
     put(begun[: q0.size], q0)
     put(begun[q0.size :], v0)
-    work_in, lost, done, off, moved = account[0], account[1], account[5], account[6], account[11]
+    before = local(account.size)
+    put(before, account)
     one, other, code, odd = first, unpack(end, model), SETTLED, False
     for step in range(substeps):
         odd = step % 2 == 1
@@ -114,8 +127,7 @@ def _untouched(
         return code
     put(q0, begun[: q0.size])
     put(v0, begun[q0.size :])
-    account[0], account[1], account[5], account[6] = work_in, lost, done, off
-    account[11] = moved
+    put(account, before)
     if substeps > 1:
         code = factor(model, q0, first)
         if code < 0:
@@ -143,7 +155,7 @@ def _find_free(
     from those that accelerations would give. Returns SETTLED, or how that failed, NEEDS_CARE and
     NOT_DECIDED included.
     """
-    free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings[0]
+    free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings[STEP]
     change, stiff, fastest = contacts.change, contacts.stiff, 0.0
     for c in range(v0.size):
         fastest = max(fastest, abs(v0[c]))
@@ -156,13 +168,13 @@ def _find_free(
         change[c] = 0.5 * step * (v0[c] + free[c])
     if implicit or step * fastest > TURNS:
         account, settings, v = parts.account, parts.settings, parts.v
-        before, tolerance = local(account.size), settings[9]
+        before, tolerance = local(account.size), settings[TOLERANCE]
         put(before, account)
-        settings[9] = 0.0
+        settings[TOLERANCE] = 0.0
         code = step_once(
             model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
         )
-        settings[9] = tolerance
+        settings[TOLERANCE] = tolerance
         put(account, before)
         if code in (NEEDS_CARE, NOT_DECIDED):
             return code
@@ -238,7 +250,7 @@ def _substep(
 ) -> int:
     """Do a step of the integrator, with what touches in it."""
     contacts = Contacts(contact_numbers, contact_values)
-    links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings[0]
+    links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings[STEP]
     external = contacts.external[links : links + external_count]
     told = contacts.settings[KNOWN] != NOTHING
     if not searched:
@@ -289,11 +301,11 @@ def _substep(
         external = contacts.external[: links + external_count]
     if told:
         return FORCES
-    parts.settings[10] = links if count > 0 else 0
+    parts.settings[TOUCHING] = links if count > 0 else 0
     code = step_once(
         model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
     )
-    parts.settings[10] = 0.0
+    parts.settings[TOUCHING] = 0.0
     if code == SETTLED and count > 0:
         share, felt, force = (
             step / contacts.settings[PERIOD],
@@ -331,13 +343,11 @@ def advance_period(
         end: (size,) packed terms, to fill at the end.
         scratch: (size,) packed terms of stages.
         work: (work,) see ``step_kernels.Work``; ``q0`` and ``v0`` are the start, ``state`` the end,
-            account 0, 1, 5, 6, 7 and 11 add up.
+            and the account adds up.
         spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         contact_numbers: (integers,) of the contacts, whole ones.
         contact_values: (numbers,) the others; see ``layout.Contacts``.
-        plan: (6,) number of substeps, number of stages, 1 where terms at the start are known, what
-            it begins with (``WHOLE``, ``EACH``, ``SEARCHED``), how many rows of ``external``
-            behind those of the contacts are wrenches from outside, and 1 for an implicit rule.
+        plan: (7,) see ``step_layout.RUN_PLAN``; it begins with ``WHOLE``, ``EACH`` or ``SEARCHED``.
 
     Returns:
         0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of
@@ -346,15 +356,16 @@ def advance_period(
         parts, FORCES, where ``settings[KNOWN]`` asks for these alone, or NEEDS_CARE, INACCURATE and
         NOT_DECIDED, of which ``run_kernels.advance`` tells: ``q0`` and ``v0`` are its start then,
         and ``start`` has the terms there unless it is NOT_DECIDED. Points and forces are those of
-        this substep where it is FORCES or INACCURATE. Or how a substep failed. Account 5 is the
-        number of substeps done.
+        this substep where it is FORCES or INACCURATE. Or how a substep failed. The account says
+        how many substeps were done.
     """
     model, parts = Model(numbers, values), Work(numbers, work)
     contacts = Contacts(contact_numbers, contact_values)
     first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
-    substeps, stages, known, external_count = plan[0], plan[1], plan[2] != 0, plan[4]
-    searched, implicit = plan[3] == SEARCHED, plan[5] != 0
-    if plan[3] == WHOLE:
+    substeps, stages, known = plan[STEPS], plan[STAGES], plan[TERMS_KNOWN] != 0
+    searched, implicit = plan[BEGINS_WITH] == SEARCHED, plan[IMPLICIT] != 0
+    external_count = plan[PUSHES]
+    if plan[BEGINS_WITH] == WHOLE:
         links = contacts.carriers.size
         contacts.joint_force[:] = 0.0
         contacts.counts[DIVISION], contacts.counts[UNSOLVED] = 1, 0

@@ -44,6 +44,16 @@ from hapticmech_ros.mechanism.careful import branch_projection
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.run_kernels import NEEDS_CARE
+from hapticmech_ros.mechanism.kernels.step_layout import (
+    BEGINS_WITH,
+    IMPLICIT,
+    PUSHES,
+    RUN_PLAN,
+    STAGES,
+    STEPS,
+    STEPS_DONE,
+    TERMS_KNOWN,
+)
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
@@ -87,7 +97,8 @@ class ContactStepper:
         self._stepper = Stepper(mechanism, plan)
         self.memory = ContactMemory(mechanism)
         scheme = SCHEMES[plan.integrator]
-        self._plan = np.array((0, len(scheme.weights), 0, 0, 0, scheme.implicit))
+        self._plan = np.zeros(RUN_PLAN.size, dtype=np.int64)
+        self._plan[STAGES], self._plan[IMPLICIT] = len(scheme.weights), scheme.implicit
         self._nearest = self._searches(self.memory.polytopes)
 
     def advance(
@@ -148,7 +159,7 @@ class ContactStepper:
 
     def _push(self, external: ExternalWrenches) -> None:
         """Put wrenches on links behind those of contacts."""
-        self._plan[4] = len(external.on_links)
+        self._plan[PUSHES] = len(external.on_links)
         if external.on_links:
             rows, first = self._stepper.on_links(external), len(self.memory.links)
             self.memory.contacts.external[first : first + len(rows)] = rows
@@ -164,7 +175,7 @@ class ContactStepper:
         """Do substeps by the kernel until one needs care, or cannot be done sparse."""
         stepper, plan = self._stepper, self._plan
         known = stepper.load(start, active_set, external)
-        plan[0], plan[2], plan[3] = count, known is not None, phase
+        plan[STEPS], plan[TERMS_KNOWN], plan[BEGINS_WITH] = count, known is not None, phase
         first, end = active_set.first_terms(known, count), np.empty(active_set.size)
         constants, work = active_set.constants, (active_set.scratch, stepper.work, stepper.springs)
         while True:
@@ -175,7 +186,8 @@ class ContactStepper:
                 self.memory.enlarge()
             else:
                 return stepper.took(code, active_set, start.active, end)
-            plan[0], plan[2], plan[3] = count - int(stepper.parts.account[5]), 1, SEARCHED
+            plan[STEPS] = count - int(stepper.parts.account[STEPS_DONE])
+            plan[TERMS_KNOWN], plan[BEGINS_WITH] = 1, SEARCHED
 
     def _search(self) -> None:
         """Find the nearest points of pairs that are near."""

@@ -18,12 +18,13 @@ from __future__ import annotations
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.control.kernels import (
-    CHANNELS,
+    C6,
     DAMPING,
+    FEEDFORWARD,
     FORCE_LIMIT,
     HELD_STIFFNESS,
-    JOINT,
-    RAMP,
+    JOINT_DAMPING,
+    JOINT_STIFFNESS,
     STIFFNESS,
     TORQUE_LIMIT,
     answer_measurements,
@@ -32,7 +33,16 @@ from hapticmech_ros.control.kernels import (
     let_through,
 )
 from hapticmech_ros.control.kernels import INERTIA as DEVICE_INERTIA
-from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
+from hapticmech_ros.control.loop_layout import (
+    ANSWER,
+    CONTROLLER_ACCOUNT,
+    FORCE_LOCAL,
+    JOINT_LOCAL,
+    ON_HAND,
+    ON_MECHANISM,
+    POSE_ERROR,
+    WITH_MODEL,
+)
 from hapticmech_ros.control.pose_kernels import displacement
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
@@ -52,6 +62,7 @@ FROM_HAND, CHANGED, HEARD, HEARD_SAMPLE, QUEUE_AT = CONTROLLER_ACCOUNT.starts(
 (IS_ANSWER, WRENCHES, MODELLED, FORCE_GAIN, SPRING_GAIN, DAMPER_GAIN, ANSWERED, GIVEN_THEN) = (
     ANSWER.starts(*ANSWER)
 )
+TO_MECHANISM, ERROR_OF_POSE = WRENCHES + 6 * ON_MECHANISM, WRENCHES + 6 * POSE_ERROR
 PUSH = DEVICE_SAMPLE.start("hand_wrench")
 SAMPLE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
 X, P_C, SHARE, FREE, TWIST, CONTACT = OPERATIONAL_MODEL.starts(
@@ -179,11 +190,11 @@ def model_answer(
         answer: to fill.
     """
     task, inertia = settings[:DEVICE_INERTIA], settings[DEVICE_INERTIA:STIFFNESS]
-    joint = settings[JOINT:CHANNELS]
     ramp, through = let_through(settings, time), force_let_through(settings, time)
-    spring = ramp * joint[1]
-    damper = brake(settings, time, inertia[0], joint[2]) * joint[2]
-    moved, kept = through * (1.0 + settings[RAMP - 1]), ramp * (1.0 - joint[0])
+    spring = ramp * settings[JOINT_STIFFNESS]
+    damper = settings[JOINT_DAMPING]
+    damper *= brake(settings, time, inertia[0], damper)
+    moved, kept = through * (1.0 + settings[C6]), ramp * (1.0 - settings[FEEDFORWARD])
     for i in range(6):
         for j in range(6):
             at, within = 6 * i + j, task[i] * task[j]
@@ -192,9 +203,9 @@ def model_answer(
             if i == j:
                 gain -= through
             projector = within * operational_model[P_C + at]
-            answer[FORCE_GAIN + at] = within * gain * locality[0]
-            answer[SPRING_GAIN + at] = spring * projector * locality[1]
-            answer[DAMPER_GAIN + at] = damper * projector * locality[1]
+            answer[FORCE_GAIN + at] = within * gain * locality[FORCE_LOCAL]
+            answer[SPRING_GAIN + at] = spring * projector * locality[JOINT_LOCAL]
+            answer[DAMPER_GAIN + at] = damper * projector * locality[JOINT_LOCAL]
     answer[MODELLED] = 1.0
 
 
@@ -209,19 +220,19 @@ def conclude(
     answer: Array,
 ) -> None:
     """Complete an answer that has its wrenches; ``locality`` as in :func:`answer_sample`."""
-    joint = settings[JOINT:CHANNELS]
     account_for_springs(
         account,
-        answer[WRENCHES + 30 : WRENCHES + 36],
+        answer[ERROR_OF_POSE : ERROR_OF_POSE + 6],
         operational_model[P_C : P_C + 36],
-        joint[1],
-        joint[2],
+        settings[JOINT_STIFFNESS],
+        settings[JOINT_DAMPING],
         settings[STIFFNESS:DAMPING],
         settings[DAMPING:HELD_STIFFNESS],
         account[PERIOD],
     )
     answer[MODELLED] = 0.0
-    if locality[2] != 0.0 and (locality[0] != 0.0 or locality[1] != 0.0):
+    closes = locality[FORCE_LOCAL] != 0.0 or locality[JOINT_LOCAL] != 0.0
+    if closes and locality[WITH_MODEL] != 0.0:
         model_answer(settings, operational_model, time, locality, answer)
     answer[IS_ANSWER], answer[GIVEN_THEN] = 1.0, account[GIVEN]
     put(answer[ANSWERED : ANSWERED + SAMPLE_SIZE], device)
@@ -242,7 +253,7 @@ def give_answer(
 ) -> None:
     """Answer a sample; see :func:`answer_sample`."""
     out = shaped(answer[WRENCHES:], (6, 6))
-    if locality[0] != 0.0 and queue.shape[0] > 0:
+    if locality[FORCE_LOCAL] != 0.0 and queue.shape[0] > 0:
         predicted = local(MODEL_SIZE)
         later = ahead + predict(account, queue, operational_model, predicted)
         answer_measurements(settings, device, predicted, time, later, out)
@@ -253,9 +264,9 @@ def give_answer(
         carries = carries or faded[i] != 0.0
     if carries:
         for i in range(6):
-            out[0, i] += faded[i]
-        limit(out[0, :3], settings[FORCE_LIMIT])
-        limit(out[0, 3:], settings[TORQUE_LIMIT])
+            out[ON_HAND, i] += faded[i]
+        limit(out[ON_HAND, :3], settings[FORCE_LIMIT])
+        limit(out[ON_HAND, 3:], settings[TORQUE_LIMIT])
 
 
 @inner
@@ -264,7 +275,7 @@ def passive_wrench(account: Array, answer: Array, told: Array) -> None:
     if answer[IS_ANSWER] == 0.0:
         told[:] = 0.0
         return
-    put(told, answer[WRENCHES + 6 : WRENCHES + 12])
+    put(told, answer[TO_MECHANISM : TO_MECHANISM + 6])
     if account[PASSIVE] == 0.0 or account[GIVEN] - account[FROM_HAND] - account[SLACK] <= 0.0:
         return
     twist, inertia = account[MOVED : MOVED + 6], account[INERTIA : INERTIA + 6]

@@ -11,15 +11,31 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, shaped
-from hapticmech_ros.control.loop_layout import BRAKE, SETTINGS
+from hapticmech_ros.control.loop_layout import (
+    BRAKE,
+    FOUR_CHANNEL,
+    IMPEDANCE,
+    JOINT_CONSTRAINT,
+    ON_HAND,
+    ON_MECHANISM,
+    POSE_ERROR,
+    SETTINGS,
+)
 from hapticmech_ros.control.pose_kernels import clutch_error
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.saturation_kernels import limit
 
-INERTIA, STIFFNESS, DAMPING, HELD_STIFFNESS, HELD_DAMPING, JOINT, CHANNELS = SETTINGS.starts(
-    *("inertia", "stiffness", "damping", "held_stiffness", "held_damping", "feedforward", "c1")
+INERTIA, STIFFNESS, DAMPING, HELD_STIFFNESS, HELD_DAMPING = SETTINGS.starts(
+    "inertia", "stiffness", "damping", "held_stiffness", "held_damping"
 )
+FEEDFORWARD, JOINT_STIFFNESS, JOINT_DAMPING, JOINT_FORCE_LIMIT, JOINT_TORQUE_LIMIT = (
+    SETTINGS.starts(
+        *("feedforward", "joint_stiffness", "joint_damping"),
+        *("joint_force_limit", "joint_torque_limit"),
+    )
+)
+C1, C2, C3, C4, C5, C6 = SETTINGS.starts("c1", "c2", "c3", "c4", "c5", "c6")
 RAMP, CARRIES, FORCE_LIMIT, TORQUE_LIMIT, ENGAGED, CLUTCH = SETTINGS.starts(
     "ramp", "carries", "force_limit", "torque_limit", "engaged_at", "displacement"
 )
@@ -77,15 +93,16 @@ def force_let_through(settings: Array, time: float) -> float:
 def parts(
     settings: Array, device: Array, operational_model: Array, time: float, out: Array
 ) -> None:
-    """Fill rows 1 to 4 of ``out`` (6, 6), without the device's limits, given e in row 5."""
+    """Fill all but the first row of ``out`` (6, 6), without the device's limits, given e in it."""
     task, inertia = settings[:INERTIA], settings[INERTIA:STIFFNESS]
     stiffness, damping = settings[STIFFNESS:DAMPING], settings[DAMPING:HELD_STIFFNESS]
     held_stiffness = settings[HELD_STIFFNESS:HELD_DAMPING]
-    held_damping = settings[HELD_DAMPING:JOINT]
-    joint, c = settings[JOINT:CHANNELS], settings[CHANNELS:RAMP]
-    beta, spring, damper = joint[0], joint[1], joint[2]
-    force_limit, torque_limit = joint[3], joint[4]
-    c1, c2, c3, c4, c5, c6 = c[0], c[1], c[2], c[3], c[4], c[5]
+    held_damping = settings[HELD_DAMPING:FEEDFORWARD]
+    beta, spring = settings[FEEDFORWARD], settings[JOINT_STIFFNESS]
+    damper = settings[JOINT_DAMPING]
+    force_limit, torque_limit = settings[JOINT_FORCE_LIMIT], settings[JOINT_TORQUE_LIMIT]
+    c1, c2, c3 = settings[C1], settings[C2], settings[C3]
+    c4, c5, c6 = settings[C4], settings[C5], settings[C6]
     x, p_c = shaped(operational_model[X:], (6, 6)), shaped(operational_model[P_C:], (6, 6))
     share, free = shaped(operational_model[SHARE:], (6, 6)), operational_model[FREE : FREE + 6]
     twist, contact = operational_model[TWIST : TWIST + 6], operational_model[CONTACT : CONTACT + 6]
@@ -93,7 +110,7 @@ def parts(
     damper *= brake(settings, time, inertia[0], damper)
     room = shaped(local(30), (5, 6))
     push, pull, coupling, drive, held = room[0], room[1], room[2], room[3], room[4]
-    error = out[5]
+    error = out[POSE_ERROR]
     for i in range(6):
         error[i] *= task[i]
         rate = task[i] * (device[RATE + i] - twist[i])
@@ -109,13 +126,13 @@ def parts(
         hand, touch = task[i] * device[PUSH + i], task[i] * contact[i]
         motion = inertia[i] * (dot(x[i], drive) + free[i])
         joined = ramp * (1.0 - beta) * dot(share[i], push)
-        out[1, i] = through * (c3 * hand + c5 * touch) + c1 * coupling[i]
-        out[2, i] = task[i] * (through * (motion - push[i]) + joined)
-        out[3, i] = -dot(p_c[i], pull)
+        out[ON_MECHANISM, i] = through * (c3 * hand + c5 * touch) + c1 * coupling[i]
+        out[IMPEDANCE, i] = task[i] * (through * (motion - push[i]) + joined)
+        out[JOINT_CONSTRAINT, i] = -dot(p_c[i], pull)
         in_range = c4 * (held[i] - dot(share[i], held))
-        out[4, i] = through * (c2 * touch) - in_range
+        out[FOUR_CHANNEL, i] = through * (c2 * touch) - in_range
     if through > 0.0:
-        scale_within(out[3], through * force_limit, through * torque_limit)
+        scale_within(out[JOINT_CONSTRAINT], through * force_limit, through * torque_limit)
 
 
 @inner
@@ -124,11 +141,11 @@ def answer_measurements(
 ) -> None:
     """Fill a control period's wrenches; see :func:`control_wrenches`."""
     place, twist = operational_model[PLACE:TWIST], operational_model[TWIST : TWIST + 6]
-    clutch_error(settings[CLUTCH:], device[:7], place, twist, ahead, out[5])
+    clutch_error(settings[CLUTCH:], device[:7], place, twist, ahead, out[POSE_ERROR])
     parts(settings, device, operational_model, time, out)
     for i in range(6):
-        out[0, i] = out[2, i] + out[3, i] + out[4, i]
-    for row in range(2):
+        out[ON_HAND, i] = out[IMPEDANCE, i] + out[JOINT_CONSTRAINT, i] + out[FOUR_CHANNEL, i]
+    for row in (ON_HAND, ON_MECHANISM):
         limit(out[row, :3], settings[FORCE_LIMIT])
         limit(out[row, 3:], settings[TORQUE_LIMIT])
 

@@ -74,6 +74,15 @@ ANSWER = Layout(
         "to_mechanism": ONE,
     }
 )
+# Rows of an answer's wrenches: on the hand, by the device; on the mechanism, by the hand; the three
+# parts of the first; and the pose error e.
+ON_HAND, ON_MECHANISM, IMPEDANCE, JOINT_CONSTRAINT, FOUR_CHANNEL, POSE_ERROR = range(6)
+# Rows of what acts in a tick: the first two, and what the mechanism is told.
+TOLD = 2
+# What the device closes by itself, 1 or 0: the force channel, and the joint constraint; and whether
+# answers are to say how.
+LOCALITY = Layout(dict.fromkeys(("force_channel", "joint_constraint", "with_model"), ONE))
+FORCE_LOCAL, JOINT_LOCAL, WITH_MODEL = LOCALITY.starts(*LOCALITY)
 # The device's account: constants first. Diagonal of Λ_d; 1 where there are actuators; their limits,
 # N and N m; period, s; share of their old wrench in the mean of a period; what is predicted, s, and
 # what a held wrench moves in it per acceleration, s²; most damping, 1/s; 1 if velocities are

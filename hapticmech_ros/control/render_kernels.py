@@ -21,6 +21,7 @@ from hapticmech_ros.control.device_side_kernels import (
     correct,
     take_energy,
 )
+from hapticmech_ros.control.loop_layout import ON_HAND, ON_MECHANISM, TOLD
 
 
 @inner
@@ -64,18 +65,18 @@ def act(
             the mechanism is told.
     """
     rows = answers.shape[0] - 1
-    passive_wrench(controller, given, wrenches[2])
-    queue_wrench(controller, told, wrenches[2], wrenches[1])
+    passive_wrench(controller, given, wrenches[TOLD])
+    queue_wrench(controller, told, wrenches[TOLD], wrenches[ON_MECHANISM])
     now = answers[queue_answer(device, answers[:rows], answers[rows])]
     account_for_actuators(device, sample, applied)
     if now[IS_ANSWER] == 0.0:
-        wrenches[0] = 0.0
+        wrenches[ON_HAND] = 0.0
     else:
         take_energy(device, now[GIVEN_THEN])
         command = now[WRENCHES : WRENCHES + 6]
         if now[MODELLED] == 0.0:
-            put(wrenches[0], command)
+            put(wrenches[ON_HAND], command)
         else:
             model, answered = now[FORCE_GAIN:ANSWERED], now[ANSWERED:GIVEN_THEN]
-            correct(command, model, answered, sample, wrenches[0])
-    allow(device, safety, wrenches[0], sample, added)
+            correct(command, model, answered, sample, wrenches[ON_HAND])
+    allow(device, safety, wrenches[ON_HAND], sample, added)

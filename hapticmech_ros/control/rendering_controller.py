@@ -17,7 +17,14 @@ from hapticmech_ros.control.account_kernels import (
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.channel import Channel
 from hapticmech_ros.control.clutch import Clutch
-from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
+from hapticmech_ros.control.loop_layout import (
+    ANSWER,
+    CONTROLLER_ACCOUNT,
+    FORCE_LOCAL,
+    JOINT_LOCAL,
+    LOCALITY,
+    WITH_MODEL,
+)
 from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.scene.controller import Connection
@@ -152,7 +159,7 @@ class RenderingController:
         self._told: deque[Array] = deque(maxlen=REMEMBERED)
         self.held_elsewhere()
         self.last: ControllerCommand | None = None
-        self._locality = np.zeros(3)
+        self._locality = np.zeros(LOCALITY.size)
         self._nothing = np.zeros(ANSWER.size)
         self.channels: tuple[Channel, Channel] | None = None
         if not connection.ideal:
@@ -194,9 +201,9 @@ class RenderingController:
         """
         gains, passivity = self.control.gains, self.control.gains.passivity
         self.account[_PASSIVE], self.account[_SLACK] = passivity.control, passivity.slack
-        self._locality[0] = corrects and gains.force_channel.local
-        self._locality[1] = corrects and gains.joint_constraint.local
-        self._locality[2] = with_model
+        self._locality[FORCE_LOCAL] = corrects and gains.force_channel.local
+        self._locality[JOINT_LOCAL] = corrects and gains.joint_constraint.local
+        self._locality[WITH_MODEL] = with_model
         return self._locality
 
     def tick(
@@ -255,7 +262,7 @@ class RenderingController:
         numbers = np.zeros(ANSWER.size)
         queue, ahead = self._queue_of(inputs.ahead, locality)
         if control.answers_in_python:
-            flying = self._in_flight(queue) if locality[0] != 0.0 else None
+            flying = self._in_flight(queue) if locality[FORCE_LOCAL] != 0.0 else None
             found = control.answer(time, clutch, device, operational_model, ahead, flying)
             numbers[_WRENCHES] = found.ravel()
             settings = control.settings_at(time, clutch)
@@ -289,7 +296,7 @@ class RenderingController:
         Returns:
             (n, 6) commands, N and N m, world axes; and s.
         """
-        if ahead == 0.0 or locality[0] == 0.0:
+        if ahead == 0.0 or locality[FORCE_LOCAL] == 0.0:
             return self.queue, ahead
         period = float(self.account[_PERIOD])
         number = len(self.queue) + round(ahead / period)

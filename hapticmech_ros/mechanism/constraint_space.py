@@ -14,14 +14,7 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.inertia import singular_joint
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
-from hapticmech_ros.mechanism.kernels.data import (
-    ERROR,
-    LEAST,
-    RANK,
-    RESOLVED_RANK,
-    Data,
-    views_of,
-)
+from hapticmech_ros.mechanism.kernels.data import Data, views_of
 from hapticmech_ros.mechanism.kernels.dense_kernels import NO_SVD
 from hapticmech_ros.mechanism.kernels.factor_kernels import (
     SINGULAR,
@@ -30,6 +23,7 @@ from hapticmech_ros.mechanism.kernels.factor_kernels import (
     keep_closed,
     lift_rates,
 )
+from hapticmech_ros.mechanism.kernels.step_layout import TERMS_TAIL
 from hapticmech_ros.mechanism.lapack import dtrsm, dtrsv
 from hapticmech_ros.mechanism.model import TreeModel
 
@@ -85,22 +79,26 @@ class Closing:
     @property
     def error(self) -> float:
         """Largest |φ|, m or rad; 0 without closures."""
-        return float(self.packed.item(ERROR))
+        return self._last("error")
 
     @property
     def rank(self) -> int:
         """Number r of independent closure rows."""
-        return int(self.packed.item(RANK))
+        return int(self._last("rank"))
 
     @property
     def least(self) -> float:
         """Smallest σ that is more than rounding over the largest; 1 without closures."""
-        return float(self.packed.item(LEAST))
+        return self._last("least")
 
     @property
     def resolved(self) -> int:
         """Number of rows that differ by more than rounding; above r next to a singular position."""
-        return int(self.packed.item(RESOLVED_RANK))
+        return int(self._last("resolved_rank"))
+
+    def _last(self, name: str) -> float:
+        """Return a number of the array's end."""
+        return float(self.packed.item(TERMS_TAIL.start(name) - TERMS_TAIL.size))
 
 
 class ConstraintSpace:

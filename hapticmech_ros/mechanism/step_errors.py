@@ -9,10 +9,10 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import failure
 from hapticmech_ros.mechanism.inertia import diverged
-from hapticmech_ros.mechanism.kernels.data import ERROR
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE
 from hapticmech_ros.mechanism.kernels.run_kernels import RATES_NOT_FINITE
 from hapticmech_ros.mechanism.kernels.settle_kernels import FLIPPED, JUMPED, OPEN
+from hapticmech_ros.mechanism.kernels.step_layout import ERROR, PROJECTED, STEP, TERMS_TAIL, WENT
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import not_finite
 from hapticmech_ros.mechanism.projection import came_apart, flipped, jumped
@@ -34,12 +34,11 @@ def step_error(
         packed: (size,) terms at its end.
         active: per closure, whether it is closed.
     """
-    worst, names = float(packed.item(ERROR)), mechanism.names_of(active)
+    worst, names = float(packed.item(ERROR - TERMS_TAIL.size)), mechanism.names_of(active)
     if code == OPEN:
         return came_apart(worst, names)
     if code == JUMPED:
-        step, projection = parts.account[3:5].tolist()
-        return jumped(projection / step, names)
+        return jumped(float(parts.account[PROJECTED] / parts.account[WENT]), names)
     if code == FLIPPED:
         wrong = [i for i, on in enumerate(active) if on and mechanism.on_wrong_branch(i, parts.q)]
         return flipped(worst, [mechanism.closures[i].name for i in wrong[:1]] or names)
@@ -57,5 +56,5 @@ def _diverged(mechanism: Mechanism, parts: SimpleNamespace) -> HapticMechError |
         mechanism.closing_terms(parts.q0, none)
     except HapticMechError:
         return None
-    step = float(parts.settings[0])
+    step = float(parts.settings[STEP])
     return diverged(mechanism.tree, mechanism.difference(parts.q0, parts.q), step)

@@ -30,6 +30,30 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
 )
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import PARTS, Work, work_size
+from hapticmech_ros.mechanism.kernels.step_layout import (
+    APART,
+    BAUMGARTE_RATE,
+    CONTACT_WORK,
+    ENERGY_LOST,
+    HEEDED,
+    IMPLICIT,
+    LATE,
+    LOCAL_RATES,
+    MOVED,
+    OWED,
+    RUN_PLAN,
+    SAMPLE_EVERY,
+    STAGES,
+    STEP,
+    STEP_SETTINGS,
+    STEPS,
+    STEPS_DONE,
+    SURPLUS,
+    TERMS_KNOWN,
+    TOLERANCE,
+    TOUCHING,
+    WORK_IN,
+)
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
@@ -83,14 +107,17 @@ class Stepper:
         work = Work(numbers, self.work)
         # Found once: each look at the work makes a view.
         self.parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in PARTS})
-        self._counts = np.array((1, 0, len(scheme.weights), scheme.implicit, 0))
+        self._run = np.zeros(RUN_PLAN.size, dtype=np.int64)
+        self._run[STAGES], self._run[IMPLICIT] = len(scheme.weights), scheme.implicit
         self._pulled = pulled = plan.baumgarte_rate > 0.0
         most_open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
         fractions = (PROJECTION_TOLERANCE, ROUNDING_TOLERANCE, PROJECTION_FAILURE)
-        parts.settings[1] = scheme.late
-        parts.settings[2:5] = np.array(fractions) * mechanism.length
-        parts.settings[5:7] = plan.baumgarte_rate, most_open * mechanism.length
-        parts.settings[7] = scheme.corrected and nq != nv
+        settings = parts.settings
+        settings[LATE] = scheme.late
+        settings[STEP_SETTINGS.slice("closed", "far")] = np.array(fractions) * mechanism.length
+        settings[BAUMGARTE_RATE] = plan.baumgarte_rate
+        settings[APART] = most_open * mechanism.length
+        settings[LOCAL_RATES] = scheme.corrected and nq != nv
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
         parts.scheme[: len(scheme.fractions), 1] = scheme.fractions
         self.stages, self.implicit = len(scheme.weights), int(scheme.implicit)
@@ -293,9 +320,9 @@ class Stepper:
         Raises:
             HapticMechError: a step failed.
         """
-        counts = self._counts
+        run = self._run
         known = self.load(start, active_set, external, heeded)
-        counts[0], counts[1], counts[4] = count, apart, known is not None
+        run[STEPS], run[SAMPLE_EVERY], run[TERMS_KNOWN] = count, apart, known is not None
         end = np.empty(active_set.size)
         first = active_set.first_terms(known, count)
         code = advance(
@@ -307,7 +334,7 @@ class Stepper:
             self.springs,
             self.on_links(external),
             samples,
-            counts,
+            run,
         )
         return self.took(code, active_set, start.active, end)
 
@@ -331,9 +358,9 @@ class Stepper:
         parts.v0[:] = start.v
         parts.wrenches[:] = external.wrenches
         parts.held[:] = 0.0 if external.in_joints is None else external.in_joints
-        parts.settings[10] = len(external.touching)
+        parts.settings[TOUCHING] = len(external.touching)
         self.prepare(heeded)
-        parts.account[8:] = start.owed
+        parts.account[OWED] = start.owed
         return start.packed(active_set)
 
     def prepare(self, heeded: int = EVERYTHING) -> None:
@@ -345,11 +372,10 @@ class Stepper:
         parts = self.parts
         # States that are pulled are off the closures anyway: no step needs care.
         checked = heeded == EVERYTHING and not self._pulled
-        parts.settings[0] = self.step
-        parts.settings[8] = EVERYTHING if checked else UNCHECKED
-        parts.settings[9] = self._tolerance if checked else 0.0
-        account = parts.account
-        account[:2] = account[5:] = 0.0
+        parts.settings[STEP] = self.step
+        parts.settings[HEEDED] = EVERYTHING if checked else UNCHECKED
+        parts.settings[TOLERANCE] = self._tolerance if checked else 0.0
+        parts.account[:] = 0.0
 
     def took(self, code: int, active_set: ActiveSet, active: Active, end: Array) -> Took:
         """Return what a kernel did.
@@ -365,10 +391,11 @@ class Stepper:
             HapticMechError: a step failed.
         """
         parts = self.parts
-        work, lost, *_, done, surplus, by_contacts = parts.account[:8].tolist()
+        account = parts.account.tolist()
+        done, by_contacts = int(account[STEPS_DONE]), account[CONTACT_WORK]
         failed = code not in (SETTLED, NOT_DECIDED) and code < NEEDS_CARE
         # Smaller steps may go where this one cannot.
-        if failed and not parts.settings[9] > 0.0:
+        if failed and not parts.settings[TOLERANCE] > 0.0:
             raise step_error(self._mechanism, parts, code, end, active)
         if not done:
             return Took(code, 0, None)
@@ -379,11 +406,12 @@ class Stepper:
             q, v = parts.q0.copy(), parts.v0.copy()
             closing = factored(self._mechanism.tree, active_set, q)
         stepped = Stepped(
-            *(q, v, closing.error, closing, work - by_contacts, lost, surplus),
+            *(q, v, closing.error, closing, account[WORK_IN] - by_contacts),
+            *(account[ENERGY_LOST], account[SURPLUS]),
             contact_work=by_contacts,
-            moved=float(parts.account[11]),
+            moved=account[MOVED],
         )
-        return Took(code, int(done), stepped)
+        return Took(code, done, stepped)
 
     def on_links(self, external: ExternalWrenches) -> Array:
         """Return (n, 10) wrenches on links; see ``motion_kernels.add_link_forces``."""

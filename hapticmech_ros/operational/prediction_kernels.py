@@ -14,6 +14,7 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate, correcti
 from hapticmech_ros.mechanism.kernels.model import SPARSE, Model
 from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
 from hapticmech_ros.mechanism.kernels.small_matrices import dot_with_row
+from hapticmech_ros.mechanism.kernels.step_layout import ERROR, RANK
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 
 # Off the closures by φ, at a relative singular value σ, free rates turn by φ/σ²: by no more than
@@ -24,7 +25,7 @@ TRUSTED = 0.01
 @inner
 def _least(model: Model, data: Data) -> float:
     """Return σ_r / σ_1; of R's diagonal, where the factorisation is sparse."""
-    rank = int(data.tail[1])
+    rank = int(data.tail[RANK])
     if rank == 0:
         return 1.0
     if model.path != SPARSE:
@@ -40,9 +41,9 @@ def _least(model: Model, data: Data) -> float:
 @inner
 def _trusted(model: Model, data: Data, before: Data, length: float) -> bool:
     """Return whether closures at a predicted configuration are as well resolved as before."""
-    if data.tail[1] != before.tail[1]:
+    if data.tail[RANK] != before.tail[RANK]:
         return False
-    return bool(data.tail[0] <= TRUSTED * _least(model, data) ** 2 * length)
+    return bool(data.tail[ERROR] <= TRUSTED * _least(model, data) ** 2 * length)
 
 
 @inner

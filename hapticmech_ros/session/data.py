@@ -9,6 +9,34 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import Part, Size, Structure, structure
 from hapticmech_ros.compilation.structures import SIZES
+from hapticmech_ros.layout import Field, Layout
+
+_ONE = Field(1)
+# Period, s; length of the mechanism, m; τ of the loop, s; and delay, s, jitter and loss of the
+# connection.
+TIMES = Layout(dict.fromkeys(("period", "length", "loop_delay", "delay", "jitter", "loss"), _ONE))
+# Of the mechanism: time, s; work done on it, and energy lost, J; closure error, m or rad; number of
+# joint constraints reported; energy lost in contacts, and held by them, J; and of its account
+# ``surplus``, ``refined``, ``inaccurate``, ``latch_loss`` and ``moved``.
+TOTALS = Layout(
+    dict.fromkeys(
+        (
+            "time",
+            "work_in",
+            "damping_loss",
+            "closure_error",
+            "constraints",
+            "contact_loss",
+            "contact_energy",
+            "surplus",
+            "refined",
+            "inaccurate",
+            "latch_loss",
+            "moved",
+        ),
+        _ONE,
+    )
+)
 
 
 @structure
@@ -25,8 +53,7 @@ class SessionData(Structure):
         heard: 1 if a sample has reached the controller in this tick.
         rows: (t,) rows of a six-vector that the task space has.
         forth_state, back_state: channels of the connection, see ``channel_kernels``.
-        times: (6,) period, s; length of the mechanism, m; τ of the loop, s; and delay, s, jitter
-            and loss of the connection.
+        times: (6,) see ``TIMES``.
         metric: constants of the analysis, see ``metric_of``.
         observation: of the operational point, see ``observation_layout``.
         controller: its account, settings and so on: see ``loop_layout``.
@@ -41,20 +68,16 @@ class SessionData(Structure):
         state: (83,) of the device.
         later: (83,) its next one.
         counter: of joint constraints.
-        wrenches: (3, 6) on the hand by the device, on the mechanism by the hand, and what the
-            mechanism is told.
+        wrenches: (3, 6) rows ``ON_HAND``, ``ON_MECHANISM``, ``TOLD`` of ``loop_layout``.
         external: (6,) on the mechanism at the operational point, by others, N and N m, world axes.
         push: (6,) on the device, by others than the hand, likewise.
         contact: (6,) part of F_c by virtual objects, N and N m, world axes.
-        locality: (3,) see ``answer_sample``.
+        locality: (3,) see ``loop_layout.LOCALITY``.
         added: (6,) by the device's driver.
         given: the last answer that was given, over a connection.
         q: (nq,) configuration at the tick's start.
         v: (nv,) rates there.
-        totals: (12,) time of the mechanism, s; work done on it, and energy lost, J; closure error,
-            m or rad; the number of joint constraints reported; energy lost in contacts, and held by
-            them, J; ``surplus``, ``refined``, ``inaccurate``, ``latch_loss``, ``moved`` of its
-            account.
+        totals: (12,) see ``TOTALS``.
         began_state, began_q, began_v, began_totals: of the device and the mechanism when the tick
             began.
         forth, back: messages on the way to the controller, and back; the last parts, as no sample

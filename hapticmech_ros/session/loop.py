@@ -14,7 +14,15 @@ from hapticmech_ros.control import Clutch
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.compensated_delay import compensated_loop_delay
 from hapticmech_ros.control.device_side import DeviceSide
-from hapticmech_ros.control.loop_layout import ANSWER, SETTINGS
+from hapticmech_ros.control.loop_layout import (
+    ANSWER,
+    FORCE_LOCAL,
+    LOCALITY,
+    ON_HAND,
+    ON_MECHANISM,
+    SETTINGS,
+    TOLD,
+)
 from hapticmech_ros.control.rendering_controller import RenderingController
 from hapticmech_ros.device import (
     DeviceState,
@@ -31,7 +39,7 @@ from hapticmech_ros.operational.contact_wrench import contact_wrench
 from hapticmech_ros.operational.counter import ConstraintCounter
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.session.data import PARTS, SessionData, session_data
+from hapticmech_ros.session.data import PARTS, TOTALS, SessionData, session_data
 from hapticmech_ros.session.run import run_layout
 from hapticmech_ros.session.sample import LeftState
 from hapticmech_ros.session.tick_kernels import (
@@ -64,6 +72,7 @@ if TYPE_CHECKING:
 _MODEL_SIZE = OPERATIONAL_MODEL.size
 _FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
 _NOBODY = np.zeros((0, 10))
+_CONSTRAINTS = TOTALS.start("constraints")
 _NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
 
 
@@ -184,19 +193,19 @@ class SessionLoop:
             "state": state,
             "later": state,
             "counter": self._counter.numbers,
-            "wrenches": np.zeros((3, 6)),
+            "wrenches": np.zeros((TOLD + 1, 6)),
             **dict.fromkeys(("external", "push", "contact", "added"), np.zeros(6)),
-            "locality": np.zeros(3),
+            "locality": np.zeros(LOCALITY.size),
             "forth": nowhere if channels is None else channels[0].rows,
             "back": nowhere if channels is None else channels[1].rows,
             "given": np.zeros(ANSWER.size),
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),
-            "totals": np.zeros(12),
+            "totals": np.zeros(TOTALS.size),
             "began_state": state,
             "began_q": np.zeros(mechanism.nq),
             "began_v": np.zeros(mechanism.nv),
-            "began_totals": np.zeros(12),
+            "began_totals": np.zeros(TOTALS.size),
         }
         data = session_data(sizes, parts)
         side.account, side.queue = data.controller, data.told
@@ -227,9 +236,12 @@ class SessionLoop:
         data.q[:] = state.q
         data.v[:] = state.v
         a = state.account
-        data.totals[:4] = state.time, a.work_in, a.damping_loss, state.closure_error
-        data.totals[5:8] = a.contact_loss, a.contact_energy, a.surplus
-        data.totals[8:] = a.refined, a.inaccurate, a.latch_loss, a.moved
+        kept = data.totals[_CONSTRAINTS]
+        data.totals[:] = (
+            *(state.time, a.work_in, a.damping_loss, state.closure_error, kept),
+            *(a.contact_loss, a.contact_energy, a.surplus),
+            *(a.refined, a.inaccurate, a.latch_loss, a.moved),
+        )
         if self._contacts is not None:
             self._contacts.begin_with(state.touching)
         closing = self.simulator.closing(state)
@@ -356,7 +368,7 @@ class SessionLoop:
         """Let a control law that is written in Python answer what was heard."""
         data, side = self._parts, self._side
         heard = data.sample if side.is_ideal else data.forth[-1]
-        flying = side.in_flight() if data.locality[0] != 0.0 else None
+        flying = side.in_flight() if data.locality[FORCE_LOCAL] != 0.0 else None
         operational_model = data.observation[:_MODEL_SIZE]
         found = self._control.answer(
             time, clutch, heard.copy(), operational_model.copy(), 0.0, flying
@@ -365,7 +377,7 @@ class SessionLoop:
 
     def _move_otherwise(self) -> None:
         """Move a device that is written in Python on by a period."""
-        command, push = self._parts.wrenches[0].copy(), self._parts.push.copy()
+        command, push = self._parts.wrenches[ON_HAND].copy(), self._parts.push.copy()
         tick = int(self._clock[TICK])
         self._device_state = self._device.step(self.device, command, self._held, tick, push)
 
@@ -385,7 +397,7 @@ class SessionLoop:
         if self._contacts is not None and self._clock[WHY] == MORE_WORKSPACE:
             self._contacts.enlarge()
         wrenches = np.zeros((len(self.simulator.mechanism.point_names), 6))
-        wrenches[self._analyser.index] = data.wrenches[1] + data.external
+        wrenches[self._analyser.index] = data.wrenches[ON_MECHANISM] + data.external
         self._begin(self.simulator.step(state, wrenches))
         self._clock[TICK] += 1
 

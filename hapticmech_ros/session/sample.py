@@ -13,13 +13,14 @@ from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.mechanism import PointKinematics
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
-from hapticmech_ros.session.data import SessionData
+from hapticmech_ros.session.data import TOTALS, SessionData
 from hapticmech_ros.simulation.state import EnergyAccount, MechanismState
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.touching import Touching
 
 _FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
+_CONSTRAINTS = TOTALS.start("constraints")
 
 
 class LeftState(NamedTuple):
@@ -27,7 +28,7 @@ class LeftState(NamedTuple):
 
     Attributes:
         known: the last state before that was known as such.
-        totals: (12,) see :class:`~hapticmech_ros.session.data.SessionData`.
+        totals: (12,) see :data:`~hapticmech_ros.session.data.TOTALS`.
         q, v: configuration (nq,) and rates (nv,).
         touching: points of contact; None in a scene without.
     """
@@ -41,25 +42,24 @@ class LeftState(NamedTuple):
     def state(self) -> MechanismState:
         """Return the state; q and v can be written no more."""
         before = self.known
-        time, work_in, lost, error, _, in_contact, held, surplus, *rest = self.totals.tolist()
-        refined, inaccurate, latched, moved = rest
+        totals = dict(zip(TOTALS, self.totals.tolist(), strict=True))
         self.q.flags.writeable = self.v.flags.writeable = False
         return MechanismState(
-            time,
+            totals["time"],
             self.q,
             self.v,
             before.active,
-            error,
+            totals["closure_error"],
             EnergyAccount(
-                work_in,
-                lost,
-                latched,
-                in_contact,
-                held,
-                surplus,
-                int(refined),
-                int(inaccurate),
-                moved,
+                work_in=totals["work_in"],
+                damping_loss=totals["damping_loss"],
+                latch_loss=totals["latch_loss"],
+                contact_loss=totals["contact_loss"],
+                contact_energy=totals["contact_energy"],
+                surplus=totals["surplus"],
+                refined=int(totals["refined"]),
+                inaccurate=int(totals["inaccurate"]),
+                moved=totals["moved"],
             ),
             self.touching,
             before.released,
@@ -134,7 +134,7 @@ class Sample:
     @property
     def count(self) -> int:
         """Joint constraints reported."""
-        return int(self._data.totals[4])
+        return int(self._data.totals[_CONSTRAINTS])
 
     @property
     def wrenches(self) -> Array:

@@ -23,6 +23,7 @@ from hapticmech_ros.control.account_kernels import (
 )
 from hapticmech_ros.control.channel_kernels import TAG, receive, send
 from hapticmech_ros.control.device_side_kernels import ACTUATORS
+from hapticmech_ros.control.loop_layout import ON_HAND, ON_MECHANISM
 from hapticmech_ros.control.render_kernels import act
 from hapticmech_ros.device.driver_kernels import (
     APPLIED,
@@ -41,10 +42,29 @@ from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
+from hapticmech_ros.mechanism.kernels.step_layout import (
+    BEGINS_WITH,
+    CONTACT_WORK,
+    ENERGY_LOST,
+    ERROR,
+    IMPLICIT,
+    MOVED,
+    OWED_LOSS,
+    OWED_SURPLUS,
+    OWED_WORK,
+    PUSHES,
+    RUN_PLAN,
+    SAMPLE_EVERY,
+    STAGES,
+    STEPS,
+    SURPLUS,
+    TERMS_KNOWN,
+    WORK_IN,
+)
 from hapticmech_ros.operational.contact_wrench_kernels import consistent_wrench
 from hapticmech_ros.operational.counter_kernels import count_rigid
 from hapticmech_ros.operational.observe_kernels import observe_point
-from hapticmech_ros.session.data import SessionData
+from hapticmech_ros.session.data import TIMES, TOTALS, SessionData
 
 # What a tick consists of, in this order; a call does all of it or some.
 SENSE, OBSERVE, HEAR, RENDER, DEVICE, MECHANISM = 1, 2, 4, 8, 16, 32
@@ -57,8 +77,16 @@ CLOCK_SIZE = 9
 # What ended a run before its end: the analysis, or the mechanism's step; that is left to do.
 OBSERVATION_FAILED, STEP_FAILED = 1, 2
 MODEL_SIZE = OPERATIONAL_MODEL.size
+RUN_PLAN_SIZE = RUN_PLAN.size
 # Among the whole numbers of a session.
-HEARD = 6
+HEARD = vars(SessionData)["heard"].index
+PERIOD_S, LENGTH, LOOP_DELAY, DELAY, JITTER, LOSS = TIMES.starts(*TIMES)
+TIME, TOTAL_WORK, TOTAL_LOSS, CLOSURE_ERROR, CONSTRAINTS = TOTALS.starts(
+    "time", "work_in", "damping_loss", "closure_error", "constraints"
+)
+CONTACT_LOSS, CONTACT_ENERGY = TOTALS.starts("contact_loss", "contact_energy")
+TOTAL_SURPLUS, INACCURATE_STEPS = TOTALS.starts("surplus", "inaccurate")
+LATCH_LOSS, MOST_MOVED = TOTALS.starts("latch_loss", "moved")
 
 
 @inner
@@ -91,8 +119,8 @@ def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock:
         data.index,
         data.metric,
         rows,
-        times[1],
-        times[2],
+        times[LENGTH],
+        times[LOOP_DELAY],
         packed[2],
         observation,
     )
@@ -118,13 +146,13 @@ def feel_contacts(
 def hear(data: SessionData, time: float, stamp_ns: int) -> None:
     """Count joint constraints, add up F_c, and send the sample over the connection."""
     observation, counted = data.observation, data.rows.size
-    data.totals[4] = count_rigid(data.counter, observation[:counted], time)
+    data.totals[CONSTRAINTS] = count_rigid(data.counter, observation[:counted], time)
     for i in range(6):
         observation[CONTACT + i] = data.external[i] + data.contact[i]
     heard = 1
     if data.connected != 0:
         times, state, rows = data.times, data.forth_state, data.forth
-        send(state, rows, times[3], times[4], times[5], stamp_ns, stamp_ns, data.sample)
+        send(state, rows, times[DELAY], times[JITTER], times[LOSS], stamp_ns, stamp_ns, data.sample)
         heard = int(receive(state, rows, stamp_ns))
     data.numbers[HEARD] = heard
 
@@ -157,7 +185,7 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
         conclude(controller, settings, heard, operational_model, time, locality, given)
         if connected:
             times, tag = data.times, data.forth_state[TAG]
-            law = times[3], times[4], times[5]
+            law = times[DELAY], times[JITTER], times[LOSS]
             send(data.back_state, data.back, law[0], law[1], law[2], stamp_ns, tag, given)
     if connected and receive(data.back_state, data.back, stamp_ns):
         put(last, data.back[data.back.shape[0] - 1])
@@ -179,7 +207,7 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
 def move_hand(data: SessionData, tick: int) -> None:
     """Move the device, and the hand that holds it, on by a period."""
     put(data.device[PUSHED : PUSHED + 6], data.push)
-    command_device(data.device, data.state, data.wrenches[0])
+    command_device(data.device, data.state, data.wrenches[ON_HAND])
     move_device(data.device, data.state, tick, data.later)
     put(data.state, data.later)
 
@@ -207,19 +235,20 @@ def move_mechanism(
     put(parts.v0, data.v)
     pushed[:] = 0.0
     for i in range(6):
-        pushed[index, i] = wrenches[1, i] + data.external[i]
+        pushed[index, i] = wrenches[ON_MECHANISM, i] + data.external[i]
     parts.held[:] = 0.0
-    account[0] = account[1] = account[5] = account[6] = account[7] = 0.0
-    account[8], account[9], account[11] = totals[7], totals[1], totals[11]
-    account[10] = totals[2] + totals[10] + abs(totals[5])
-    at, plan = clock[AT], local_whole(6)
+    account[:] = 0.0
+    account[OWED_SURPLUS], account[OWED_WORK] = totals[TOTAL_SURPLUS], totals[TOTAL_WORK]
+    account[MOVED] = totals[MOST_MOVED]
+    account[OWED_LOSS] = totals[TOTAL_LOSS] + totals[LATCH_LOSS] + abs(totals[CONTACT_LOSS])
+    at, plan = clock[AT], local_whole(RUN_PLAN_SIZE)
     first, last, stages, touches = packed[at], packed[1 - at], packed[3], contact_numbers.size > 0
     contacts = Contacts(contact_numbers, contact_values)
-    plan[0] = data.steps
+    plan[STEPS], plan[STAGES], plan[IMPLICIT] = data.steps, data.stages, data.implicit
+    plan[TERMS_KNOWN], plan[SAMPLE_EVERY], plan[PUSHES] = clock[KNOWN], 0, 0
     if touches:
         keep(contacts)
-        plan[1], plan[2], plan[3], plan[4] = data.stages, clock[KNOWN], WHOLE, 0
-        plan[5] = data.implicit
+        plan[BEGINS_WITH] = WHOLE
         code = advance_period(
             numbers,
             values,
@@ -233,7 +262,6 @@ def move_mechanism(
             plan,
         )
     else:
-        plan[1], plan[2], plan[3], plan[4] = 0, data.stages, data.implicit, clock[KNOWN]
         code = advance(numbers, values, first, last, stages, work, springs, nobody, nobody, plan)
     clock[WHY] = code
     if code != SETTLED:
@@ -244,17 +272,17 @@ def move_mechanism(
     clock[AT], clock[KNOWN] = 1 - at, 1
     put(data.q, parts.q)
     put(data.v, parts.v)
-    totals[0] += data.times[0]
-    totals[1] += account[0] - account[7]
-    totals[2] += account[1]
-    totals[7] += account[6]
-    totals[11] = account[11]
-    totals[3] = unpack(packed[1 - at], Model(numbers, values)).tail[0]
+    totals[TIME] += data.times[PERIOD_S]
+    totals[TOTAL_WORK] += account[WORK_IN] - account[CONTACT_WORK]
+    totals[TOTAL_LOSS] += account[ENERGY_LOST]
+    totals[TOTAL_SURPLUS] += account[SURPLUS]
+    totals[MOST_MOVED] = account[MOVED]
+    totals[CLOSURE_ERROR] = unpack(packed[1 - at], Model(numbers, values)).tail[ERROR]
     if touches:
         held = contacts.report[HELD] if contacts.counts[NOW] > 0 else 0.0
-        totals[5] += totals[6] - held - account[7]
-        totals[6] = held
-        totals[9] += contacts.counts[UNSOLVED]
+        totals[CONTACT_LOSS] += totals[CONTACT_ENERGY] - held - account[CONTACT_WORK]
+        totals[CONTACT_ENERGY] = held
+        totals[INACCURATE_STEPS] += contacts.counts[UNSOLVED]
     return True
 
 
@@ -278,11 +306,11 @@ def write_record(data: SessionData, time: float, row: Array) -> None:
     at = append(row, at, data.state[BODY:SEEN])
     at = append(row, at, data.observation[:MODEL_SIZE])
     at = append(row, at, given[WRENCHES:MODELLED])
-    at = append(row, at, data.wrenches[0])
-    at = append(row, at, data.wrenches[1])
+    at = append(row, at, data.wrenches[ON_HAND])
+    at = append(row, at, data.wrenches[ON_MECHANISM])
     at = append(row, at, data.external)
     at = append(row, at, data.controller[GIVEN : LOST + 1])
-    row[at], row[at + 1] = data.account[ACTUATORS], data.totals[4]
+    row[at], row[at + 1] = data.account[ACTUATORS], data.totals[CONSTRAINTS]
 
 
 @kernel(
@@ -332,7 +360,7 @@ def run_ticks(
     times, external, push = data.times, data.external, data.push
     for done in range(clock[TICKS]):
         tick = clock[TICK]
-        time, stamp_ns = tick * times[0], tick * data.period_ns
+        time, stamp_ns = tick * times[PERIOD_S], tick * data.period_ns
         if phases & SENSE:
             row = inputs[min(done, inputs.shape[0] - 1)]
             put(external, row[:6])

@@ -11,6 +11,7 @@ from contact.test_in_mechanisms import PUSH, ROUGH, pushed
 from hapticmech_ros.contact.layout import FIRST_WORKSPACE
 from hapticmech_ros.mechanism.kernels.layout import sparse
 from hapticmech_ros.mechanism.kernels.run_kernels import INACCURATE
+from hapticmech_ros.mechanism.kernels.step_layout import BEGINS_WITH, STEPS
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.touching import FLOOR, SHAPES, UPRIGHT, body, on_floor, pair, run, scene, shape
@@ -142,7 +143,7 @@ def test_a_step_that_is_done_again_keeps_its_contacts(monkeypatch, substeps):
 
     def wary(*arguments):
         *_, work, _, _, _, plan = arguments
-        plan[0], plan[3] = 1, contact_stepping.EACH
+        plan[STEPS], plan[BEGINS_WITH] = 1, contact_stepping.EACH
         kept = work.copy()
         code = kernel(*arguments)
         if code == 0:

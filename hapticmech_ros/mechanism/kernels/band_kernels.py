@@ -17,6 +17,7 @@ from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.kernels.articulated_kernels import pair_to_metric
 from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.model import Model
+from hapticmech_ros.mechanism.kernels.step_layout import LEAST, RESOLVED_RANK
 from hapticmech_ros.mechanism.tolerances import PASSING, RESOLVED, SOLVER_RANK_TOLERANCE
 
 # Columns of ``Data.row_places``.
@@ -96,7 +97,7 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
     least = _least(model, data, rank) / largest if rank > 0 else 1.0
     if not least > max(WELL_DETERMINED, _DOUBT * tolerance):
         return NOT_DECIDED
-    data.tail[2], data.tail[3] = least, rank
+    data.tail[LEAST], data.tail[RESOLVED_RANK] = least, rank
     return rank
 
 

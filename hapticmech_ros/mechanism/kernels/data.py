@@ -6,9 +6,6 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import Part, Structure, inner, structure
 from hapticmech_ros.mechanism.kernels.model import Model
 
-# Places in a packed array's tail, from its end.
-ERROR, RANK, LEAST, RESOLVED_RANK = -4, -3, -2, -1
-
 
 @structure
 class Data(Structure):
@@ -36,7 +33,7 @@ class Data(Structure):
         row_places: (m, 5) per closure row where its band begins, its pivot or -1, the inverse of
             R's diagonal, the band's last row, and the first row before it that reaches into it;
             sparse.
-        tail: (4,) largest |φ|, the rank, and ``least`` and ``resolved`` of a Closing.
+        tail: (4,) the array's end, see ``step_layout.TERMS_TAIL``.
     """
 
     __slots__ = ()

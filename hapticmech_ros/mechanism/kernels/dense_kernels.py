@@ -20,6 +20,7 @@ from hapticmech_ros.mechanism.kernels.many_rows import (
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair
 from hapticmech_ros.mechanism.kernels.small_matrices import dot_rows, orthogonalise, solve_lower
+from hapticmech_ros.mechanism.kernels.step_layout import LEAST, RESOLVED_RANK
 from hapticmech_ros.mechanism.tolerances import RESOLVED
 
 # What a kernel returns where an SVD does not converge.
@@ -87,8 +88,8 @@ def _resolve_many(model: Model, tolerance: float, data: Data) -> int:
     if resolved > 0 and not abs(scaled[resolved - 1, resolved - 1]) > tolerance * abs(scaled[0, 0]):
         return NOT_DECIDED
     if resolved > 0:
-        data.tail[2] = abs(scaled[resolved - 1, resolved - 1] / scaled[0, 0])
-    data.tail[3] = resolved
+        data.tail[LEAST] = abs(scaled[resolved - 1, resolved - 1] / scaled[0, 0])
+    data.tail[RESOLVED_RANK] = resolved
     first_directions(reflectors, resolved, nv, sums[0], directions)
     pseudo_inverse_transposed(scaled, resolved, model.inverting, sums, inverse)
     for i in range(resolved):
@@ -110,7 +111,7 @@ def _keep(scaled: Array, turn: Array, units: Array, tolerance: float, data: Data
         length = np.sqrt(dot_rows(scaled, i, i))
         if not length > RESOLVED * longest:
             break
-        tail[2], tail[3] = length / longest, i + 1
+        tail[LEAST], tail[RESOLVED_RANK] = length / longest, i + 1
         if not length > tolerance * longest:
             continue
         sigma[i] = length

@@ -27,6 +27,7 @@ from hapticmech_ros.mechanism.kernels.motion_kernels import (
 )
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
+from hapticmech_ros.mechanism.kernels.step_layout import STEP
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.tolerances import ENERGY_ROUNDING
 
@@ -130,7 +131,7 @@ def pushed_energy(model: Model, first: Data, parts: Work, external: Array) -> fl
     bias_force_of(model, first, motions, bias)
     put(force, bias[:nv])
     to_metric(model, first, force)
-    step = parts.settings[0]
+    step = parts.settings[STEP]
     return float(0.5 * step * step * (total + dot(force, force)))
 
 

@@ -23,6 +23,7 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
 )
 from hapticmech_ros.mechanism.kernels.model import SPARSE, Model
 from hapticmech_ros.mechanism.kernels.small_matrices import cholesky
+from hapticmech_ros.mechanism.kernels.step_layout import ERROR, LEAST, RANK, RESOLVED_RANK
 from hapticmech_ros.mechanism.kernels.tree_kernels import inertia_of, place_tree
 from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,
@@ -56,7 +57,7 @@ def factor(model: Model, q: Array, data: Data) -> int:
         worst = max(worst, abs(residual[i]))
         drift = max(drift, abs(residual[i] / lengths[i]))
     tolerance = max(SOLVER_RANK_TOLERANCE, min(DRIFT_FACTOR * drift, DRIFT_CAP))
-    tail[0], tail[1], tail[2], tail[3] = worst, 0.0, 1.0, 0.0
+    tail[ERROR], tail[RANK], tail[LEAST], tail[RESOLVED_RANK] = worst, 0.0, 1.0, 0.0
     rank = NOT_DECIDED
     if model.path == SPARSE:
         bad = articulate(model, data)
@@ -69,7 +70,7 @@ def factor(model: Model, q: Array, data: Data) -> int:
             rank = factor_dense(model, data, tolerance)
     if bad >= 0:
         return SINGULAR - bad
-    tail[1] = max(rank, 0)
+    tail[RANK] = max(rank, 0)
     return rank
 
 

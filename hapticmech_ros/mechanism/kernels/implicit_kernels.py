@@ -18,6 +18,7 @@ from hapticmech_ros.mechanism.kernels.small_matrices import (
     solve_lower_transposed,
 )
 from hapticmech_ros.mechanism.kernels.step_kernels import Work, follow
+from hapticmech_ros.mechanism.kernels.step_layout import RANK, STEP
 
 
 class Springs(NamedTuple):
@@ -85,7 +86,7 @@ def _linearise(model: Model, data: Data, springs: Springs, reach: float) -> int:
     springs.largest[0] = largest
     if largest == 0.0:
         return -1
-    rank = int(data.tail[1])
+    rank = int(data.tail[RANK])
     for _ in range(2):
         for i in range(nv):
             solve_lower(data.factor, seen[i])
@@ -102,7 +103,7 @@ def _linearise(model: Model, data: Data, springs: Springs, reach: float) -> int:
 def _answer(model: Model, data: Data, springs: Springs) -> None:
     """Replace ``springs.force`` by x with (D + S) x + Wᵀμ = force and W x = 0."""
     solve_lower(data.factor, springs.force)
-    remove(data.basis, int(data.tail[1]), springs.force, model.along)
+    remove(data.basis, int(data.tail[RANK]), springs.force, model.along)
     solve_lower(springs.factor, springs.force)
     solve_lower_transposed(springs.factor, springs.force)
     solve_lower_transposed(data.factor, springs.force)
@@ -113,7 +114,7 @@ def _respond(
     model: Model, data: Data, parts: Work, springs: Springs, stage: int, rates: Array
 ) -> None:
     """Fill k of θ and v at a stage, from θ̇ and v̇."""
-    period, nv = parts.settings[0], rates.size
+    period, nv = parts.settings[STEP], rates.size
     turn, gain = springs.turns[stage], springs.gains[stage]
     met, moved, force = springs.met, springs.moved, springs.force
     for c in range(nv):
@@ -138,7 +139,7 @@ def _respond(
 @inner
 def _aim(model: Model, parts: Work, springs: Springs, stage: int) -> None:
     """Set rates and θ of the next stage, or of the end."""
-    period, last = parts.settings[0], stage == MOST_STAGES - 1
+    period, last = parts.settings[STEP], stage == MOST_STAGES - 1
     for c in range(parts.v.size):
         turned, gained = 0.0, 0.0
         for j in range(stage + 1):
@@ -154,7 +155,7 @@ def _aim(model: Model, parts: Work, springs: Springs, stage: int) -> None:
 def linearise(model: Model, data: Data, parts: Work, spring_work: Array) -> int:
     """Fill what implicit stages need of the step's start; return the first bad row, or -1."""
     springs = springs_of(spring_work, model.nv)
-    step = parts.settings[0]
+    step = parts.settings[STEP]
     element_slopes(model, data, parts.q, parts.v, step, springs.stiffness, springs.damping)
     return _linearise(model, data, springs, DIAGONAL * step)
 

@@ -29,6 +29,7 @@ from hapticmech_ros.mechanism.kernels.small_matrices import (
     solve_lower,
     solve_lower_transposed,
 )
+from hapticmech_ros.mechanism.kernels.step_layout import RANK
 
 
 @inner
@@ -66,7 +67,7 @@ def lift(model: Model, data: Data, rates: Array) -> None:
 @inner
 def free_part(model: Model, data: Data, vector: Array) -> None:
     """Replace ``vector`` (nv,) by what the closures leave free of it, (1 - U Uᵀ) vector."""
-    rank = int(data.tail[1])
+    rank = int(data.tail[RANK])
     if rank == 0:
         return
     if model.path == SPARSE:
@@ -86,7 +87,7 @@ def accelerate(
 
     A sparse factorisation gives no λ: it would not be the smallest one where rows are redundant.
     """
-    nv, m, rank = model.nv, model.m, int(data.tail[1])
+    nv, m, rank = model.nv, model.m, int(data.tail[RANK])
     rates, multipliers = result[:nv], result[nv:]
     for c in range(nv):
         rates[c] = rates[c] + passive[c] - bias_force[c]
@@ -116,7 +117,7 @@ def accelerate(
 def correction_of(model: Model, data: Data, residual: Array, change: Array) -> None:
     """Fill ``change`` (nv,) with D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ residual."""
     change[:] = 0.0
-    rank = int(data.tail[1])
+    rank = int(data.tail[RANK])
     if model.path == SPARSE:
         turned = model.turned
         turned[:] = 0.0

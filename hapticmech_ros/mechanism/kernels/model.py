@@ -15,14 +15,13 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import SIZES, Part, Size, Structure, structure
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.kernels.step_layout import STEP_ACCOUNT, STEP_SETTINGS, TERMS_TAIL
 
 # Path of a factorisation: see ``data.Data``.
 DENSE, SPARSE = 0, 1
 JOINT_COLUMNS, JOINT_NUMBERS, FRAME_COLUMNS = 52, 5, 12
-# Of a packed array's tail; see ``data.Data``.
-TAIL = 4
-# Of a step's work; see ``step_kernels.Work``.
-SETTINGS, MOST_STAGES, ACCOUNT = 11, 4, 12
+# Stages of a step, at most.
+MOST_STAGES = 4
 # What a sparse factorisation keeps of a rate, and of a closure row beside its band.
 _PIVOT, _ROW = 8, 5
 
@@ -155,14 +154,15 @@ def _data_places(constants: Constants) -> tuple[list[int], int]:
     pivots, band = (0, 0) if dense else (nv, m)
     shapes = [(m, 1), (m, 12), (nv, 6), (frames, 12), (joints, 12), (joints, 12)]
     shapes += [(n, n), (rows, n), (k, n), (k, 1), (k, rows)]
-    shapes += [(pivots, _PIVOT), (band, constants.width), (band, _ROW), (TAIL, 1)]
+    shapes += [(pivots, _PIVOT), (band, constants.width), (band, _ROW), (TERMS_TAIL.size, 1)]
     return _stacked(shapes)
 
 
 def _work_places(constants: Constants) -> list[int]:
     """Return start, rows and columns of the parts of a step's work; see ``step_kernels.Work``."""
     nq, nv = constants.nq, constants.nv
-    shapes = [(SETTINGS, 1), (MOST_STAGES, 2), (ACCOUNT, 1), (nq, 1), (nv, 1), (nq, 1), (nv, 1)]
+    shapes = [(STEP_SETTINGS.size, 1), (MOST_STAGES, 2), (STEP_ACCOUNT.size, 1)]
+    shapes += [(nq, 1), (nv, 1), (nq, 1), (nv, 1)]
     places, _ = _stacked([*shapes, *[(nv, 1)] * 5, (len(constants.points), 6)])
     # q and v, one after the other, are the state as well.
     return [*places, places[15], nq + nv, 1]

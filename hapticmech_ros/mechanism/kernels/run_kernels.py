@@ -29,6 +29,28 @@ from hapticmech_ros.mechanism.kernels.step_kernels import (
     find_rates,
     start_step,
 )
+from hapticmech_ros.mechanism.kernels.step_layout import (
+    CONTACT_WORK,
+    ENERGY_LOST,
+    HEEDED,
+    IMPLICIT,
+    LEAST,
+    MOVED,
+    OWED_LOSS,
+    OWED_SURPLUS,
+    OWED_WORK,
+    RANK,
+    RESOLVED_RANK,
+    SAMPLE_EVERY,
+    STAGES,
+    STEP,
+    STEPS,
+    STEPS_DONE,
+    SURPLUS,
+    TERMS_KNOWN,
+    TOLERANCE,
+    WORK_IN,
+)
 from hapticmech_ros.mechanism.tolerances import DRIFT, NEAR, PASSING, ROUNDED_STEPS
 
 # A run ended before a step that starts at, lands on, or would leave a singular position, or has a
@@ -92,31 +114,31 @@ def _care_limit(parts: Work) -> float:
     fastest, v0 = 0.0, parts.v0
     for c in range(v0.size):
         fastest = max(fastest, abs(v0[c]))
-    return float(max(NEAR, min(PASSING, parts.settings[0] * fastest)))
+    return float(max(NEAR, min(PASSING, parts.settings[STEP] * fastest)))
 
 
 @inner
 def starts_near(first: Data, parts: Work) -> bool:
     """Return whether a step starts so near a singular position that it needs care."""
-    return bool(parts.settings[8] != UNCHECKED and first.tail[2] < _care_limit(parts))
+    return bool(parts.settings[HEEDED] != UNCHECKED and first.tail[LEAST] < _care_limit(parts))
 
 
 @inner
 def _is_near(start: Data, data: Data, limit: float) -> bool:
     """Return whether a stage is next to a singular position, or of lower rank than the start."""
-    rank, sigma = int(data.tail[1]), data.sigma
-    if rank < start.tail[1]:
+    rank, sigma = int(data.tail[RANK]), data.sigma
+    if rank < start.tail[RANK]:
         return True
     if sigma.size == 0:
-        return bool(data.tail[2] < limit)
+        return bool(data.tail[LEAST] < limit)
     return bool(rank > 0 and sigma[rank - 1] < limit * sigma[0])
 
 
 @inner
 def _lands_near(first: Data, last: Data, limit: float) -> bool:
     """Return whether a step ends next to a singular position, or began at one that it left."""
-    moved = last.tail[3] > first.tail[3] or last.tail[1] < first.tail[1]
-    return bool(moved or last.tail[2] < limit)
+    left = last.tail[RESOLVED_RANK] > first.tail[RESOLVED_RANK]
+    return bool(left or last.tail[RANK] < first.tail[RANK] or last.tail[LEAST] < limit)
 
 
 @inner
@@ -159,7 +181,7 @@ def step_once(
     Returns:
         See :func:`advance`.
     """
-    heeded, limit, account = parts.settings[8] != UNCHECKED, 0.0, parts.account
+    heeded, limit, account = parts.settings[HEEDED] != UNCHECKED, 0.0, parts.account
     if heeded:
         if not known:
             code = factor(model, parts.q0, first)
@@ -167,9 +189,9 @@ def step_once(
                 return code
             known = True
         limit = _care_limit(parts)
-        if first.tail[2] < limit:
+        if first.tail[LEAST] < limit:
             return NEEDS_CARE
-    work_in, lost, by_contacts = account[0], account[1], account[7]
+    work_in, lost, by_contacts = account[WORK_IN], account[ENERGY_LOST], account[CONTACT_WORK]
     code = _advance(
         model,
         first,
@@ -185,13 +207,13 @@ def step_once(
     )
     if heeded and code == SETTLED and _lands_near(first, last, limit):
         code = NEEDS_CARE
-    if code == SETTLED and parts.settings[9] > 0.0:
-        gained, taken = account[0] - work_in, account[1] - lost
+    if code == SETTLED and parts.settings[TOLERANCE] > 0.0:
+        gained, taken = account[WORK_IN] - work_in, account[ENERGY_LOST] - lost
         code = _watched(model, first, last, parts, external, implicit, gained, taken)
     if code == SETTLED:
-        account[5] += 1.0
+        account[STEPS_DONE] += 1.0
     else:
-        account[0], account[1], account[7] = work_in, lost, by_contacts
+        account[WORK_IN], account[ENERGY_LOST], account[CONTACT_WORK] = work_in, lost, by_contacts
     return code
 
 
@@ -210,24 +232,25 @@ def _watched(
 
     So it is as well where the steps so far and this one together made too much from nothing.
     """
-    account, tolerance, found = parts.account, parts.settings[9], local(BALANCE)
+    account, tolerance, found = parts.account, parts.settings[TOLERANCE], local(BALANCE)
     put_balance(model, first, last, parts, implicit, work_in, lost, found)
     judged, exchanged, rounding = found[JUDGED], found[EXCHANGED], found[ROUNDING]
     if not judged <= allowed(tolerance, exchanged, rounding):
         exchanged += pushed_energy(model, first, parts, external)
         if not judged <= allowed(tolerance, exchanged, rounding):
             return INACCURATE
-    moved = max(account[11], found[KINETIC])
-    surplus, work = account[8] + account[6] + found[OFF], account[9] + account[0] - account[7]
-    losses = account[10] + account[1]
+    moved = max(account[MOVED], found[KINETIC])
+    surplus = account[OWED_SURPLUS] + account[SURPLUS] + found[OFF]
+    work = account[OWED_WORK] + account[WORK_IN] - account[CONTACT_WORK]
+    losses = account[OWED_LOSS] + account[ENERGY_LOST]
     exchanged = abs(work) + losses + moved
     if implicit:
         # It does not integrate all losses: what is made is energy beyond the work done.
         surplus -= losses
     if surplus > allowed(DRIFT, exchanged, ROUNDED_STEPS * rounding):
         return INACCURATE
-    account[6] += found[OFF]
-    account[11] = moved
+    account[SURPLUS] += found[OFF]
+    account[MOVED] = moved
     return SETTLED
 
 
@@ -256,23 +279,23 @@ def advance(
         start: (size,) packed terms at the start: to read where they are known, else to fill.
         end: (size,) packed terms, to fill at the end.
         scratch: (size,) packed terms of stages.
-        work: (work,) see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, account
-            0, 1, 5, 6, 7 and 11 add up.
+        work: (work,) see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, and the
+            account adds up.
         spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
         samples: (samples, nq + nv) to fill.
-        plan: (5,) number of steps, steps from one sample to the next (0: none), number of stages, 1
-            for an implicit rule, 1 where terms at the start are known.
+        plan: (7,) see ``step_layout.RUN_PLAN``.
 
     Returns:
         0; NEEDS_CARE before a step that starts at, lands on, or would leave a singular position, or
         has a stage next to one, and INACCURATE before one whose energy account would be off by too
         much, where ``q0`` and ``v0`` are its start and no terms are left; or how the step failed,
-        see ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. Account 5 is the number of
-        steps done.
+        see ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. The account says how many
+        steps were done.
     """
     model, parts = Model(numbers, values), Work(numbers, work)
-    steps, every, stages, implicit, known = plan[0], plan[1], plan[2], plan[3] != 0, plan[4] != 0
+    steps, every, stages = plan[STEPS], plan[SAMPLE_EVERY], plan[STAGES]
+    implicit, known = plan[IMPLICIT] != 0, plan[TERMS_KNOWN] != 0
     first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
     state, sampled = parts.state, 0
     for step in range(steps):

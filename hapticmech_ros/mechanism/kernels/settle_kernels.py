@@ -14,6 +14,18 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import close_rates, correct
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
+from hapticmech_ros.mechanism.kernels.step_layout import (
+    APART,
+    BAUMGARTE_RATE,
+    CLOSED,
+    ERROR,
+    FAR,
+    LAST_ERROR,
+    LEAST,
+    PROJECTED,
+    ROUNDED,
+    WENT,
+)
 from hapticmech_ros.mechanism.tolerances import (
     JUMP,
     LEAST_TOLERANCE,
@@ -76,26 +88,26 @@ def settle(model: Model, data: Data, parts: Work) -> int:
             return rank
         if model.m == 0:
             return SETTLED
-        worst, before = data.tail[0], account[2]
-        if settings[5] > 0.0:
+        worst, before = data.tail[ERROR], account[LAST_ERROR]
+        if settings[BAUMGARTE_RATE] > 0.0:
             break
-        rounding = worst <= settings[3] and worst > 0.5 * before
-        if worst <= settings[2] * _share_of_tolerance(data.tail[2]) or rounding:
+        rounding = worst <= settings[ROUNDED] and worst > 0.5 * before
+        if worst <= settings[CLOSED] * _share_of_tolerance(data.tail[LEAST]) or rounding:
             worst = 0.0
             break
-        if before == np.inf and worst > settings[4]:
-            account[3] = _size(model, data, theta)
-        account[2] = worst
+        if before == np.inf and worst > settings[FAR]:
+            account[WENT] = _size(model, data, theta)
+        account[LAST_ERROR] = worst
         correction_of(model, data, data.residual, theta)
-        if account[3] < np.inf:
-            account[4] += _size(model, data, theta)
+        if account[WENT] < np.inf:
+            account[PROJECTED] += _size(model, data, theta)
         for c in range(theta.size):
             theta[c] = -theta[c]
         move(model, q, theta, q)
-    if not worst <= settings[6]:
+    if not worst <= settings[APART]:
         return OPEN
-    if settings[5] == 0.0:
+    if settings[BAUMGARTE_RATE] == 0.0:
         close_rates(model, data, parts.v)
-        if account[4] > JUMP * account[3]:
+        if account[PROJECTED] > JUMP * account[WENT]:
             return JUMPED
     return FLIPPED if _is_flipped(model, data) else SETTLED

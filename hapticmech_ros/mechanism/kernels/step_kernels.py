@@ -15,7 +15,7 @@ from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels.manifold_kernels import local_rates, move
 from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate
-from hapticmech_ros.mechanism.kernels.model import ACCOUNT, MOST_STAGES, SETTINGS, Model
+from hapticmech_ros.mechanism.kernels.model import MOST_STAGES, Model
 from hapticmech_ros.mechanism.kernels.motion_kernels import (
     add_link_forces,
     add_point_forces,
@@ -24,6 +24,21 @@ from hapticmech_ros.mechanism.kernels.motion_kernels import (
 )
 from hapticmech_ros.mechanism.kernels.pair_kernels import pair_power
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.step_layout import (
+    BAUMGARTE_RATE,
+    CONTACT_WORK,
+    ENERGY_LOST,
+    LAST_ERROR,
+    LATE,
+    LOCAL_RATES,
+    PROJECTED,
+    STEP,
+    STEP_ACCOUNT,
+    STEP_SETTINGS,
+    TOUCHING,
+    WENT,
+    WORK_IN,
+)
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 
 
@@ -32,19 +47,9 @@ class Work(Structure):
     """What a step works on; its numbers are those of the mechanism's model.
 
     Attributes:
-        settings: (11,) step (s); 1 where positions move with the rates at the step's end; φ at
-            which the projection stops, up to which it may stop when φ halves no more, and beyond
-            which a step may have been a jump (m); Baumgarte's rate a (1/s), 0 for the projection; φ
-            beyond which a loop has come apart (m); 1 where θ̇ differs from v at later stages; what
-            of singular positions ends a run, see ``run_kernels``; by which share of what it
-            exchanges a step's energy account may be off, 0 where nobody looks; and how many of the
-            wrenches on links are those of contacts, which come first.
+        settings: (11,) see ``step_layout.STEP_SETTINGS``.
         scheme: (4, 2) per stage its weight, and the fraction of the step at which the next one is.
-        account: (12,) work done and energy lost since the run began (J), |φ| of the round before,
-            in the mass metric how far the step went, if it may have been a jump, and the
-            projection; the number of steps done; by how much the energy accounts of all steps
-            are off, J; and the part of the work that contacts did, J. Then what the run began with,
-            see ``motion.Owed``; the last of it is the largest so far.
+        account: (12,) see ``step_layout.STEP_ACCOUNT``.
         q0: (nq,) configuration at the start.
         v0: (nv,) rates at the start.
         state: (nq + nv,) q and v.
@@ -82,7 +87,8 @@ PARTS = tuple(name for name, part in vars(Work).items() if isinstance(part, Part
 
 def work_size(nq: int, nv: int, points: int) -> int:
     """Return the length of an array of work."""
-    return SETTINGS + 2 * MOST_STAGES + ACCOUNT + 2 * nq + 7 * nv + 6 * points
+    fixed = STEP_SETTINGS.size + 2 * MOST_STAGES + STEP_ACCOUNT.size
+    return fixed + 2 * nq + 7 * nv + 6 * points
 
 
 @inner
@@ -95,7 +101,7 @@ def start_step(work: Work) -> None:
     for c in range(v.size):
         v[c], turn[c] = v0[c], v0[c]
         turned[c], gained[c] = 0.0, 0.0
-    account[2], account[3], account[4] = np.inf, np.inf, 0.0
+    account[LAST_ERROR], account[WENT], account[PROJECTED] = np.inf, np.inf, 0.0
 
 
 @inner
@@ -113,11 +119,11 @@ def find_rates(
     bias_force_of(model, data, motions, bias_force)
     if m > 0:
         closure_bias(model, data, motions, bias)
-        if parts.settings[5] > 0.0:
+        if parts.settings[BAUMGARTE_RATE] > 0.0:
             _pull(model, data, parts, bias)
     v, held, effort, settings = parts.v, parts.held, model.effort, parts.settings
     element_forces(model, data, parts.q, v, passive, dissipative)
-    force, touch, touching = local(nv), local(nv), int(settings[10])
+    force, touch, touching = local(nv), local(nv), int(settings[TOUCHING])
     for c in range(nv):
         result[c], touch[c] = held[c] + effort[c], 0.0
     add_point_forces(model, data, parts.wrenches, result)
@@ -131,18 +137,18 @@ def find_rates(
     lost = dot(dissipative[:nv], v)
     accelerate(model, data, bias_force, passive, bias, result)
     # Positions of the rule that is late move with the rates at its end.
-    account, step, late = parts.account, weight * settings[0], settings[1] * settings[0]
-    account[1] -= step * lost
+    account, step, late = parts.account, weight * settings[STEP], settings[LATE] * settings[STEP]
+    account[ENERGY_LOST] -= step * lost
     for c in range(nv):
         moved = step * (v[c] + late * result[c])
-        account[0] += moved * force[c]
-        account[7] += moved * touch[c]
+        account[WORK_IN] += moved * force[c]
+        account[CONTACT_WORK] += moved * touch[c]
 
 
 @inner
 def _pull(model: Model, data: Data, parts: Work, bias: Array) -> None:
     """Add Baumgarte's pull 2a W v + a² φ to ``bias`` (m,)."""
-    pull, axes, closures = parts.settings[5], data.joint_jacobian, model.closures
+    pull, axes, closures = parts.settings[BAUMGARTE_RATE], data.joint_jacobian, model.closures
     carriers, joints, pairs = model.carriers, model.joints, data.pairs
     residual, v = data.residual, parts.v
     for index in range(closures.shape[0]):
@@ -160,7 +166,7 @@ def aim(model: Model, work: Work, weight: float, fraction: float, acceleration: 
     """Add an explicit stage to the sums, and set q, v and θ̇ of the next one, or of the end."""
     settings, v, v0, theta = work.settings, work.v, work.v0, work.theta
     turn, turned, gained = work.turn, work.turned, work.gained
-    period, late = settings[0], settings[1] != 0.0
+    period, late = settings[STEP], settings[LATE] != 0.0
     for c in range(v.size):
         turned[c] += weight * turn[c]
         gained[c] += weight * acceleration[c]
@@ -185,5 +191,5 @@ def follow(model: Model, work: Work) -> None:
             q[c] = q0[c] + theta[c]
     if not flat:
         move(model, q0, theta, q)
-        if work.settings[7] != 0.0:
+        if work.settings[LOCAL_RATES] != 0.0:
             local_rates(model, theta, v, turn)
