@@ -184,7 +184,7 @@ class QuickStart:
     Beside nodes in real time an ordinary thread gets what they leave of the processor that it is
     on, though another one may be free: a restart would take seconds. Nothing changes where the
     priority is not granted, or whoever started the process has chosen its scheduling, nor with
-    fewer than :data:`ENOUGH_CPUS`: nodes that act are ordinary there.
+    fewer than :data:`ENOUGH_CPUS`: nodes that act do not come before all else there.
 
     Args:
         arguments: of the process; ``realtime:=off`` among them declines it, ``realtime:=on``
