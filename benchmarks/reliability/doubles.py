@@ -7,6 +7,7 @@ renders again. Doubles leave in order, and by SIGKILL.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -35,6 +36,8 @@ LOGGED_NS = 2_000_000
 SECOND = "more than one publisher"
 # A publisher counts its messages up, and reliable subscribers get them in order.
 NEWER_BY = 16
+# Two shares of a processor, each over 2 s, differ by a fifth.
+MOST_GROWN = 1.5
 # N and N m, far from what the scene's gains command. A commander that is alone holds the device:
 # else the hand pushes it away, and is braked when the graph takes hold of it again.
 PUSH = ("4.0", "0", "0", "0", "0", "0")
@@ -142,13 +145,28 @@ def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Fig
     with Rig(out, PART, all_topics=True) as rig:
         figures += report_delays(PART, rig)
         for kind in KINDS:
-            trials = []
+            trials, shares = [], rig.shares()
             for index in range(number):
                 before, killed = index % 2 == 0, index % 4 >= 2
                 trials.append(try_double(rig, kind, before, killed))
                 told(trials[-1].log(rig.clean_max))
             figures += summarised(PART, kind.name, trials, rig.clean_max)
+            rig.ready()
+            figures.append(grown(kind.name, shares, rig.shares()))
     return figures
+
+
+def grown(kind: str, before: Mapping[int, float], after: Mapping[int, float]) -> Figure:
+    """Return how much more of a processor nodes take that were there all the while.
+
+    Args:
+        kind: of the double.
+        before: share by process, before its trials.
+        after: the same after them.
+    """
+    ratios = [after[one] / before[one] for one in before if one in after]
+    name = f"{kind}: processor time of nodes that stayed, largest, of before"
+    return Figure(PART, name, max(ratios, default=math.nan), "", MOST_GROWN, None, len(ratios))
 
 
 def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Trial:

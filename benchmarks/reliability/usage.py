@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ from benchmarks.memory.growth import LEAST_SAMPLES, WARM_UP_SHARE
 
 PROC = Path("/proc")
 KILO = 1024
+TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 _RSS = re.compile(r"^VmRSS:\s+(\d+) kB$", re.MULTILINE)
 _THREADS = re.compile(r"^Threads:\s+(\d+)$", re.MULTILINE)
 _PSS = re.compile(r"^Pss:\s+(\d+) kB$", re.MULTILINE)
@@ -55,6 +57,21 @@ def usage(pid: int) -> Usage:
         raise BenchError(f"process {pid} ended by itself")
     sizes = float(KILO * int(resident[1])), float(KILO * int(shares[1]))
     return Usage(*sizes, float(descriptors), float(threads[1]))
+
+
+def processor_s(pid: int) -> float:
+    """Return how much time of processors a process has taken, s.
+
+    Raises:
+        BenchError: there is no such process any more.
+    """
+    try:
+        said = (PROC / str(pid) / "stat").read_text("utf-8")
+    except (FileNotFoundError, ProcessLookupError):
+        raise BenchError(f"process {pid} ended by itself") from None
+    # Behind the name, which may hold anything: the 14th and 15th of all.
+    user, system = said.rpartition(")")[2].split()[11:13]
+    return (int(user) + int(system)) / TICKS_PER_S
 
 
 def blocks(values: Sequence[float], most: int) -> npt.NDArray[np.float64]:

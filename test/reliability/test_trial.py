@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.reliability.doubles import first_heard, silent_from
+from benchmarks.reliability.doubles import first_heard, grown, silent_from
 from benchmarks.reliability.sample import CAPACITY, COMMAND, DEVICE, SAMPLE, Ring
 from benchmarks.reliability.trial import Fault, Seen, Trial, largest_force, seen, summarised
 
@@ -286,3 +286,14 @@ def test_a_double_could_speak_until_its_publisher_was_gone_not_until_its_process
     assert silent_from(counted, "/device/servo_cf", 600 * MS, 1600 * MS) == 1600 * MS
     # One that is killed stays in the middleware's list for a while.
     assert silent_from(counted, "/device/servo_cf", 400 * MS, 450 * MS) == 450 * MS
+
+
+def test_of_nodes_that_stayed_the_one_that_grew_most_counts() -> None:
+    # One was restarted: another process.
+    found = grown("second", {1: 0.2, 2: 0.1, 3: 0.3}, {1: 0.22, 2: 0.2, 4: 0.9})
+    assert found.value == pytest.approx(2.0)
+    assert found.trials == 2
+    assert not found.kept
+    assert grown("second", {1: 0.2}, {1: 0.25}).kept
+    # Nobody stayed: nothing is known.
+    assert not grown("second", {1: 0.2}, {4: 0.2}).kept
