@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -30,11 +30,14 @@ KINDS: dict[str, dict[str, Any]] = {
     "5 % reordered": {"reordered": 0.05},
     "all of it": {"jitter": 0.2, "loss": 0.05, "reordered": 0.05},
 }
-OUTAGE_S = 2.0
+# The longer one is more than after what the hosts forget each other, 5 s.
+OUTAGE_S, LONG_OUTAGE_S = 2.0, 8.0
 CLOCK_AHEAD_S = -3.0
 # Declared where the path adds nothing by itself: a network is there.
 NO_DELAY = 0.0005
 ENGAGED, FORCE_RATIO, ENERGY_J, MARGIN_S, BACK_S = 0.99, 1.5, -1e-3, 0.02, 1.0
+# Answers to samples that were sent before only these stopped.
+ONE_WAY_MARGIN_S = 0.04
 
 
 def run(quick: bool, out: FilePath) -> list[Figure]:
@@ -58,6 +61,9 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
         figures += _path(delay, kind, seconds, out)
     for delay, kind in [(0.05, "plain")] if quick else [(d, "plain") for d in DELAYS]:
         figures += _outage(delay, kind, 1 if quick else 5, out)
+    figures += _outage(0.05, "plain", 1 if quick else 5, out, one_way=True)
+    figures += _outage(0.05, "plain", 1, out, LONG_OUTAGE_S)
+    figures += _undeclared(0.05, seconds, out)
     figures += _clocks(0.01, seconds, out)
     figures += _path(0.05, "all of it", seconds, out, _firm_arm(seconds, out))
     return figures
@@ -92,14 +98,21 @@ def _watched(
     outages: tuple[float, ...] = (),
     device: tuple[str, ...] = (sys.executable, "-m", "hapticmech_ros.nodes.entry"),
     scene: str = SCENE,
+    lasts: float = OUTAGE_S,
+    one_way: bool = False,
+    declared: bool = True,
 ) -> tuple[Watched, list[float]]:
     """Run a graph over a path that is declared as it is; return also when it was cut and mended."""
-    given = {"network_delay": path.delay or NO_DELAY}
+    given = {"network_delay": path.delay or NO_DELAY} if declared else {}
+    nothing = Path(out=True)
     with EmulatedNetwork(path, path) as network:
-        events = []
+
+        def cut() -> None:
+            network.set(to_rest=nothing, to_device=path if one_way else nothing)
+
+        events: list[tuple[float, Callable[[], object]]] = []
         for at in outages:
-            events.append((at, lambda: network.set(Path(out=True))))
-            events.append((at + OUTAGE_S, lambda: network.set(path)))
+            events += [(at, cut), (at + lasts, lambda: network.set(path))]
         with SplitGraph(network, out / name, scene, given, device) as graph:
             made = run_for(graph, seconds, events)
             return graph.watched(), made
@@ -120,19 +133,38 @@ def _path(
     yield Figure(PART, f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
 
 
-def _outage(delay: float, kind: str, count: int, out: FilePath) -> Iterator[Figure]:
-    path, every = Path(delay, **KINDS[kind]), OUTAGE_S + 3.0
-    name = f"{1e3 * delay:g} ms, {kind}, {OUTAGE_S:g} s of total loss"
+def _outage(
+    delay: float,
+    kind: str,
+    count: int,
+    out: FilePath,
+    lasts: float = OUTAGE_S,
+    one_way: bool = False,
+) -> Iterator[Figure]:
+    path, every = Path(delay, **KINDS[kind]), lasts + 3.0
+    way = " to the controller" if one_way else ""
+    name = f"{1e3 * delay:g} ms, {kind}, {lasts:g} s of total loss{way}"
     starts = tuple(3.0 + every * index for index in range(count))
-    folder = f"outage_{1e3 * delay:g}_ms"
-    seen, made = _watched(folder, path, starts[-1] + every, out, starts)
+    folder = f"outage_{1e3 * delay:g}_ms_{lasts:g}_s{way.replace(' ', '_')}"
+    seconds = starts[-1] + every
+    seen, made = _watched(folder, path, seconds, out, starts, lasts=lasts, one_way=one_way)
     cut, mended = made[::2], made[1::2]
     zero = max(seen.zero_after(a, b) for a, b in zip(cut, mended, strict=True))
     back = max(seen.back_after(b) for b in mended)
-    most = 1e3 * (delay + MARGIN_S)
-    yield Figure(PART, f"{name}: zero force within", 1e3 * zero, "ms", most, None, count)
+    within = 2.0 * delay + ONE_WAY_MARGIN_S if one_way else delay + MARGIN_S
+    yield Figure(PART, f"{name}: zero force within", 1e3 * zero, "ms", 1e3 * within, None, count)
     yield Figure(PART, f"{name}: back within", back, "s", BACK_S, None, count)
     yield Figure(PART, f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
+
+
+def _undeclared(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]:
+    """Run over a path that nobody declared: gains are reduced, and that is said."""
+    seen, _ = _watched("undeclared", Path(delay), seconds, out, declared=False)
+    most = FORCE_RATIO * simulated_force(delay, "plain", min(seconds, 20.0))
+    said = bool(seen.figure("teleoperation_controller", "loop_warning"))
+    name = f"{1e3 * delay:g} ms, plain, not declared"
+    yield Figure(PART, f"{name}: largest force", float(seen.force.max()), "N", most, None, 1)
+    yield Figure(PART, f"{name}: said", 100.0 * said, "%", None, 100.0, 1)
 
 
 def _clocks(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]:
