@@ -12,6 +12,8 @@ from hapticmech_ros import foreign_text, load_scene
 from hapticmech_ros.errors import FileError, SceneError
 from hapticmech_ros.foreign_text import parsed
 from hapticmech_ros.scene.loader import document_of, shipped_scenes
+from hapticmech_ros.xml_text import elements
+from hapticmech_ros.yaml_text import document_in
 from oracles.parsers import parser
 
 FIVE_BAR = shipped_scenes()["five_bar"].read_text(encoding="utf-8")
@@ -113,3 +115,16 @@ def test_a_parser_that_breaks_down_is_a_sentence_of_the_file(tmp_path):
     error = caught.value
     assert (error.file, error.where) == ("a.yaml", "line 3")
     assert (error.value, error.rule) == (["x", 1], "must be a number")
+
+
+def test_the_largest_texts_fit_into_the_childs_limits(tmp_path):
+    file = tmp_path / "a.urdf"
+    node = f'<a b="{"ö" * 10}"/>'
+    text = f"<r>{node * 199_999}</r>".encode().decode("latin-1")
+    assert 5_000_000 < len(text) < 8_000_000
+    found = parsed(elements, file, [str(file), text, 0, 0])
+    assert len(found[4]) == 199_999
+    written = tmp_path / "a.yaml"
+    written.write_text("a: [" + "🙂🙂🙂🙂, " * 199_900 + "b]", encoding="utf-8")
+    assert 3_500_000 < written.stat().st_size < 4_000_000
+    assert len(parsed(document_in, written, str(written))["a"]) == 199_901
