@@ -281,8 +281,9 @@ def first_heard(
     """Return when the node that has to act first heard a newcomer, ns.
 
     It may meet the newcomer up to a second after the watcher did, and says so in the callback of
-    the first message that it hears. What was told while there was force still, before the watcher
-    met the newcomer, was about another one, which had left.
+    the first message that it hears; until then there may be force, or it may begin: where the other
+    one had doubled somebody before, who was killed. What was told before the watcher met the
+    newcomer was about that one.
 
     Args:
         first_ns: when the watcher met it; None if it never did.
@@ -292,10 +293,11 @@ def first_heard(
         asked_ns: when the newcomer was started.
     """
     if first_ns is not None:
-        before = np.flatnonzero(arrived < first_ns)
-        pushed = bool(before.size and on[before[-1]])
-        later = [at_ns for at_ns in told if at_ns > first_ns]
-        return min(later) if pushed and later else first_ns
+        heard = min((at_ns for at_ns in told if at_ns > first_ns), default=first_ns)
+        # The output before that counts as well: it stands until the next one.
+        begun = max(int(np.searchsorted(arrived, first_ns)) - 1, 0)
+        pushed = bool(on[begun : np.searchsorted(arrived, heard)].any())
+        return heard if pushed else first_ns
     if told:
         return min(told)
     # The start of a process may have interrupted rendering before.

@@ -261,6 +261,17 @@ def test_a_newcomer_counts_from_when_the_node_that_acts_heard_it() -> None:
     assert first_heard(500 * MS, [100 * MS], arrived, on, 0) == 500 * MS
 
 
+def test_force_may_begin_before_the_graph_has_met_the_newcomer() -> None:
+    arrived = MS * np.arange(1000)
+    on = (arrived >= 504 * MS) & (arrived < 533 * MS)
+    assert first_heard(500 * MS, [400 * MS, 531 * MS], arrived, on, 0) == 531 * MS
+    # Nobody says that there is another one: all force counts.
+    assert first_heard(500 * MS, [400 * MS], arrived, on, 0) == 500 * MS
+    # Force that begins after it was said counts too.
+    late = (arrived >= 540 * MS) & (arrived < 600 * MS)
+    assert first_heard(500 * MS, [531 * MS], arrived, late, 0) == 500 * MS
+
+
 def test_a_newcomer_that_others_heard_before_the_watcher_counts_from_the_watchers_time() -> None:
     arrived = MS * np.arange(1000)
     on = arrived < 400 * MS
