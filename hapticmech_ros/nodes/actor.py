@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.arrays import Array
@@ -21,7 +22,6 @@ from hapticmech_ros.nodes.failures import Failures
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.messages import checked_time, deserialized
-from hapticmech_ros.nodes.node_input import COUNTED_S, NodeInput
 from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
 from hapticmech_ros.nodes.parameters import NodeParameters
 from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
@@ -74,8 +74,6 @@ class Actor(Generic[P]):
         self.wrenches = wrench_bounds(self.limits)
         self.ages = DurationHistogram()
         self._outlets: dict[str, Outlet] = {}
-        self._subscribed: list[NodeInput] = []
-        node.every(COUNTED_S, self._look_at_inputs)
         self.apply_parameters(parameters)
 
     def apply_parameters(self, parameters: P) -> None:
@@ -161,14 +159,14 @@ class Actor(Generic[P]):
         accept: Callable[[M, int], None],
         sources: Sources | None = None,
         wanted: Callable[[int], bool] | None = None,
-    ) -> NodeInput:
+    ) -> Subscription:
         """Subscribe; what ``accept(message, now_ns)`` refuses with InvalidInputError is counted.
 
         ``sources`` is told before whom each message comes from. Messages are not read where
         ``wanted(now_ns)`` is false.
 
         Returns:
-            The input.
+            The subscription.
         """
 
         def read(message: bytes, now_ns: int) -> None:
@@ -179,12 +177,9 @@ class Actor(Generic[P]):
         callback: Callable[..., None] = self.guarded(name, read)
         if sources is not None:
             callback = self._watched(sources, callback)
-        return self._hear(message_type, name, callback, qos)
-
-    def stop_input(self, found: NodeInput) -> None:
-        """Hear a topic no more."""
-        self._subscribed.remove(found)
-        found.end()
+        create = self.node.create_subscription
+        made: Subscription = create(message_type, name, callback, qos, raw=True)
+        return self.node.keep(made)
 
     def input_array(
         self,
@@ -275,24 +270,14 @@ class Actor(Generic[P]):
         sources: Sources | None = None,
     ) -> None:
         """Subscribe to a topic's bytes, whichever way they come."""
+        node = self.node
         callback: Callable[..., None] = self.guarded(name, read)
         # In lockstep all goes one way: what is late there is waited for, not dropped.
         if not self.lockstep:
             callback = self._handed_over(name, message_type, callback, sources)
         elif sources is not None:
             callback = self._watched(sources, callback)
-        self._hear(message_type, name, callback, qos)
-
-    def _hear(
-        self, message_type: Any, name: str, callback: Callable[..., None], qos: QoSProfile
-    ) -> NodeInput:
-        made = NodeInput(self.node, message_type, name, callback, qos)
-        self._subscribed.append(made)
-        return made
-
-    def _look_at_inputs(self) -> None:
-        for one in self._subscribed:
-            one.look()
+        node.keep(node.create_subscription(message_type, name, callback, qos, raw=True))
 
     def _handed_over(
         self,

@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
+from rclpy.subscription import Subscription
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import ExpiringWrench
 from hapticmech_ros.nodes.messages import WORLD, checked_stamp, read_wrench
-from hapticmech_ros.nodes.node_input import NodeInput
 from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER
 from hapticmech_ros.times import NANOSECONDS
 
@@ -41,7 +41,7 @@ class Source:
     body: str
     persistent: bool
     wrench: ExpiringWrench
-    heard: NodeInput
+    subscription: Subscription
     found: bool
     frame: str = WORLD
     shared: bool = False
@@ -127,7 +127,7 @@ class ExternalWrenches:
             if WRENCH_TYPE in types and name not in self.sources:
                 self._consider(name)
         for name, source in list(self.sources.items()):
-            publishers = source.heard.publishers
+            publishers = source.subscription.get_publisher_count()
             if publishers > 1 and not source.shared:
                 source.shared = True
                 node.get_logger().warning(
@@ -138,7 +138,7 @@ class ExternalWrenches:
             gone = source.found and not publishers and not source.persistent
             if gone and not source.wrench.at(self._actor.now_ns()).any():
                 del self.sources[name]
-                self._actor.stop_input(source.heard)
+                node.drop(source.subscription)
 
     def figures(self, now_ns: int) -> dict[str, str]:
         """Return who pushes now, for diagnostics."""
@@ -173,6 +173,6 @@ class ExternalWrenches:
             source.wrench.put(read_wrench(message, actor.wrenches, frame), now_ns)
             source.frame = frame
 
-        heard = actor.input(name, WrenchStamped, COMMAND_SUBSCRIBER, accept)
-        source = Source(body, persistent, wrench, heard, found)
+        subscription = actor.input(name, WrenchStamped, COMMAND_SUBSCRIBER, accept)
+        source = Source(body, persistent, wrench, subscription, found)
         self.sources[name] = source

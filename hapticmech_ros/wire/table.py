@@ -14,9 +14,9 @@ RATES = {
     "caller's": "caller's",
 }
 PROFILES = {
-    "stream": "reliable, keep last 10; nodes subscribe best effort, depth 1",
+    "stream": "reliable, keep last 10; nodes subscribe best effort, depth 5",
     "latched": "reliable, transient local, depth 1",
-    "command": "subscribed best effort, depth 1",
+    "command": "subscribed best effort, depth 5",
 }
 
 
