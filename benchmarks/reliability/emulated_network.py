@@ -81,6 +81,7 @@ class EmulatedNetwork:
 
     Attributes:
         namespaces: names, by ``DEVICE`` and ``REST``.
+        counts: of packets, by direction, as of the last change.
     """
 
     _made = 0
@@ -91,6 +92,7 @@ class EmulatedNetwork:
         self.namespaces = {DEVICE: f"{stem}d", REST: f"{stem}r"}
         self._wire = f"{stem}w"
         self._forwarder: subprocess.Popen[str] | None = None
+        self.counts: Mapping[str, Mapping[str, int]] = {}
         self._paths = {"to_rest": to_rest or Path(), "to_device": to_device or Path()}
 
     def __enter__(self) -> EmulatedNetwork:
@@ -113,8 +115,8 @@ class EmulatedNetwork:
         """Return a command as it is run on one side."""
         return ["ip", "netns", "exec", self.namespaces[side], *command]
 
-    def set(self, both: Path | None = None, **ways: Path) -> Mapping[str, Mapping[str, int]]:
-        """Set ``to_rest``, ``to_device``, or both, from now on; return what was counted so far."""
+    def set(self, both: Path | None = None, **ways: Path) -> float:
+        """Set ``to_rest``, ``to_device``, or both; return since when that is so, s of the clock."""
         self._paths.update(ways if both is None else {"to_rest": both, "to_device": both})
         forwarder = self._forwarder
         if forwarder is None or forwarder.stdin is None or forwarder.stdout is None:
@@ -122,8 +124,9 @@ class EmulatedNetwork:
         told = {name: asdict(path) for name, path in self._paths.items()}
         forwarder.stdin.write(json.dumps(told) + "\n")
         forwarder.stdin.flush()
-        counts: Mapping[str, Mapping[str, int]] = json.loads(forwarder.stdout.readline())
-        return counts
+        said = json.loads(forwarder.stdout.readline())
+        self.counts = said["counts"]
+        return float(said["set_s"])
 
     def close(self) -> None:
         """End the forwarder, and take the namespaces away; what runs in them keeps them alive."""

@@ -101,8 +101,8 @@ def forward(ends: tuple[str, str], seed: int = 1) -> None:
                     for name, values in json.loads(line).items():
                         for key, value in values.items():
                             setattr(ways[name], key, value)
-                    told = {name: way.counts for name, way in ways.items()}
-                    print(json.dumps(told), flush=True)
+                    counts = {name: way.counts for name, way in ways.items()}
+                    print(json.dumps({"set_s": time.time(), "counts": counts}), flush=True)
                 continue
             way = by_source[source]
             while (heard_frame := _received(source)) is not None:

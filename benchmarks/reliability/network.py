@@ -107,10 +107,10 @@ def _watched(
     nothing = Path(out=True)
     with EmulatedNetwork(path, path) as network:
 
-        def cut() -> None:
-            network.set(to_rest=nothing, to_device=path if one_way else nothing)
+        def cut() -> float:
+            return network.set(to_rest=nothing, to_device=path if one_way else nothing)
 
-        events: list[tuple[float, Callable[[], object]]] = []
+        events: list[tuple[float, Callable[[], float]]] = []
         for at in outages:
             events += [(at, cut), (at + lasts, lambda: network.set(path))]
         with SplitGraph(network, out / name, scene, given, device) as graph:

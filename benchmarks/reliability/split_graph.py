@@ -201,19 +201,18 @@ class SplitGraph:
 
 
 def run_for(
-    graph: SplitGraph, seconds: float, events: Sequence[tuple[float, Callable[[], object]]] = ()
+    graph: SplitGraph, seconds: float, events: Sequence[tuple[float, Callable[[], float]]] = ()
 ) -> list[float]:
-    """Let a graph run once it renders; return the times (s) at which each event was made.
+    """Let a graph run once it renders; return the times (s) that the events return.
 
     Args:
         graph: started.
         seconds: s, from rendering on.
-        events: what to do, and when, s from rendering on.
+        events: what to do, which returns when it was done, and when, s from rendering on.
     """
     start, made = graph.wait(), []
     for at, event in sorted(events, key=lambda pair: pair[0]):
         time.sleep(max(start + at - time.time(), 0.0))
-        made.append(time.time())
-        event()
+        made.append(event())
     time.sleep(max(start + seconds - time.time(), 0.0))
     return made
