@@ -1,6 +1,7 @@
 """A device on another host, as far as one machine can be two: over a path of packets."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 import pytest
@@ -27,8 +28,13 @@ def test_a_declared_network_is_rendered_over_and_its_loss_ends_every_force(
         # Off by minutes: nothing may depend on what time it is at the other end.
         device = (sys.executable, "-m", "benchmarks.reliability.shifted_clock", "-200")
         with SplitGraph(network, tmp_path, "five_bar", given, device, domain) as graph:
-            cuts = [(1.5, lambda: network.set(Path(out=True))), (2.5, lambda: network.set(path))]
-            cut, mended = run_for(graph, 4.0, cuts)
+            # A packet that is held back comes later than the declared delay and jitter say.
+            events = [
+                (1.3, lambda: network.set(replace(path, reordered=0.0))),
+                (1.5, lambda: network.set(Path(out=True))),
+                (2.5, lambda: network.set(path)),
+            ]
+            _, cut, mended = run_for(graph, 4.0, events)
             network.set()
             seen = graph.watched()
     assert all(way["lost"] and way["held_back"] for way in network.counts.values())
