@@ -24,6 +24,7 @@ from benchmarks.reliability.figure import Figure, save, table
 from benchmarks.reliability.file_seeds import ROOT
 from benchmarks.reliability.file_worker import Mutants
 from benchmarks.reliability.usage import blocks, grown
+from hapticmech_ros.compilation.library import compile_ahead
 
 QUICK, FULL = 300, 100_000
 WORKERS = 2
@@ -193,6 +194,8 @@ def run(quick: bool, out: Path) -> list[Figure]:
 
 def measured(number: int, out: Path) -> list[Figure]:
     """Do what :func:`run` says with so many mutants."""
+    # Else the first mutants of each worker would wait as long as compiling takes.
+    compile_ahead()
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         tally = read_mutants(number, Path(folder))
