@@ -59,6 +59,11 @@ class SceneError(HapticMechError):
         lines = "\n".join(f"  {problem}" for problem in self.problems)
         super().__init__(f"{source}: scene refused\n{lines}")
 
+    @classmethod
+    def of_file(cls, error: FileError) -> SceneError:
+        """Return the error of a scene whose file breaks a rule."""
+        return cls(error.file, [SceneProblem(error.where, error.value, error.rule)])
+
 
 class ClosureError(HapticMechError):
     """Loop closures that cannot be met: the scene cannot close, or a running loop came apart."""

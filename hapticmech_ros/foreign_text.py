@@ -16,7 +16,7 @@ from hapticmech_ros.cage import CageError, Limits, caged
 from hapticmech_ros.errors import FileError
 from hapticmech_ros.share import is_own
 
-# A text of the largest size takes 2 s of one slow core and 100 MB.
+# Texts of the largest size took 0.7 s of a processor and 163 MB; a slow machine may take more.
 LIMITS = Limits(memory=512_000_000, seconds=10, output=32_000_000)
 
 

@@ -155,7 +155,7 @@ class Source:
         try:
             found = read_file(self.path, FILE_SIZE_LIMIT)
         except FileError as error:
-            raise self.error(None, error.value, error.rule) from None
+            raise SceneError.of_file(error) from None
         self._sizes.bytes += len(found)
         if self._sizes.bytes > FILE_SIZE_LIMIT:
             rule = f"at most {FILE_SIZE_LIMIT} bytes, included files counted"
@@ -169,8 +169,7 @@ class Source:
         try:
             return self._node(parsed(elements, self.path, item))
         except FileError as error:
-            problem = SceneProblem(error.where, error.value, error.rule)
-            raise SceneError(str(self.path), [problem]) from None
+            raise SceneError.of_file(error) from None
 
     def _node(self, element: Element) -> Node:
         """Return an element and all in it as nodes, and count them."""

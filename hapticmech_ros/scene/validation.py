@@ -30,8 +30,7 @@ def written_document(path: Path) -> object:
     try:
         return parsed(document_in, path, str(path))
     except FileError as error:
-        problem = SceneProblem(error.where, error.value, error.rule)
-        raise SceneError(str(path), [problem]) from None
+        raise SceneError.of_file(error) from None
 
 
 def scene_from_document(document: object, source: str = "<document>") -> Scene:
