@@ -66,31 +66,35 @@ setup(
     ],
     entry_points={
         "console_scripts": [
-            "hapticmech = hapticmech_ros.cli:main",
+            "hapticmech = hapticmech_ros.__main__:main",
             *(f"{name} = hapticmech_ros.nodes.entry:{name}" for name in EXECUTABLES),
         ]
     },
     install_requires=[
+        # Looked at when a command or a node starts, by hapticmech_ros/installation.py. The lowest
+        # versions are those of Ubuntu 24.04 where these will do.
         # Comes with pin as well, which uses it by itself; contacts call it.
         "coal>=3,<4",
         # Unpacks chunks of bags; rosbags needs it as well.
         "lz4>=4",
-        "matplotlib",
+        "matplotlib>=3.6",
         # Puts compiled kernels into memory; numba, which compiles them, needs it as well.
         "llvmlite>=0.44",
         "numba>=0.61",
-        "numpy",
+        "numpy>=1.26",
+        # Reads the versions above and below.
+        "packaging>=24",
         "pin>=4.1,<5",
-        "pydantic>=2",
+        "pydantic>=2.5",
         # Reads YAML, by LibYAML; ruamel.yaml, which rosbags brings, writes it.
-        "PyYAML",
-        "rich",
+        "PyYAML>=6",
+        "rich>=13.7",
         "rosbags>=0.11",
-        "ruamel.yaml",
-        "scipy",
+        "ruamel.yaml>=0.17",
+        "scipy>=1.11",
         # Numba links the library of kernels with it.
-        "setuptools",
-        "typer",
+        "setuptools>=68",
+        "typer>=0.12.4",
     ],
     extras_require={
         # Other simulators, which `python -m benchmarks speed` puts beside ours, and another carrier

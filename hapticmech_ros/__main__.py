@@ -1,5 +1,21 @@
-"""``python -m hapticmech_ros``: the ``hapticmech`` command."""
+"""The command ``hapticmech``, also as ``python -m hapticmech_ros``."""
 
-from hapticmech_ros.cli import main
+import sys
 
-main()
+from hapticmech_ros.errors import InstallationError
+from hapticmech_ros.installation import refuse_unmet
+
+
+def main() -> None:
+    """Run the command, if what it needs is installed."""
+    try:
+        refuse_unmet()
+    except InstallationError as error:
+        sys.exit(f"error: {error}")
+    from hapticmech_ros.cli import main as command
+
+    command()
+
+
+if __name__ == "__main__":
+    main()

@@ -25,6 +25,24 @@ class HapticMechError(Exception):
     """Base class of every error that this package raises on purpose."""
 
 
+class InstallationError(HapticMechError):
+    """Python packages that are missing or too old.
+
+    Attributes:
+        found: what there is of each, in words.
+        needed: what there should be, as pip takes it.
+    """
+
+    def __init__(self, found: Sequence[str], needed: Sequence[str], python: str) -> None:
+        self.found = tuple(found)
+        self.needed = tuple(needed)
+        wanted = " ".join(f"'{one}'" for one in self.needed)
+        super().__init__(
+            f"{'; '.join(self.found)}: hapticmech_ros needs {', '.join(self.needed)}."
+            f" Install with {python} -m pip install {wanted}, or see docs/install.md"
+        )
+
+
 def as_ours(error: Exception) -> HapticMechError:
     """Return an error as one of ours, in a sentence: somebody else's with its type's name."""
     if isinstance(error, HapticMechError):

@@ -12,7 +12,8 @@ import sys
 from collections.abc import Sequence
 
 from hapticmech_ros.discovery import choose_discovery
-from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.errors import HapticMechError, InstallationError
+from hapticmech_ros.installation import OF_COMMANDS, refuse_unmet
 from hapticmech_ros.nodes.realtime import QuickStart
 
 NODES = {
@@ -50,6 +51,11 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
         return 0
     if importlib.util.find_spec("rclpy") is None:
         sys.stderr.write(NO_RCLPY.format(name=title))
+        return 1
+    try:
+        refuse_unmet(without=OF_COMMANDS)
+    except InstallationError as error:
+        sys.stderr.write(f"{title}: {error}\n")
         return 1
     # Matrices are small and cores few: more BLAS threads only add delays. Read when numpy loads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

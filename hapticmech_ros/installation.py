@@ -1,0 +1,63 @@
+"""Whether the Python packages that this one needs are installed, and new enough.
+
+pip sees to it; colcon and rosdep do not, and distributions have older versions of some. Without a
+look at the start a node ends with a traceback from the middle of somebody else's package.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Container, Iterable, Iterator
+from importlib.metadata import PackageNotFoundError, distribution, requires
+from importlib.util import find_spec
+
+from packaging.requirements import Requirement
+
+from hapticmech_ros.errors import InstallationError
+
+PACKAGE = "hapticmech_ros"
+# Modules that packages of other names may bring: ROS has Pinocchio and Coal without pip's metadata.
+MODULES = {"pin": "pinocchio", "pyyaml": "yaml"}
+# No node needs these.
+OF_COMMANDS = frozenset({"matplotlib", "rich", "rosbags", "typer"})
+
+
+def refuse_unmet(
+    requirements: Iterable[str] | None = None, without: Container[str] = frozenset()
+) -> None:
+    """Refuse an installation without what this package needs.
+
+    Args:
+        requirements: in the form of PEP 508; those of the installed package if None.
+        without: names of packages that are not needed.
+
+    Raises:
+        InstallationError: some are missing or too old; it names all, and how to install them.
+    """
+    if requirements is None:
+        try:
+            requirements = requires(PACKAGE) or ()
+        except PackageNotFoundError:
+            # Run from its sources.
+            return
+    needed = [one for one in map(Requirement, requirements) if one.name not in without]
+    unmet = dict(_unmet(needed))
+    if unmet:
+        raise InstallationError(list(unmet.values()), list(unmet), sys.executable)
+
+
+def _unmet(requirements: Iterable[Requirement]) -> Iterator[tuple[str, str]]:
+    """Yield each requirement that is not met, as pip takes it, and what there is instead."""
+    for requirement in requirements:
+        if requirement.marker is not None and not requirement.marker.evaluate({"extra": ""}):
+            continue
+        name, wanted = requirement.name, f"{requirement.name}{requirement.specifier}"
+        try:
+            found = distribution(name)
+        except PackageNotFoundError:
+            if find_spec(MODULES.get(name.lower(), name)) is None:
+                yield wanted, f"{name} is not installed"
+            continue
+        if not requirement.specifier.contains(found.version, prereleases=True):
+            where = found.locate_file("")
+            yield wanted, f"{name} is {found.version} in {where}"

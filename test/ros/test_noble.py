@@ -1,0 +1,127 @@
+"""The commands of docs/install.md for Ubuntu 24.04, where only its packages can be imported.
+
+The system's folder has ROS 2 and what else Ubuntu and ROS have packages of, as links to this
+environment, and the versions of Ubuntu 24.04 of those that are too old. Not emulated: apt, rosdep,
+``source /opt/ros/jazzy/setup.bash``, and the versions of what is compiled (NumPy, SciPy).
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import sysconfig
+from importlib.metadata import distributions
+from pathlib import Path
+
+import pytest
+
+from test_packaging import EXECUTABLES, PACKAGE, ROOT, assert_answers_help, copy_sources, own_world
+
+pytestmark = pytest.mark.ros
+TIMEOUT_S = 300.0
+# Ubuntu 24.04 has these, of these versions.
+OLD = ["pydantic==1.10.14", "rich==13.7.1", "setuptools==68.1.2", "typer==0.9.0"]
+# It has none of these, or nobody there needs them.
+MISSING = {"apsw", "backports-zstd", "llvmlite", "lz4", "numba", "rosbags"}
+NEWER = {"annotated-doc", "annotated-types", "pydantic-core", "shellingham", "typing-inspection"}
+NOT_RUN = ("source /opt", "sudo ", "rosdep ")
+CLONE = "git clone <this repository> "
+PYTHON = Path(sys.base_prefix) / "bin" / "python{}.{}".format(*sys.version_info)
+SEE_SYSTEM = "import site; site.addsitedir({!r})"
+
+
+def commands() -> list[str]:
+    page = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
+    section = page[page.index("<!-- noble: begin -->") : page.index("<!-- noble: end -->")]
+    (block,) = re.findall(r"```sh\n(.*?)```", section, re.DOTALL)
+    return block.splitlines()
+
+
+def run(*command: str | Path, cwd: Path, **extra: str) -> str:
+    """Return what a command printed, which has to end well."""
+    cache = os.environ.get("XDG_CACHE_HOME", str(Path("~/.cache").expanduser()))
+    search = os.pathsep.join(["/usr/local/bin", "/usr/bin", "/bin"])
+    done = subprocess.run(
+        [str(part) for part in command],
+        env=own_world(PATH=search, XDG_CACHE_HOME=cache) | extra,
+        cwd=cwd,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the packages of Ubuntu and ROS."""
+    place, packages = tmp_path_factory.mktemp("system"), Path(sysconfig.get_path("purelib"))
+    left_out = MISSING | NEWER | {"pip", PACKAGE.replace("_", "-")}
+    left_out |= {one.split("==")[0] for one in OLD}
+    for distribution in distributions(path=[str(packages)]):
+        if re.sub(r"[-_.]+", "-", distribution.name).lower() in left_out:
+            continue
+        for name in {file.parts[0] for file in distribution.files or ()} - {"..", "__pycache__"}:
+            if not (place / name).exists():
+                (place / name).symlink_to(packages / name)
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
+    run(*pip, "--no-deps", "--target", place, *OLD, cwd=place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def workspace(system: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the commands make."""
+    home = tmp_path_factory.mktemp("home")
+    script = ["set -e"]
+    for line in commands():
+        if line.startswith(CLONE):
+            copied = copy_sources(home / "sources")
+            script.append(f"cp -r {copied} {line.removeprefix(CLONE)}")
+        elif line.startswith("python3 -m venv"):
+            script.append(line.replace("python3", str(PYTHON), 1))
+            see = SEE_SYSTEM.format(str(system))
+            script.append(f'echo "{see}" > $(echo .venv/lib/python3*/site-packages)/system.pth')
+        elif not line.startswith(NOT_RUN):
+            script.append(line)
+    run("bash", "-c", "\n".join(script), cwd=home, HOME=str(home))
+    return home / "ws"
+
+
+def test_the_system_alone_has_what_is_too_old(system: Path) -> None:
+    """Otherwise the commands would prove nothing."""
+    program = SEE_SYSTEM.format(str(system)) + (
+        "\nimport importlib.util, pydantic, rclpy"
+        "\nprint(pydantic.VERSION, rclpy.__file__)"
+        "\nprint(*map(importlib.util.find_spec, ['numba', 'rosbags']))"
+    )
+    versions, missing = run(PYTHON, "-c", program, cwd=system).splitlines()
+    assert versions.startswith(f"1.10.14 {system}")
+    assert missing == "None None"
+
+
+def test_the_commands_install_executables_that_use_the_environment(workspace: Path) -> None:
+    base = workspace / "install" / PACKAGE
+    for node in EXECUTABLES:
+        first = (base / "bin" / node).read_text(encoding="utf-8").splitlines()[0]
+        assert first == f"#!{workspace}/.venv/bin/python"
+        assert_answers_help(base / "lib" / PACKAGE / node, workspace, own_world())
+    assert (workspace / "session" / "summary.json").is_file()
+
+
+def test_a_graph_runs_from_there(workspace: Path, domain: int) -> None:
+    """With ROS 2 of the system, and the newer packages of the environment."""
+    live = f". install/setup.bash; hapticmech run five_bar --record {workspace}/bag --duration 3"
+    run("bash", "-c", live, cwd=workspace, ROS_DOMAIN_ID=str(domain))
+    counted = run(
+        workspace / "install" / PACKAGE / "bin" / "hapticmech",
+        *("bag", "info", workspace / "bag"),
+        cwd=workspace,
+    )
+    assert "/device/state" in counted

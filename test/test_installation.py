@@ -1,0 +1,163 @@
+"""What is missing or too old is named at the start, in one sentence; versions agree everywhere."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from importlib.metadata import requires, version
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.version import Version
+
+from hapticmech_ros.errors import InstallationError
+from hapticmech_ros.installation import OF_COMMANDS, PACKAGE, refuse_unmet
+
+ROOT = Path(__file__).resolve().parents[1]
+BIN = Path(sys.prefix) / "bin"
+NEEDED = [
+    one for one in map(Requirement, requires(PACKAGE) or ()) if "extra" not in str(one.marker)
+]
+# pip's names of what ROS and Ubuntu have by others.
+ELSEWHERE = {"pin": "pinocchio", "PyYAML": "python3-yaml", "lz4": None, "rosbags": None}
+IN_CONDA = {"pin": "pinocchio", "PyYAML": "pyyaml", "matplotlib": "matplotlib-base"}
+
+
+def lowest(requirement):
+    """Return the version that a requirement begins with."""
+    (found,) = [one.version for one in requirement.specifier if one.operator == ">="]
+    return Version(found)
+
+
+def test_this_environment_has_what_is_needed():
+    refuse_unmet()
+
+
+def test_all_that_is_missing_or_old_is_named_with_the_command_that_installs_it():
+    wanted = ["pydantic>=99", "numpy>=1", "no-such-package>=1.2"]
+    with pytest.raises(InstallationError) as raised:
+        refuse_unmet(wanted)
+    assert raised.value.needed == ("pydantic>=99", "no-such-package>=1.2")
+    text = str(raised.value)
+    assert f"pydantic is {version('pydantic')} in " in text
+    assert "no-such-package is not installed" in text
+    assert f"{sys.executable} -m pip install 'pydantic>=99' 'no-such-package>=1.2'" in text
+    assert "\n" not in text
+
+
+def test_extras_are_not_needed_and_modules_do_without_metadata():
+    """Pinocchio of ROS is a module, and no distribution of Python."""
+    refuse_unmet(['no-such-package>=1; extra == "ros"', "json>=1"])
+    refuse_unmet(["pydantic>=99"], without={"pydantic"})
+
+
+def with_older(folder, name, older):
+    """Return an environment in which a package seems to have another version."""
+    place = folder / f"{name}-{older}.dist-info"
+    place.mkdir()
+    (place / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {older}\n")
+    return os.environ | {"PYTHONPATH": str(folder)}
+
+
+@pytest.mark.parametrize("command", ["hapticmech", "mechanism_simulator", "composed"])
+def test_commands_and_nodes_end_with_one_sentence(tmp_path, command):
+    done = subprocess.run(
+        [BIN / command, "run" if command == "hapticmech" else "--ros-args"],
+        env=with_older(tmp_path, "pydantic", "1.10.14"),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert f"pydantic is 1.10.14 in {tmp_path}" in line
+    assert "pip install 'pydantic>=2" in line
+
+
+def test_a_node_needs_nothing_of_the_commands(tmp_path):
+    """It is not refused for a package that it never imports."""
+    program = (
+        "import sys\nimport hapticmech_ros.nodes.runtime\n"
+        "from hapticmech_ros.nodes.entry import NODES\n"
+        "from hapticmech_ros.scene import load_scene\nload_scene('five_bar')\n"
+        "print(*{name.split('.')[0] for name in sys.modules})\n"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert "numba" in ran.stdout or "numpy" in ran.stdout
+    assert not OF_COMMANDS & set(ran.stdout.split())
+
+
+def test_every_requirement_has_a_lowest_version():
+    assert len(NEEDED) > 10
+    for one in NEEDED:
+        assert lowest(one) <= Version(version(one.name))
+
+
+def test_package_xml_has_the_same_versions():
+    manifest = ElementTree.parse(ROOT / "package.xml").getroot()
+    stated = {
+        str(entry.text): entry.get("version_gte") for entry in manifest.findall("exec_depend")
+    }
+    for one in NEEDED:
+        key = ELSEWHERE.get(one.name, f"python3-{one.name}" if one.name != "coal" else "coal")
+        if key is not None:
+            assert Version(stated[key] or "0") == lowest(one), key
+
+
+def test_pixi_has_the_same_versions():
+    text = (ROOT / "pixi.toml").read_text(encoding="utf-8")
+    stated = dict(re.findall(r'^"?([\w.-]+)"? = "(.*)"$', text, re.MULTILINE))
+    for one in NEEDED:
+        found = re.match(r">=([\d.]+)", stated[IN_CONDA.get(one.name, one.name)])
+        assert found is not None
+        assert Version(found.group(1)) == lowest(one)
+
+
+def test_the_page_on_installation_has_the_same_versions():
+    page = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
+    table = page[page.index("## What is needed") :]
+    rows = re.findall(r"^\| ([a-z][^|]*) \| (≥[^|]*) \|", table, re.MULTILINE)
+    stated = {
+        re.sub(r" \(.*", "", name).lower(): Version(found.strip(" ≥"))
+        for names, versions in rows
+        for name, found in zip(names.split(", "), versions.split(", "), strict=True)
+    }
+    assert stated == {one.name.lower(): lowest(one) for one in NEEDED}
+
+
+def test_what_comes_from_pypi_on_ubuntu_has_the_same_versions():
+    """In the commands of the page, of the README, and of the image."""
+    by_name = {one.name: lowest(one) for one in NEEDED}
+    for name in ("README.md", "docs/install.md", "docker/Dockerfile"):
+        text = (ROOT / name).read_text(encoding="utf-8").replace("\\\n", " ")
+        (line,) = re.findall(r"\.venv/bin/pip install .*'numba.*", text)
+        wanted = [Requirement(one) for one in re.findall(r"'([^']+)'", line)]
+        assert {one.name for one in wanted} == {"numba", "pydantic", "rosbags", "typer"}, name
+        for one in wanted:
+            assert lowest(one) == by_name[one.name], name
+
+
+def test_the_readme_has_the_commands_of_the_page():
+    blocks = [
+        block.splitlines()
+        for name in ("README.md", "docs/install.md")
+        for block in re.findall(
+            r"```sh\n(source /opt/ros.*?)```", (ROOT / name).read_text(encoding="utf-8"), re.DOTALL
+        )
+    ]
+    short, long = blocks
+    assert short == long[: len(short)]
+    assert any("colcon build" in line for line in short)
+
+
+def test_the_dev_container_is_built_from_the_image():
+    described = json.loads((ROOT / ".devcontainer" / "devcontainer.json").read_text())
+    assert (ROOT / ".devcontainer" / described["build"]["dockerfile"]).resolve() == (
+        ROOT / "docker" / "Dockerfile"
+    )
