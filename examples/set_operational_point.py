@@ -14,8 +14,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 WAIT_S = 5.0
 
 
-def main() -> None:
-    """Say where, and wait until the mechanism says so too."""
+def main() -> int:
+    """Say where, and wait until the mechanism says so too; 1 if it does not."""
     link, *offset = sys.argv[1:] or ["link1", "0.02", "0.01", "0"]
     rclpy.init()
     node = rclpy.create_node("grasp")
@@ -40,12 +40,15 @@ def main() -> None:
             sent = True
         elif told and told[-1].header.frame_id == link and told[-1].pose.position == place:
             print(f"held on {link}, at {place.x:g} {place.y:g} {place.z:g} m")
+            code = 0
             break
     else:
         print("the mechanism did not take it: it says why in its log", file=sys.stderr)
+        code = 1
     node.destroy_node()
     rclpy.try_shutdown()
+    return code
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,10 +18,12 @@ from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.readiness import ADDRESS, Readiness
 
 # A node answers a signal within its longest wait; what does not end by then is killed.
 STOP_TIMEOUT_S = 5.0
 _PR_SET_PDEATHSIG = 1
+_NAMESPACE = re.compile(r"/?(?:[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*/?)?", re.ASCII)
 MECHANISM = "mechanism_simulator"
 
 
@@ -88,6 +91,8 @@ class Graph:
         arguments: Sequence[str] = (),
     ) -> None:
         self._environment = dict(os.environ if environment is None else environment)
+        self._readiness = Readiness()
+        self._environment[ADDRESS] = self._readiness.address
         self._commands: dict[str, list[str]] = {}
         self.processes: dict[str, subprocess.Popen[str]] = {}
         compile_ahead()
@@ -106,9 +111,28 @@ class Graph:
         for name, process in self.processes.items():
             check_running(name, process)
 
+    def is_ready(self) -> bool:
+        """Return whether all processes are up: their nodes are active, unless started by others."""
+        pids = self._readiness.pids()
+        return all(process.pid in pids for process in self.processes.values())
+
     def ended(self) -> list[str]:
         """Return the names of the processes that are no more."""
         return [name for name, process in self.processes.items() if process.poll() is not None]
+
+    def respawn(self) -> list[str]:
+        """Start processes again that have ended, and return what each ended by, in words.
+
+        Raises:
+            NodeDiedError: one that was never up; it would not be the next time either.
+        """
+        told, pids = [], self._readiness.pids()
+        for name in self.ended():
+            if self.processes[name].pid not in pids:
+                check_running(name, self.processes[name])
+            told.append(f"{ending(name, self.processes[name])}: it is started again")
+            self.restart(name)
+        return told
 
     def kill(self, name: str) -> None:
         """End a process as a crash would: without warning."""
@@ -127,6 +151,7 @@ class Graph:
 
     def stop(self) -> dict[str, int]:
         """End every process, SIGINT first, and return exit codes by name."""
+        self._readiness.close()
         return stop_processes(self.processes)
 
     def __enter__(self) -> Graph:
@@ -146,11 +171,20 @@ def ros_arguments(
     namespace: str = "",
     remaps: Mapping[str, str] | None = None,
 ) -> list[str]:
-    """Return ``--ros-args`` that set parameters, a namespace, and other names of topics."""
+    """Return ``--ros-args`` that set parameters, a namespace, and other names of topics.
+
+    Raises:
+        InvalidInputError: ROS has no such namespaces.
+    """
+    if not _NAMESPACE.fullmatch(namespace):
+        rule = "must be names of letters, digits and _ between slashes, none beginning with a digit"
+        raise InvalidInputError("namespace", namespace, rule)
     arguments = ["--ros-args"]
     for name, value in parameters.items():
         node, _, parameter = name.rpartition(".")
-        text = f"'{value}'" if isinstance(value, str) else str(value).lower()
+        # In YAML an apostrophe is doubled between apostrophes.
+        quoted = str(value).replace("'", "''")
+        text = f"'{quoted}'" if isinstance(value, str) else str(value).lower()
         arguments += ["-p", f"{node + ':' if node else ''}{parameter}:={text}"]
     if namespace:
         arguments += ["-r", f"__ns:=/{namespace.strip('/')}"]

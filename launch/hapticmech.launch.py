@@ -24,7 +24,9 @@ ARGUMENTS = (
     ("rviz", "false", "open RViz on them"),
     ("record", "", "folder of a bag to record everything into; empty: none"),
     ("use_sim_time", "false", "follow /clock"),
+    ("respawn", "false", "start a node again that has ended by itself"),
 )
+RESPAWN_DELAY_S = 0.5
 
 
 def generate_launch_description():
@@ -44,6 +46,8 @@ def generate_launch_description():
             namespace=given["namespace"],
             parameters=[parameters],
             output="screen",
+            respawn=given["respawn"],
+            respawn_delay=RESPAWN_DELAY_S,
             condition=condition,
         )
 
@@ -52,15 +56,16 @@ def generate_launch_description():
     return LaunchDescription(
         [
             *(DeclareLaunchArgument(n, default_value=d, description=t) for n, d, t in ARGUMENTS),
-            *(node(name, separate) for name in NODES),
-            node("composed", together),
-            node("scene_viewer", IfCondition(given["view"])),
+            # First: if it is not installed, nothing has been started yet.
             Node(
                 package="rviz2",
                 executable="rviz2",
                 arguments=["-d", layout],
                 condition=IfCondition(given["rviz"]),
             ),
+            *(node(name, separate) for name in NODES),
+            node("composed", together),
+            node("scene_viewer", IfCondition(given["view"])),
             ExecuteProcess(
                 cmd=["hapticmech", "bag", "record", "--all", "--out", given["record"]],
                 output="screen",

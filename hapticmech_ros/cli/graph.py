@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -18,6 +19,7 @@ from hapticmech_ros.cli.durations import seconds_of
 from hapticmech_ros.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
+from hapticmech_ros.readiness import say_ready
 
 CHECK_PERIOD_S = 0.2
 
@@ -60,8 +62,11 @@ def run(
         bool, typer.Option(help="advance by messages, as fast as possible, with repeatable bits")
     ] = False,
     duration: Annotated[
-        float, typer.Option(min=0.0, help="s until the end; 0: until Ctrl-C")
+        float, typer.Option(min=0.0, help="s from when all nodes are up; 0: until Ctrl-C")
     ] = 0.0,
+    respawn: Annotated[
+        bool, typer.Option(help="start a node again that has ended by itself")
+    ] = False,
     rate: Annotated[
         float, typer.Option(min=0.0, help="lockstep: times real time at most; 0: no limit")
     ] = 0.0,
@@ -91,6 +96,8 @@ def run(
     stop = stop_by_signals()
     if lockstep and only:
         raise InvalidInputError("--only", only, "lockstep runs all nodes")
+    if lockstep and respawn:
+        raise InvalidInputError("--respawn", respawn, "in lockstep a lost node ends the run")
     if lockstep:
         plan = LockstepRun(
             scene,
@@ -129,12 +136,20 @@ def run(
             scene, composed, namespace, parameters, None, nodes, held, arguments
         ) as graph:  # fmt: skip
             console.print(f"running {scene}; Ctrl-C ends it")
-            left = duration or float("inf")
+            left, ends = CHECK_PERIOD_S, None
             while left > 0.0 and not stop.wait(min(CHECK_PERIOD_S, left)):
-                left -= CHECK_PERIOD_S
-                graph.check()
+                if respawn:
+                    for sentence in graph.respawn():
+                        typer.echo(sentence, err=True)
+                else:
+                    graph.check()
                 if recorder is not None:
                     recorder.look()
+                if ends is None and graph.is_ready():
+                    say_ready()
+                    ends = time.monotonic() + (duration or float("inf"))
+                if ends is not None:
+                    left = ends - time.monotonic()
     finally:
         if recorder is not None:
             whole = recorder.end()

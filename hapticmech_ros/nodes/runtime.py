@@ -22,6 +22,7 @@ from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import StopRequest, print_report, run_until, wake_up_in_time
 from hapticmech_ros.nodes.realtime import QuickStart, Realtime, Request
+from hapticmech_ros.readiness import say_ready
 
 if TYPE_CHECKING:
     from hapticmech_ros.nodes.actor import Actor
@@ -80,6 +81,7 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
             get_logger("lane").warning(
                 f"all messages go through the middleware: {exchange.refusal}"
             )
+        say_ready()
         run_until(stop, nodes, exchange)
         for node in nodes:
             print_report(node)

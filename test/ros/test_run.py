@@ -1,0 +1,114 @@
+"""``hapticmech run``: how long it runs, what it starts again, and what it takes as names."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from shutil import copy
+
+import pytest
+from std_msgs.msg import Float64MultiArray
+
+from hapticmech_ros.graph import private_environment, stop_process
+from hapticmech_ros.readiness import ADDRESS, Readiness
+from hapticmech_ros.scene.loader import find_scene
+from ros.harness import WAIT_S, Peer
+
+pytestmark = pytest.mark.ros
+COMMAND = [sys.executable, "-m", "hapticmech_ros"]
+
+
+@contextmanager
+def running(domain: int, *options: str, **environment: str) -> Iterator[subprocess.Popen[str]]:
+    process = subprocess.Popen(
+        [*COMMAND, "run", *options],
+        env=private_environment(domain) | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        stop_process(process)
+
+
+def ended(domain: int, *options: str, **environment: str) -> tuple[int, str]:
+    """Return exit code and output of a run that ends by itself."""
+    with running(domain, *options, **environment) as process:
+        output, _ = process.communicate(timeout=4 * WAIT_S)
+        return process.returncode, output
+
+
+def test_a_duration_counts_from_when_all_nodes_are_up(domain: int, tmp_path: Path) -> None:
+    """Importing and discovery take a second, on a busy machine many."""
+    bag, readiness = tmp_path / "bag", Readiness()
+    options = ["five_bar", "--duration", "3", "--record", str(bag)]
+    with running(domain, *options, **{ADDRESS: readiness.address}) as process:
+        output, _ = process.communicate(timeout=4 * WAIT_S)
+        assert process.returncode == 0, output
+        # It is a service itself.
+        assert readiness.pids() == {process.pid}
+    readiness.close()
+    info = subprocess.run(
+        [*COMMAND, "bag", "info", str(bag), "--json"], capture_output=True, text=True, check=True
+    )
+    (count,) = [
+        one["count"] for one in json.loads(info.stdout)["topics"] if one["name"] == "/device/state"
+    ]
+    assert count > 2500
+
+
+def test_a_node_that_was_up_is_started_again(domain: int, peer: Peer) -> None:
+    models = peer.listen("mechanism/handle/operational_model", Float64MultiArray)
+    with running(domain, "five_bar", "--respawn") as process:
+        peer.until(lambda: len(models) > 10, "a model", 3 * WAIT_S)
+        os.kill(child_of(process.pid, b"nullspace_analyser"), signal.SIGKILL)
+        peer.until(lambda: child_of(process.pid, b"nullspace_analyser"), "a new process")
+        models.clear()
+        peer.until(lambda: len(models) > 10, "a model again", 3 * WAIT_S)
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=WAIT_S)
+        assert process.returncode == 0
+    assert "nullspace_analyser ended by itself: signal 9: it is started again" in output
+
+
+def child_of(parent: int, name: bytes) -> int:
+    """Return a child whose command has a name, 0 if there is none."""
+    children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+    for pid in map(int, children):
+        try:
+            command = Path(f"/proc/{pid}/cmdline").read_bytes()
+            alive = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+        except FileNotFoundError:
+            continue
+        if alive and name in command.split(b"\0"):
+            return pid
+    return 0
+
+
+def test_a_node_that_never_was_up_is_not_started_again(domain: int, tmp_path: Path) -> None:
+    code, output = ended(domain, "five_bar", "--respawn", "--set", "haptic_device.view_rate=-1.0")
+    assert code == 1
+    assert "haptic_device ended by itself" in output
+    assert "started again" not in output
+
+
+def test_a_path_may_have_an_apostrophe_and_spaces(domain: int, tmp_path: Path) -> None:
+    place = tmp_path / "somebody's own scenes"
+    place.mkdir()
+    copy(find_scene("two_link"), place / "it's.yaml")
+    code, output = ended(domain, str(place / "it's.yaml"), "--composed", "--duration", "0.5")
+    assert code == 0, output
+
+
+@pytest.mark.parametrize("namespace", ["two words", "1st", "a//b", "it's"])
+def test_a_namespace_that_ros_does_not_have_is_refused(domain: int, namespace: str) -> None:
+    code, output = ended(domain, "five_bar", "--namespace", namespace)
+    assert code == 1
+    assert "namespace: must be names of letters" in output
+    assert "Traceback" not in output

@@ -1,0 +1,55 @@
+"""Who is up says so by the protocol of systemd, and is known by what the system says of it."""
+
+import os
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from hapticmech_ros.readiness import ADDRESS, Readiness, say_ready
+
+PROGRAM = "from hapticmech_ros.readiness import say_ready; say_ready()"
+
+
+@pytest.fixture
+def readiness():
+    found = Readiness()
+    yield found
+    found.close()
+
+
+def test_a_process_that_says_so_is_known_by_its_number(readiness):
+    assert readiness.pids() == frozenset()
+    child = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM], env=os.environ | {ADDRESS: readiness.address}
+    )
+    assert child.wait(60) == 0
+    assert readiness.pids() == {child.pid}
+    # What was heard once is not forgotten.
+    assert readiness.pids() == {child.pid}
+
+
+def test_other_words_do_not_count(readiness):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other:
+        other.connect("\0" + readiness.address[1:])
+        for text in (b"STATUS=READY=1", b"READY=10", b"", b"\xff" * 10_000):
+            other.send(text)
+        assert readiness.pids() == frozenset()
+        other.send(b"STATUS=up\nREADY=1\n")
+    assert readiness.pids() == {os.getpid()}
+
+
+def test_a_socket_in_a_file_is_told_too(tmp_path):
+    """As systemd's own is."""
+    path = str(tmp_path / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard:
+        heard.bind(path)
+        say_ready({ADDRESS: path})
+        assert heard.recv(100) == b"READY=1"
+
+
+@pytest.mark.parametrize("address", ["", "relative", "@nobody-listens", "/nowhere/at/all"])
+def test_nobody_who_wants_to_know_is_no_error(address):
+    say_ready({ADDRESS: address})
+    say_ready({})
