@@ -23,6 +23,8 @@ P = TypeVar("P", bound="NodeParameters")
 # What keeps a device safe, of its own node and of its controller's, and what keeps that as it was
 # when the node started.
 LOCK = "lock_safety"
+# A prefix of frames like that of topics.
+FROM_NAMESPACE = "auto"
 SAFETY = (
     *("command_timeout", "force_limit", "torque_limit", "force_slew", "torque_slew"),
     *("start_ramp", "workspace_radius", "message_age_limit", "input_timeout", "soften"),
@@ -271,7 +273,9 @@ class ViewerParameters(NodeParameters):
     torque_scale: float = number(4.0, "radius of a ring per torque", "m/(N m)", 1e-3, 1000.0)
     input_timeout: float = number(0.5, "inputs older than this are not drawn", "s", 0.02, 60.0)
     tf: bool = flag(True, "publish /tf and /tf_static, where tf2_msgs is installed")
-    frame_prefix: str = text("", "prefix of all frames but world")
+    frame_prefix: str = text(
+        FROM_NAMESPACE, "prefix of all frames but world; auto: the node's namespace and a slash"
+    )
 
 
 def changes_of(model: type[NodeParameters], name: str) -> Changes:

@@ -209,6 +209,22 @@ def test_model_joints_frames_and_wrenches(domain: int, peer: Peer) -> None:
     assert felt[-1].header.frame_id == "left/device_world"
 
 
+def test_frames_have_the_viewers_namespace_before_them(domain: int, peer: Peer) -> None:
+    """Two graphs do not place each other's links; without a namespace nothing is before them."""
+    frames = peer.listen("/left/view/frames", TransformStamped)
+    plain = peer.listen("/view/frames", TransformStamped)
+    stage = Stage(peer)
+    inside = ["-r", "__ns:=/left"]
+    with running("scene_viewer", domain, arguments=inside), running("scene_viewer", domain):
+        stage.says("/left/mechanism/state", Float64MultiArray, lambda: state(peer))
+        stage.says("mechanism/state", Float64MultiArray, lambda: state(peer))
+        stage.until(lambda: frames and plain, "frames of both")
+    names = {frame.child_frame_id for frame in frames}
+    assert "left/link4" in names
+    assert all(name.startswith("left/") for name in names)
+    assert "link4" in {frame.child_frame_id for frame in plain}
+
+
 def test_scales_change_while_it_runs(domain: int, peer: Peer) -> None:
     pictures = peer.listen("view/markers", MarkerArray)
     stage = Stage(peer)

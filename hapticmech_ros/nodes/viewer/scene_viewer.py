@@ -12,7 +12,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasps, grasp_of
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.host import Host
-from hapticmech_ros.nodes.parameters import ViewerParameters
+from hapticmech_ros.nodes.parameters import FROM_NAMESPACE, ViewerParameters
 from hapticmech_ros.nodes.viewer.scene_inputs import Heard, SceneInputs
 from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs, installed_tf_type
 from hapticmech_ros.operational import Analyser
@@ -44,10 +44,17 @@ class SceneViewer(ClockedActor[ViewerParameters]):
         self._grasps = flat_grasps(mechanism.scene)
         self._inputs = SceneInputs(self, mechanism)
         tf_type = installed_tf_type() if parameters.tf else None
-        self._outputs = SceneOutputs(self, mechanism, parameters.frame_prefix, tf_type)
+        self._outputs = SceneOutputs(self, mechanism, self._prefix(), tf_type)
         self._wanted = False
         self._last_ns = 0
         self.pictures = 0
+
+    def _prefix(self) -> str:
+        """Return what is before the names of frames: two graphs would place the same ones."""
+        if self.parameters.frame_prefix != FROM_NAMESPACE:
+            return self.parameters.frame_prefix
+        topic: str = self.node.resolve_topic_name("frames")
+        return topic.strip("/").removesuffix("frames")
 
     @property
     def period_s(self) -> float:
