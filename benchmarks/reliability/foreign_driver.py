@@ -31,6 +31,7 @@ class ForeignDriver(Node):
         self._messages = {
             topics.DEVICE_TWIST.name: TwistStamped(),
             topics.DEVICE_FORCE.name: WrenchStamped(),
+            topics.HAND_FORCE.name: WrenchStamped(),
             # The pose comes last: a sample is whole with it.
             topics.DEVICE_POSE.name: PoseStamped(),
         }

@@ -42,7 +42,12 @@ PART, SCENE, POINT = "messages", "five_bar", "handle"
 DEVICE_OUT, MECHANISM_OUT = "device/state", "mechanism/state"
 POINT_MODEL_OUT, GAIN_OUT = f"analysis/{POINT}/operational_model", "device/local_feedback_gain"
 COMMANDS = ("device/servo_cf", f"mechanism/{POINT}/servo_cf")
-CRTK = {"device/measured_cp": PoseStamped, "device/measured_cv": TwistStamped}
+CRTK = {
+    "device/measured_cp": PoseStamped,
+    "device/measured_cv": TwistStamped,
+    "device/measured_cf": WrenchStamped,
+    "device/hand/measured_cf": WrenchStamped,
+}
 # Who has to be well for the graph to render. The mechanism goes on telling of energy that it lost.
 RENDERING = (DEVICE, CONTROLLER)
 # So many at once, and then a pause in which they are read: subscribers keep one message each.
@@ -136,7 +141,7 @@ class Attack:
         }
         self._kinds = free_topics(scene, "stranger")
         if not free:
-            self._kinds |= {**heard, **CRTK, "device/measured_cf": WrenchStamped}
+            self._kinds |= {**heard, **CRTK}
         self._own: dict[bytes, None] = {}
         for topic, kind in heard.items():
             self._listen(topic, kind)

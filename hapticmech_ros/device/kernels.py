@@ -336,6 +336,18 @@ def stand(data: Array, holds: bool, out: Array) -> None:
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1])")
+def observe(data: Array, before: Array, out: Array) -> None:
+    """Fill what is known of the hand from a device's motion, see ``driver_kernels``.
+
+    Args:
+        data: (numbers,) the device, and what its actuators did; see ``device_layout``.
+        before: (83,) its state at the period's start.
+        out: (83,) its state at the end, of which F_h is filled.
+    """
+    estimate_hand(data, before, out)
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1])")
 def compensation(data: Array, twist: Array, added: Array) -> None:
     """Fill what the driver adds (6,) to a command, at a measured twist (6,).
 

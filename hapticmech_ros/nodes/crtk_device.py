@@ -1,10 +1,13 @@
-"""A device that speaks CRTK only: its samples, put together from three messages."""
+"""A device that speaks CRTK only: its samples, put together from its messages."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 
 from hapticmech_ros.arrays import Array
@@ -16,22 +19,30 @@ from hapticmech_ros.nodes.messages import checked_stamp, read_pose, read_twist, 
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import SixBounds
-from hapticmech_ros.wire.topics import DEVICE_FORCE, DEVICE_POSE, DEVICE_TWIST
+from hapticmech_ros.wire.topics import DEVICE_FORCE, DEVICE_POSE, DEVICE_TWIST, HAND_FORCE
+
+if TYPE_CHECKING:
+    from hapticmech_ros.device.hand_observer import HandObserver, TwistEstimate
 
 
 class CrtkDevice:
-    """Hears measured_cv and measured_cf, and makes a sample with each measured_cp.
+    """Makes a sample with each measured_cp, of that and of what else the driver says.
+
+    Without measured_cv the twist is that of the poses. The hand's wrench is what the scene's
+    ``force_sensor`` says: heard on ``hand/measured_cf``; estimated from the motion and the wrench
+    of the actuators, which is measured_cf, or else what they were told; or zero.
 
     Args:
         actor: that listens.
         bounds: of a twist.
-        timeout_ns: returns how long twist and wrench stand, ns.
+        timeout_ns: returns how long twist and wrenches stand, ns.
         watch: returns what tells the publishers of a topic apart.
         wanted: whether samples are wanted at a time, ns.
         answer: gets each sample (19,), its stamp and the time, ns.
         lost: gets the topics that are not fresh, instead.
-
+        told: returns the wrench (6,) that the device was told last, N and N m, world axes.
     """
 
     def __init__(
@@ -43,15 +54,19 @@ class CrtkDevice:
         wanted: Callable[[int], bool],
         answer: Callable[[Array, int, int], None],
         lost: Callable[[Sequence[str]], None],
+        told: Callable[[], Array],
     ) -> None:
         self._actor, self._bounds, self._timeout_ns, self._watch = actor, bounds, timeout_ns, watch
-        self._wanted, self._answer, self._lost = wanted, answer, lost
+        self._wanted, self._answer, self._lost, self._told = wanted, answer, lost, told
+        self._sensor = actor.scene.device.force_sensor
         self.forget()
+        if self._sensor == "measured":
+            self._listen(HAND_FORCE.name, WrenchStamped, self._on_hand)
         self._listen(DEVICE_FORCE.name, WrenchStamped, self._on_force)
         self._listen(DEVICE_TWIST.name, TwistStamped, self._on_twist)
 
     def listen(self) -> None:
-        """Hear measured_cp, which comes last of a sample's three."""
+        """Hear measured_cp, which comes last of a sample's messages."""
         self._listen(DEVICE_POSE.name, PoseStamped, self._on_pose)
 
     def _listen(self, name: str, kind: Any, accept: Callable[[Any, int], None]) -> None:
@@ -59,9 +74,47 @@ class CrtkDevice:
         self._actor.input(name, kind, CONTROL_SUBSCRIBER, accept, sources, self._wanted)
 
     def forget(self) -> None:
-        """Wait for both anew."""
+        """Wait for all anew."""
         self._twist: Latest[Array] = Latest()
         self._hand: Latest[Array] = Latest()
+        self._force: Latest[Array] = Latest()
+        self._pose: Latest[pin.SE3] = Latest()
+        self._epoch_ns = 0
+        # Made when they are asked for.
+        self.__dict__.pop("_observer", None)
+        self.__dict__.pop("_moving", None)
+
+    @cached_property
+    def _observer(self) -> HandObserver:
+        # Here, so that the controllers of most devices load no kernels of it.
+        from hapticmech_ros.device.hand_observer import HandObserver
+
+        scene = self._actor.scene
+        return HandObserver(scene.device, scene.task_space == "planar")
+
+    @cached_property
+    def _moving(self) -> TwistEstimate:
+        from hapticmech_ros.device.hand_observer import TwistEstimate
+
+        return TwistEstimate(self._actor.scene.device.velocity_filter)
+
+    def lacking(self, now_ns: int) -> list[str]:
+        """Return the topics that a driver of which poses are heard lacks, by their full names.
+
+        Args:
+            now_ns: present time, ns.
+        """
+        limit_ns = self._timeout_ns()
+        if not self._pose.fresh(now_ns, limit_ns):
+            return []
+        needed = [(HAND_FORCE, self._hand)] if self._sensor == "measured" else []
+        if self._twist.value is not None:
+            needed.append((DEVICE_TWIST, self._twist))
+        return [
+            self._actor.node.resolve_topic_name(topic.name)
+            for topic, held in needed
+            if not held.fresh(now_ns, limit_ns)
+        ]
 
     def _stamp(self, message: Any, now_ns: int) -> int:
         limit_ns = self._actor.age_limit_ns
@@ -70,20 +123,32 @@ class CrtkDevice:
     def _on_pose(self, message: PoseStamped, now_ns: int) -> None:
         stamp = self._stamp(message, now_ns)
         pose = read_pose(message, self._actor.limits)
-        twist, hand = self._twist.value, self._hand.value
-        lost = [
-            topic.name
-            for topic, held in ((DEVICE_TWIST, self._twist), (DEVICE_FORCE, self._hand))
-            if not held.fresh(now_ns, self._timeout_ns())
-        ]
-        if lost or twist is None or hand is None:
+        self._pose.put(pose, now_ns)
+        self._epoch_ns = self._epoch_ns or stamp
+        time = (stamp - self._epoch_ns) / NANOSECONDS
+        twist = self._moving.at(time, pose) if self._twist.value is None else self._twist.value
+        if lost := self.lacking(now_ns):
             self._lost(lost)
             return
+        hand = self._hand_wrench(time, twist, now_ns)
         self._answer(flat_device(DeviceMeasurement(pose, twist, hand)), stamp, now_ns)
+
+    def _hand_wrench(self, time: float, twist: Array, now_ns: int) -> Array:
+        if self._sensor == "absent":
+            return np.zeros(6)
+        if self._hand.value is not None:
+            return self._hand.value
+        known = self._force.fresh(now_ns, self._timeout_ns()) and self._force.value is not None
+        applied = self._force.value if known else self._told()
+        return self._observer.at(time, twist, np.zeros(6) if applied is None else applied)
+
+    def _on_hand(self, message: WrenchStamped, now_ns: int) -> None:
+        self._stamp(message, now_ns)
+        self._hand.put(read_wrench(message, self._actor.wrenches), now_ns)
 
     def _on_force(self, message: WrenchStamped, now_ns: int) -> None:
         self._stamp(message, now_ns)
-        self._hand.put(read_wrench(message, self._actor.wrenches), now_ns)
+        self._force.put(read_wrench(message, self._actor.wrenches), now_ns)
 
     def _on_twist(self, message: TwistStamped, now_ns: int) -> None:
         self._stamp(message, now_ns)

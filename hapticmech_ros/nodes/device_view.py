@@ -28,6 +28,7 @@ from hapticmech_ros.wire.topics import (
     DEVICE_POSE,
     DEVICE_SETPOINT,
     DEVICE_TWIST,
+    HAND_FORCE,
 )
 from hapticmech_ros.wire.wrench import encode_wrench
 
@@ -44,6 +45,7 @@ class DeviceView:
 
     def __init__(self, actor: Actor[Any]) -> None:
         self._joints = JointStateWriter(COORDINATES)
+        self._publish_hand = actor.view(HAND_FORCE, WrenchStamped)
         self._publish_force = actor.view(DEVICE_FORCE, WrenchStamped)
         self._publish_twist = actor.view(DEVICE_TWIST, TwistStamped)
         self._publish_setpoint = actor.view(DEVICE_SETPOINT, WrenchStamped)
@@ -81,8 +83,10 @@ class DeviceView:
             time_ns: ns.
         """
         pose, twist, applied = state.measured_pose, state.measured_twist, state.applied
+        if self._publish_hand.wanted:
+            self._publish_hand.publish(encode_wrench(hand_wrench, time_ns))
         if self._publish_force.wanted:
-            self._publish_force.publish(encode_wrench(hand_wrench, time_ns))
+            self._publish_force.publish(encode_wrench(applied, time_ns))
         if self._publish_twist.wanted:
             self._publish_twist.publish(encode_twist(twist.tolist(), time_ns))
         if self._publish_setpoint.wanted:

@@ -33,7 +33,7 @@ from hapticmech_ros.wire.readings import (
     read_operational_model,
     reading_bounds,
 )
-from hapticmech_ros.wire.topics import DEVICE_STATE, POINT_COMMAND, POINT_MODEL
+from hapticmech_ros.wire.topics import DEVICE_POSE, DEVICE_STATE, POINT_COMMAND, POINT_MODEL
 
 # The point's pose is carried on by its twist over periods that the analysis has missed, by no more
 # than this: beyond it the twist says nothing.
@@ -87,6 +87,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._wants_crtk,
             self._on_crtk,
             self._disengage_for,
+            lambda: NO_WRENCH if self._clutch is None else self._carried,
         )
         self.input_array(
             DEVICE_STATE.name,
@@ -181,14 +182,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         """Return whether the controller is engaged, or which inputs it lacks."""
         now = self.now_ns()
         fault = self._fault(now)
-        silent = [
-            name
-            for name, heard in (
-                (DEVICE_STATE.name, self._last_ns),
-                (POINT_MODEL.of(self.point), self._model.stamp_ns),
-            )
-            if now - heard > self.timeout_ns
-        ]
+        silent = self._lacks_of_device(now) if now - self._last_ns > self.timeout_ns else []
+        if not self._model.fresh(now, self.timeout_ns):
+            silent.append(POINT_MODEL.of(self.point))
         model = self._model.value
         if not silent and model is not None and not model.commanded:
             silent.append(POINT_COMMAND.of(self.point) + " to act on the mechanism")
@@ -206,6 +202,12 @@ class TeleoperationController(Actor[ControllerParameters]):
             "lost_on_connection": str(self._side.lost),
         }
         return engaged, sentence, figures
+
+    def _lacks_of_device(self, now_ns: int) -> list[str]:
+        """Return which of a device's topics are silent: of a driver that speaks CRTK those."""
+        either = (DEVICE_STATE.name, DEVICE_POSE.name)
+        names = " or ".join(self.node.resolve_topic_name(name) for name in either)
+        return self._crtk.lacking(now_ns) or [names]
 
     def _on_device_state(self, values: Array, now_ns: int) -> None:
         inputs = read_device(values, self.bounds.device)

@@ -22,8 +22,8 @@ DEVICE_STATE = Topic(
     "device/state",
     ARRAY,
     DEVICE,
-    "measured_cp, measured_cv and measured_cf of one sample in one message; of a device without "
-    "it the controller uses those three",
+    "measured_cp, measured_cv and hand/measured_cf of one sample in one message; of a device "
+    "without it the controller uses those three",
     (CONTROLLER,),
     rate="control",
 )
@@ -45,7 +45,16 @@ DEVICE_FORCE = Topic(
     "device/measured_cf",
     WRENCH,
     DEVICE,
-    "F_h: by the hand, on the device, at the point held, axes of `world`",
+    "wrench that the actuators apply, as CRTK has it: by the device, on the hand, at the point "
+    "held, axes of `world`",
+    (CONTROLLER,),
+)
+HAND_FORCE = Topic(
+    "device/hand/measured_cf",
+    WRENCH,
+    DEVICE,
+    "F_h, measured or estimated (`force_sensor`): by the hand, on the device, at the point held, "
+    "axes of `world`",
     (CONTROLLER, VIEWER),
 )
 DEVICE_SETPOINT = Topic(
@@ -252,6 +261,7 @@ TOPICS: tuple[Topic, ...] = (
     DEVICE_POSE,
     DEVICE_TWIST,
     DEVICE_FORCE,
+    HAND_FORCE,
     DEVICE_SETPOINT,
     DEVICE_JOINTS,
     DEVICE_COMMAND,

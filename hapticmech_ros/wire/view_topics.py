@@ -56,11 +56,11 @@ SEEN_DEVICE_COMMAND = Topic(
     "`device/servo_cf` in the frame `device_world`, for RViz",
     rate="marker",
 )
-SEEN_DEVICE_FORCE = Topic(
-    "view/device/measured_cf",
+SEEN_HAND_FORCE = Topic(
+    "view/device/hand/measured_cf",
     WRENCH,
     VIEWER,
-    "`device/measured_cf` in the frame `device_world`, for RViz",
+    "`device/hand/measured_cf` in the frame `device_world`, for RViz",
     rate="marker",
 )
 
@@ -72,5 +72,5 @@ VIEW_TOPICS: tuple[Topic, ...] = (
     SEEN_POINT_COMMAND,
     SEEN_POINT_FORCE,
     SEEN_DEVICE_COMMAND,
-    SEEN_DEVICE_FORCE,
+    SEEN_HAND_FORCE,
 )

@@ -44,7 +44,7 @@ class World:
         self.sample = Session(SCENE).tick()
         self.model = operational_model_of(self.sample.analysis)
         self.pose = self.sample.point.pose
-        self.device_force = peer.publisher(f"{device}/measured_cf", WrenchStamped)
+        self.device_force = peer.publisher(f"{device}/hand/measured_cf", WrenchStamped)
         self.device_twist = peer.publisher(f"{device}/measured_cv", TwistStamped)
         self.device_pose = peer.publisher(f"{device}/measured_cp", PoseStamped)
         if packed:
@@ -122,7 +122,7 @@ def test_answers_as_the_core_does(domain: int, peer: Peer, packed: bool, tmp_pat
 
 
 def test_a_real_driver_takes_the_devices_place_by_remapping(domain: int, peer: Peer) -> None:
-    names = ("measured_cp", "measured_cv", "measured_cf", "servo_cf")
+    names = ("measured_cp", "measured_cv", "hand/measured_cf", "servo_cf")
     remaps = {f"device/{name}": f"/omega/{name}" for name in names}
     with running("teleoperation_controller", domain, remaps=remaps):
         world = World(peer, "/omega")

@@ -18,7 +18,7 @@ STILL = {"wait_for_start": True, **QUICK}
 def test_measures_pose_twist_and_hand_wrench_in_world(domain: int, peer: Peer) -> None:
     poses = peer.listen("device/measured_cp", PoseStamped)
     twists = peer.listen("device/measured_cv", TwistStamped)
-    forces = peer.listen("device/measured_cf", WrenchStamped)
+    forces = peer.listen("device/hand/measured_cf", WrenchStamped)
     with running("haptic_device", domain, **STILL):
         peer.until(lambda: min(len(poses), len(twists), len(forces)) > 50, "measurements")
     start = Session(load_scene("five_bar")).tick().point.pose.translation
@@ -53,7 +53,7 @@ def test_accelerates_under_servo_cf_and_coasts_when_it_stops(domain: int, peer: 
 
 
 def test_hand_lets_go_and_takes_hold_with_the_commands(domain: int, peer: Peer) -> None:
-    forces = peer.listen("device/measured_cf", WrenchStamped)
+    forces = peer.listen("device/hand/measured_cf", WrenchStamped)
     with running("haptic_device", domain, **QUICK):
         command = peer.publisher("device/servo_cf", WrenchStamped)
         peer.until(lambda: forces, "forces")
@@ -87,7 +87,7 @@ def test_bad_commands_are_refused_and_counted(domain: int, peer: Peer) -> None:
 
 
 def test_hand_wrench_topic_pushes_and_expires(domain: int, peer: Peer) -> None:
-    forces = peer.listen("device/measured_cf", WrenchStamped)
+    forces = peer.listen("device/hand/measured_cf", WrenchStamped)
     with running("haptic_device", domain, hand_timeout=0.1, **STILL):
         push = peer.publisher("device/hand_cf", WrenchStamped)
         unstamped = WrenchStamped()

@@ -44,7 +44,7 @@ def test_compensation_begins_and_ends_with_the_commands(
 
 def test_a_push_is_not_reported_without_a_sensor(domain: int, peer: Peer, tmp_path: Path) -> None:
     scene = scene_with(tmp_path, force_sensor="absent", coulomb_friction=0.5)
-    forces = peer.listen("device/measured_cf", WrenchStamped)
+    forces = peer.listen("device/hand/measured_cf", WrenchStamped)
     with running("haptic_device", domain, scene=scene, **QUICK):
         push = peer.publisher("device/hand_cf", WrenchStamped)
         peer.until(lambda: forces, "forces")

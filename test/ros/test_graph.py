@@ -42,7 +42,7 @@ def test_the_hand_moves_the_mechanism(domain: int, peer: Peer, composed: bool) -
 @pytest.mark.parametrize("victim", list(NODES))
 def test_a_node_dies_and_comes_back(domain: int, peer: Peer, victim: str) -> None:
     commands = peer.listen("device/servo_cf", WrenchStamped)
-    forces = peer.listen("device/measured_cf", WrenchStamped)
+    forces = peer.listen("device/hand/measured_cf", WrenchStamped)
     models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
     with Graph("five_bar", environment=private_environment(domain)) as graph:
         peer.until(lambda: forces and six(forces[-1])[0] == -0.5, "the hand pushing")

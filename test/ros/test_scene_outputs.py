@@ -161,6 +161,9 @@ def test_a_wrench_that_is_not_known_is_not_published(missing: str) -> None:
         publisher.readers = 1
     known = {name: getattr(stage.heard, name) for name in Heard.__dataclass_fields__}
     stage.outputs.show_wrenches(Heard(**{**known, missing: None}), NOW)
-    empty = {"device_command": "view/device/servo_cf", "hand_wrench": "view/device/measured_cf"}
+    empty = {
+        "device_command": "view/device/servo_cf",
+        "hand_wrench": "view/device/hand/measured_cf",
+    }
     silent = {n for n, p in stage.actor.made.items() if n.endswith("_cf") and not p.sent}
     assert silent == {empty[missing]}

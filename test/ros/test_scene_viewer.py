@@ -87,7 +87,7 @@ def test_the_picture_has_what_is_heard_and_loses_what_is_over(domain: int, peer:
         assert [tip.x - tail.x, tip.y - tail.y] == pytest.approx(0.05 * CONTACT[0, :2], abs=1e-12)
 
         stage.says("device/measured_cp", PoseStamped, lambda: peer.pose(0.2, 0.1))
-        stage.says("device/measured_cf", WrenchStamped, lambda: peer.wrench(1.0, *[0.0] * 5))
+        stage.says("device/hand/measured_cf", WrenchStamped, lambda: peer.wrench(1.0, *[0.0] * 5))
         stage.says("device/servo_cf", WrenchStamped, lambda: peer.wrench(-1.0, *[0.0] * 5))
         stage.says("mechanism/handle/servo_cf", WrenchStamped, lambda: peer.wrench(*[0.5] * 6))
         stage.says("analysis/handle/constraint_count", UInt8, lambda: UInt8(data=2))
@@ -95,7 +95,7 @@ def test_the_picture_has_what_is_heard_and_loses_what_is_over(domain: int, peer:
         stage.until(lambda: wanted <= namespaces(pictures[-1]), "everything that is said")
         stage.until(lambda: letters(pictures[-1]) == "2 joint constraints", "the count")
 
-        stage.hushes("device/measured_cf")
+        stage.hushes("device/hand/measured_cf")
         stage.until(
             lambda: ("hand_force", 0) in deleted(pictures), "the deletion of a force that is over"
         )

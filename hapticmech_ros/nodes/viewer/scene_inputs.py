@@ -25,8 +25,8 @@ from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import (
     COUNT,
     DEVICE_COMMAND,
-    DEVICE_FORCE,
     DEVICE_POSE,
+    HAND_FORCE,
     POINT_COMMAND,
     STATE,
 )
@@ -135,7 +135,7 @@ class SceneInputs:
         def wrench(data: bytes) -> Array:
             return read_wrench(deserialized(data, WrenchStamped), actor.wrenches)
 
-        self._hand = SceneInput(actor, DEVICE_FORCE.name, WrenchStamped, wrench)
+        self._hand = SceneInput(actor, HAND_FORCE.name, WrenchStamped, wrench)
         self._command = SceneInput(actor, DEVICE_COMMAND.name, WrenchStamped, wrench)
         self._points = {
             name: SceneInput(actor, POINT_COMMAND.of(name), WrenchStamped, wrench)

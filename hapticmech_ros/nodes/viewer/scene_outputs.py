@@ -42,7 +42,7 @@ from hapticmech_ros.wire.view_topics import (
     MARKERS,
     ROBOT_DESCRIPTION,
     SEEN_DEVICE_COMMAND,
-    SEEN_DEVICE_FORCE,
+    SEEN_HAND_FORCE,
     SEEN_POINT_COMMAND,
     SEEN_POINT_FORCE,
     URDF_JOINTS,
@@ -83,7 +83,7 @@ class SceneOutputs:
         self._publish_frames = actor.output(FRAMES, TransformStamped, BURST_PUBLISHER)
         self._publish_joints = actor.output(URDF_JOINTS, JointState)
         self._wrenches: dict[tuple[str, str], Outlet] = {}
-        for topic in (SEEN_DEVICE_COMMAND, SEEN_DEVICE_FORCE):
+        for topic in (SEEN_DEVICE_COMMAND, SEEN_HAND_FORCE):
             self._wrenches[topic.name, ""] = actor.output(topic, WrenchStamped)
         for topic in (SEEN_POINT_COMMAND, SEEN_POINT_FORCE):
             for point in mechanism.point_names:
@@ -158,7 +158,7 @@ class SceneOutputs:
         """Publish wrenches in frames at whose origin they act."""
         device = self._names[at_world(DEVICE)]
         self._show_wrench(SEEN_DEVICE_COMMAND.name, "", device, heard.device_command, time_ns)
-        self._show_wrench(SEEN_DEVICE_FORCE.name, "", device, heard.hand_wrench, time_ns)
+        self._show_wrench(SEEN_HAND_FORCE.name, "", device, heard.hand_wrench, time_ns)
         for index, point in enumerate(self._mechanism.point_names):
             frame = self._names[at_world(point)]
             command = heard.point_commands.get(point)

@@ -1,0 +1,156 @@
+"""Drivers that other people wrote: what each of them says is enough to feel the mechanism.
+
+The driver here is a body that a hand pushes, stepped as time goes on, with CRTK's topics alone and
+CRTK's signs. The mechanism, its analyser and the controller are real.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from ruamel.yaml import YAML
+
+from hapticmech_ros import Simulator, load_scene
+from hapticmech_ros.nodes.messages import write_pose
+from hapticmech_ros.scene import document_of
+from ros.harness import WAIT_S, Peer, figures, running, six
+
+pytestmark = pytest.mark.ros
+OTHERS = "mechanism_simulator,nullspace_analyser,teleoperation_controller"
+SCENE = load_scene("five_bar")
+MASS = np.array([SCENE.device.mass] * 3 + [SCENE.device.inertia] * 3)
+PUSH = np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+PLANE = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+
+
+class Driver:
+    """A device and the hand that pushes it, as time goes on.
+
+    Args:
+        peer: that speaks for it.
+        says: its topics besides ``measured_cp``.
+        rate: Hz.
+    """
+
+    def __init__(self, peer: Peer, says: tuple[str, ...], rate: float) -> None:
+        self._peer, self._period = peer, 1.0 / rate
+        kinds: dict[str, Any] = {
+            "measured_cv": TwistStamped,
+            "measured_cf": WrenchStamped,
+            "hand/measured_cf": WrenchStamped,
+        }
+        self._publishers = {
+            name: peer.node.create_publisher(kinds[name], f"/omega/{name}", 10) for name in says
+        }
+        self._poses = peer.node.create_publisher(PoseStamped, "/omega/measured_cp", 10)
+        self.commands = peer.listen("/omega/servo_cf", WrenchStamped)
+        simulator = Simulator(SCENE)
+        point = SCENE.operational_points[0].name
+        self.pose = simulator.mechanism.frame_pose(simulator.initial_state().q, point)
+        self.began = self.pose.copy()
+        self._twist, self.pushing = np.zeros(6), False
+        self._next = time.monotonic()
+
+    def go_on(self) -> None:
+        """Step to the present and say where it is then."""
+        peer = self._peer
+        peer.run(max(0.0, self._next - time.monotonic()))
+        command = np.array(six(self.commands[-1])) if self.commands else np.zeros(6)
+        push = PUSH if self.pushing else np.zeros(6)
+        behind = time.monotonic() - self._next
+        # On a busy machine it stands still, as this process does.
+        periods = 1 if behind > 0.05 else 1 + int(behind / self._period)
+        for _ in range(periods):
+            self._twist = self._twist + self._period * PLANE * (push + command) / MASS
+            turned = pin.exp3(self._period * self._twist[3:]) @ self.pose.rotation
+            place = self.pose.translation + self._period * self._twist[:3]
+            self.pose = pin.SE3(turned, place)
+        self._next = time.monotonic() + self._period
+        told = {
+            "measured_cv": peer.twist(*self._twist),
+            "measured_cf": peer.wrench(*command),
+            "hand/measured_cf": peer.wrench(*push),
+        }
+        for name, publisher in self._publishers.items():
+            publisher.publish(told[name])
+        message = PoseStamped()
+        write_pose(message, self.pose, peer.node.get_clock().now().nanoseconds)
+        self._poses.publish(message)
+
+
+@contextmanager
+def graph(domain: int, folder: Path, sensor: str) -> Iterator[None]:
+    """Run the other three nodes for a device whose hand is known in a way."""
+    document = document_of(SCENE)
+    document["device"] |= {"force_sensor": sensor}
+    document["device"]["safety"]["command_timeout"] = 0.5
+    path = folder / "scene.yaml"
+    with path.open("w") as stream:
+        YAML(typ="safe", pure=True).dump(document, stream)
+    names = ("measured_cp", "measured_cv", "measured_cf", "hand/measured_cf", "servo_cf")
+    remaps = {f"device/{name}": f"/omega/{name}" for name in names}
+    with running(OTHERS, domain, str(path), remaps, input_timeout=0.2):
+        yield
+
+
+def until(driver: Driver, condition: Any, what: str) -> None:
+    end = time.monotonic() + 2 * WAIT_S
+    while not condition():
+        assert time.monotonic() < end, f"waited in vain for {what}"
+        driver.go_on()
+
+
+@pytest.mark.parametrize(
+    ("sensor", "says", "rate"),
+    [
+        ("measured", ("measured_cv", "measured_cf", "hand/measured_cf"), 500.0),
+        ("estimated", ("measured_cv", "measured_cf"), 500.0),
+        ("estimated", ("measured_cv",), 500.0),
+        ("estimated", (), 500.0),
+        ("absent", ("measured_cv", "measured_cf"), 500.0),
+        ("estimated", ("measured_cv", "measured_cf"), 200.0),
+    ],
+    ids=["sensor", "without-sensor", "without-measured_cf", "poses-only", "absent", "200-Hz"],
+)
+def test_the_mechanism_is_felt(
+    domain: int, peer: Peer, tmp_path: Path, sensor: str, says: tuple[str, ...], rate: float
+) -> None:
+    with graph(domain, tmp_path, sensor):
+        points = peer.listen("mechanism/handle/measured_cp", PoseStamped)
+        driver = Driver(peer, says, rate)
+        until(driver, lambda: len(driver.commands) > 50, "commands")
+        # Nobody pushes: it stays where it is.
+        assert np.abs(driver.pose.translation - driver.began.translation).max() < 1e-3
+        driver.pushing = True
+        goal = driver.began.translation[0] - 0.02
+        until(driver, lambda: driver.pose.translation[0] < goal, "way")
+        place = points[-1].pose.position
+    apart = np.array([place.x, place.y]) - driver.pose.translation[:2]
+    # The mechanism comes along. Without knowing of the hand, the springs alone pull it.
+    assert np.linalg.norm(apart) < (0.01 if sensor == "absent" else 0.003)
+
+
+def test_what_a_driver_lacks_is_said_by_its_own_names(
+    domain: int, peer: Peer, tmp_path: Path
+) -> None:
+    statuses = peer.statuses()
+
+    def sentence() -> str:
+        status = statuses.get("teleoperation_controller")
+        return "" if status is None else str(status.message)
+
+    with graph(domain, tmp_path, "measured"):
+        both = "/device/state or /omega/measured_cp"
+        peer.until(lambda: both in sentence(), "what a device needs", 2 * WAIT_S)
+        driver = Driver(peer, ("measured_cv", "measured_cf"), 200.0)
+        until(driver, lambda: sentence() == "waiting for /omega/hand/measured_cf", "its name")
+    assert not driver.commands
+    assert figures(statuses["teleoperation_controller"])["engagements"] == "0"
