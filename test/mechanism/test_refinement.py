@@ -12,7 +12,7 @@ from hapticmech_ros.mechanism.refinement import Ways, equidistributed, refined
 
 
 class Sudden:
-    """A step from 0 to 1 by the midpoint rule, of a rate that changes within ``width`` of ``at``."""
+    """A step from 0 to 1 by the midpoint rule; the rate changes within ``width`` of ``at``."""
 
     def __init__(self, at, width):
         self.at, self.width, self.done = at, width, 0
