@@ -41,8 +41,8 @@ class Pushed:
         reached: s that were simulated.
         exchanged: sum of the steps' work, losses and changes of contacts' energy, J.
         off: largest difference of the energy from work and losses, J.
-        made: most that contacts gave back of what they had lost, J.
-        untold: of that what the surplus in the state's account does not tell, J.
+        made: most that contacts gave back of what they had lost, as the state's account has it, J.
+        untold: what of ``off`` the surplus in the state's account does not tell, J.
         refined, inaccurate: of the state's account.
         ended: why it ended early; empty if it did not.
     """
@@ -60,8 +60,8 @@ class Pushed:
     @property
     def silent(self) -> bool:
         """Whether the account is off, and nothing says so."""
-        untold = max(self.untold, self.made)
-        return not (untold <= ALLOWED * self.exchanged or self.inaccurate or self.ended)
+        told = self.untold <= ALLOWED * self.exchanged
+        return not (told or self.inaccurate or self.ended)
 
 
 def pushed(name: str, duration: float = MINUTE) -> Pushed:
@@ -71,7 +71,7 @@ def pushed(name: str, duration: float = MINUTE) -> Pushed:
     wrenches = np.zeros((len(simulator.mechanism.point_names), 6))
     state, ended = simulator.initial_state(), ""
     start, exchanged, off, untold = _energy(simulator, state), 0.0, 0.0, 0.0
-    made, lost = 0.0, 0.0
+    made = 0.0
     for step in range(round(duration / simulator.period)):
         wrenches[0] = pushes[step % len(pushes)]
         before = state.account
@@ -92,8 +92,7 @@ def pushed(name: str, duration: float = MINUTE) -> Pushed:
         paid = now.work_in - now.damping_loss - now.latch_loss - now.contact_loss
         apart = _energy(simulator, state) - start - paid
         off, untold = max(off, abs(apart)), max(untold, abs(apart - now.surplus))
-        lost = max(lost, now.contact_loss)
-        made = max(made, lost - now.contact_loss)
+        made = max(made, now.contact_made)
     account = state.account
     return Pushed(
         *(name, state.time, exchanged, off, made, untold),
@@ -125,20 +124,19 @@ def every_scene(
     """
     out.mkdir(parents=True, exist_ok=True)
     print(
-        "| scene | s | exchanged, J | energy off by, J | of what was exchanged | not told"
-        " | refined | inaccurate | ended |"
+        "| scene | s | exchanged, J | energy off by, J | of what was exchanged | made by contacts"
+        " | not told | refined | inaccurate | ended |"
     )
-    print("|---|" + "--:|" * 7 + "---|")
+    print("|---|" + "--:|" * 8 + "---|")
     found = []
     for one in in_order(
         partial(pushed, duration=duration), names or list(shipped_scenes()), processes
     ):
-        off, untold = max(one.off, one.made), max(one.untold, one.made)
         whole = max(one.exchanged, 1e-300)
         print(
-            f"| {one.scene} | {one.reached:.3g} | {one.exchanged:.3g} | {off:.1e} |"
-            f" {off / whole:.1e} | {untold / whole:.1e} | {one.refined} | {one.inaccurate} |"
-            f" {one.ended} |",
+            f"| {one.scene} | {one.reached:.3g} | {one.exchanged:.3g} | {one.off:.1e} |"
+            f" {one.off / whole:.1e} | {one.made / whole:.1e} | {one.untold / whole:.1e} |"
+            f" {one.refined} | {one.inaccurate} | {one.ended} |",
             flush=True,
         )
         found.append(one)

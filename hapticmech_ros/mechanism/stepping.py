@@ -13,11 +13,11 @@ from typing import cast
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.errors import HapticMechError, InaccurateStepError
+from hapticmech_ros.errors import InaccurateStepError
 from hapticmech_ros.mechanism.careful import careful_step
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
-from hapticmech_ros.mechanism.energy_balance import NO_BALANCE, Balance, judged
+from hapticmech_ros.mechanism.energy_balance import Balance, judged
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.energy_kernels import BALANCE, judge
@@ -64,6 +64,7 @@ from hapticmech_ros.mechanism.motion import (
     check_external,
     end_of,
 )
+from hapticmech_ros.mechanism.refinement import Ways, refined
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.step_errors import step_error
 from hapticmech_ros.mechanism.tolerances import (
@@ -97,7 +98,7 @@ class Stepper:
     def __init__(self, mechanism: Mechanism, plan: Plan) -> None:
         self._mechanism = mechanism
         self._plan = plan
-        # Of the steps that are done now; see _refined.
+        # Of the steps that are done now; see _unwatched.
         self.step, self._tolerance = plan.period / plan.substeps, plan.tolerance
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
         scheme = SCHEMES[plan.integrator]
@@ -201,59 +202,44 @@ class Stepper:
         single = self._careful_substep if code == NEEDS_CARE else self._substep
         if self._tolerance == 0.0:
             return single(start, external)
-        stepped, balance = self._refined(start, external, single)
         damps = bool(self.implicit)
+        ways = Ways(
+            lambda count: self._divided(start, external, single, count),
+            lambda now, share: self._smaller(now, external, 1.0 / share, 1),
+            lambda now, stepped: self._balance(now, stepped, external, damps),
+        )
+        stepped, balance = refined(start, self._tolerance, self._plan.max_substeps, ways)
         return judged(self._mechanism.tree, start, stepped, balance, self._tolerance, damps)
-
-    def _refined(
-        self, start: Start, external: ExternalWrenches, single: SingleStep
-    ) -> tuple[Stepped, Balance]:
-        """Do a step in smaller ones, until its energy account is within the tolerance.
-
-        Args:
-            start: of the step.
-            external: from outside.
-            single: does it in one.
-
-        Returns:
-            The one whose account is off by least, and its account.
-
-        Raises:
-            HapticMechError: it fails however small the steps are, as it does in one.
-        """
-        best, least, failed, count, done = None, NO_BALANCE, None, 1, False
-        while count <= self._plan.max_substeps and not done:
-            try:
-                stepped = self._divided(start, external, single, count)
-                balance = self._balance(start, stepped, external, bool(self.implicit))
-            except HapticMechError as error:
-                failed = failed or error
-            else:
-                if best is None or balance.judged < least.judged:
-                    best, least = stepped, balance
-                done = least.is_within(self._tolerance)
-            count *= 2
-        if best is None:
-            raise cast(HapticMechError, failed)
-        return best, least
 
     def _divided(
         self, start: Start, external: ExternalWrenches, single: SingleStep, count: int
     ) -> Stepped:
-        """Do a step in so many smaller ones, whatever their energy accounts are."""
+        """Do a step in so many smaller ones, or in one, whatever their energy accounts are."""
+        if count == 1:
+            with self._unwatched():
+                return single(start, external)
+        return self._smaller(start, external, count, count)
+
+    def _smaller(
+        self, start: Start, external: ExternalWrenches, times: float, steps: int
+    ) -> Stepped:
+        """Do steps that are so many times shorter, whatever their energy accounts are."""
+        with self._unwatched(), self.divided(times):
+            return self._steps(start, external, steps, _NO_SAMPLES, 0)
+
+    @contextmanager
+    def _unwatched(self) -> Iterator[None]:
+        """Return a context in which steps are not refined."""
         tolerance, self._tolerance = self._tolerance, 0.0
         try:
-            with self.divided(count):
-                if count == 1:
-                    return single(start, external)
-                return self._steps(start, external, count, _NO_SAMPLES, 0)
+            yield
         finally:
             self._tolerance = tolerance
 
     @contextmanager
-    def divided(self, count: int) -> Iterator[None]:
+    def divided(self, times: float) -> Iterator[None]:
         """Return a context in which steps are so many times shorter."""
-        step, self.step = self.step, self.step / count
+        step, self.step = self.step, self.step / times
         try:
             yield
         finally:

@@ -17,7 +17,7 @@ _ONE = Field(1)
 TIMES = Layout(dict.fromkeys(("period", "length", "loop_delay", "delay", "jitter", "loss"), _ONE))
 # Of the mechanism: time, s; work done on it, and energy lost, J; closure error, m or rad; number of
 # joint constraints reported; energy lost in contacts, and held by them, J; and of its account
-# ``surplus``, ``refined``, ``inaccurate``, ``latch_loss`` and ``moved``.
+# ``surplus``, ``refined``, ``inaccurate``, ``latch_loss``, ``moved`` and ``contact_most``.
 TOTALS = Layout(
     dict.fromkeys(
         (
@@ -33,6 +33,7 @@ TOTALS = Layout(
             "inaccurate",
             "latch_loss",
             "moved",
+            "contact_most",
         ),
         _ONE,
     )
@@ -77,7 +78,7 @@ class SessionData(Structure):
         given: the last answer that was given, over a connection.
         q: (nq,) configuration at the tick's start.
         v: (nv,) rates there.
-        totals: (12,) see ``TOTALS``.
+        totals: (13,) see ``TOTALS``.
         began_state, began_q, began_v, began_totals: of the device and the mechanism when the tick
             began.
         forth, back: messages on the way to the controller, and back; the last parts, as no sample

@@ -240,7 +240,7 @@ class SessionLoop:
         data.totals[:] = (
             *(state.time, a.work_in, a.damping_loss, state.closure_error, kept),
             *(a.contact_loss, a.contact_energy, a.surplus),
-            *(a.refined, a.inaccurate, a.latch_loss, a.moved),
+            *(a.refined, a.inaccurate, a.latch_loss, a.moved, a.contact_most),
         )
         if self._contacts is not None:
             self._contacts.begin_with(state.touching)

@@ -28,7 +28,7 @@ class LeftState(NamedTuple):
 
     Attributes:
         known: the last state before that was known as such.
-        totals: (12,) see :data:`~hapticmech_ros.session.data.TOTALS`.
+        totals: (13,) see :data:`~hapticmech_ros.session.data.TOTALS`.
         q, v: configuration (nq,) and rates (nv,).
         touching: points of contact; None in a scene without.
     """
@@ -60,6 +60,7 @@ class LeftState(NamedTuple):
                 refined=int(totals["refined"]),
                 inaccurate=int(totals["inaccurate"]),
                 moved=totals["moved"],
+                contact_most=totals["contact_most"],
             ),
             self.touching,
             before.released,

@@ -84,7 +84,9 @@ PERIOD_S, LENGTH, LOOP_DELAY, DELAY, JITTER, LOSS = TIMES.starts(*TIMES)
 TIME, TOTAL_WORK, TOTAL_LOSS, CLOSURE_ERROR, CONSTRAINTS = TOTALS.starts(
     "time", "work_in", "damping_loss", "closure_error", "constraints"
 )
-CONTACT_LOSS, CONTACT_ENERGY = TOTALS.starts("contact_loss", "contact_energy")
+CONTACT_LOSS, CONTACT_ENERGY, CONTACT_MOST = TOTALS.starts(
+    "contact_loss", "contact_energy", "contact_most"
+)
 TOTAL_SURPLUS, INACCURATE_STEPS = TOTALS.starts("surplus", "inaccurate")
 LATCH_LOSS, MOST_MOVED = TOTALS.starts("latch_loss", "moved")
 
@@ -282,6 +284,7 @@ def move_mechanism(
         held = contacts.report[HELD] if contacts.counts[NOW] > 0 else 0.0
         totals[CONTACT_LOSS] += totals[CONTACT_ENERGY] - held - account[CONTACT_WORK]
         totals[CONTACT_ENERGY] = held
+        totals[CONTACT_MOST] = max(totals[CONTACT_MOST], totals[CONTACT_LOSS])
         totals[INACCURATE_STEPS] += contacts.counts[UNSOLVED]
     return True
 

@@ -251,6 +251,7 @@ class Simulator:
             before.refined + refined,
             before.inaccurate + inaccurate,
             max(before.moved, moved),
+            max(before.contact_most, in_contact),
         )
         time = state.time + steps * self.period
         q, v, released = _frozen(q), _frozen(v), state.released

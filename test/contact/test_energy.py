@@ -1,9 +1,12 @@
 """Energy never grows: step by step to the bounds of T16a and T16c, and in the end not at all."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from contact.test_solver import corner, heavy, sliding, tumbling
+from hapticmech_ros import Session, load_scene
 from oracles.touching import (
     FLOOR,
     SHAPES,
@@ -70,6 +73,24 @@ def test_energy_never_grows(make, mass, duration):
     lost = np.array([state.account.contact_loss for state in states])
     # What rk2 makes of turning bodies is left.
     assert energies + lost == pytest.approx(np.full(energies.size, energies[0]), abs=1e-4)
+    made = np.array([state.account.contact_made for state in states])
+    assert (made == np.maximum.accumulate(np.maximum(lost, 0.0)) - lost).all()
+
+
+def test_what_contacts_give_back_of_what_they_lost_is_in_the_account_and_in_the_drift():
+    """By ticks of a session as by steps of a simulator."""
+    session, lost = Session(load_scene("peg_in_hole")), [0.0]
+    for _ in range(1500):
+        session.tick()
+        lost.append(session.mechanism.account.contact_loss)
+    account = session.mechanism.account
+    assert max(lost) > 0.0
+    assert account.contact_most == max(lost)
+    assert account.contact_made == max(lost) - lost[-1]
+    worse = replace(account, contact_loss=account.contact_loss - 1.0)
+    exchanged = abs(worse.work_in) + worse.lost + worse.moved
+    more = worse.drift(0.0) * exchanged - abs(worse.surplus)
+    assert more == pytest.approx(account.contact_made + 1.0, rel=1e-12)
 
 
 @pytest.mark.parametrize("integrator", ["rk2", "rk4", "semi_implicit_euler", "linearly_implicit"])

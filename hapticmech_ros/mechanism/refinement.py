@@ -1,0 +1,129 @@
+"""A step that is done again in smaller ones, until its energy account closes.
+
+All of one length, in 2, 4, ... of them, as where the step is too long for the whole motion. If that
+does not help, in the same number of steps of other lengths: short where the accounts of the equal
+ones are off, as where a motion turns suddenly somewhere in the step (a mesh that equidistributes an
+error, see de Boor, "Good approximation by splines with variable knots II", 1974).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.energy_balance import NO_BALANCE, Balance
+from hapticmech_ros.mechanism.motion import Start, Stepped, end_of
+
+# Lengths of steps are set anew so many times.
+MESHES = 3
+# An account that is off by E asks for steps shorter by this power of E, and this share of the steps
+# is spread evenly whatever the accounts are.
+GRADING, EVEN = 0.25, 0.25
+
+
+class Ways(NamedTuple):
+    """How a step can be done.
+
+    Attributes:
+        divided: returns the state after it, done in so many steps of equal length.
+        part: returns the state after such a share of it, from any start.
+        balance: returns the energy account of what was done from a start.
+    """
+
+    divided: Callable[[int], Stepped]
+    part: Callable[[Start, float], Stepped]
+    balance: Callable[[Start, Stepped], Balance]
+
+
+class _Best:
+    """The outcome whose account is off by least, so far."""
+
+    def __init__(self, start: Start, ways: Ways) -> None:
+        self._start, self._ways = start, ways
+        self.stepped: Stepped | None = None
+        self.balance = NO_BALANCE
+
+    def is_within(self, tolerance: float) -> bool:
+        """Return whether there is one whose account closes."""
+        return self.stepped is not None and self.balance.is_within(tolerance)
+
+    def take(self, stepped: Stepped) -> None:
+        """Take an outcome if it is better.
+
+        Raises:
+            HapticMechError: it has no account.
+        """
+        balance = self._ways.balance(self._start, stepped)
+        if self.stepped is None or balance.judged < self.balance.judged:
+            self.stepped, self.balance = stepped, balance
+
+
+def refined(start: Start, tolerance: float, most: int, ways: Ways) -> tuple[Stepped, Balance]:
+    """Return the state after a step whose energy account is off by least, and the account.
+
+    Args:
+        start: of the step.
+        tolerance: share of what a step exchanges by which its account may be off.
+        most: steps in which it is done.
+        ways: of doing it.
+
+    Raises:
+        HapticMechError: it fails however small the steps are, as it does in one.
+    """
+    best, failed, count = _Best(start, ways), None, 1
+    while count <= most and not best.is_within(tolerance):
+        try:
+            best.take(ways.divided(count))
+        except HapticMechError as error:
+            failed = failed or error
+        count *= 2
+    if best.stepped is None:
+        raise cast(HapticMechError, failed)
+    mesh = np.linspace(0.0, 1.0, most + 1)
+    for _ in range(MESHES if most > 1 else 0):
+        if best.is_within(tolerance):
+            break
+        try:
+            stepped, off = _along(mesh, start, ways)
+            best.take(stepped)
+        except HapticMechError:
+            break
+        if not np.isfinite(off).all():
+            break
+        mesh = equidistributed(mesh, off)
+    return best.stepped, best.balance
+
+
+def _along(mesh: Array, start: Start, ways: Ways) -> tuple[Stepped, Array]:
+    """Return the state after steps between the points of a mesh, and what each is off by."""
+    now, ended, off = start, None, []
+    for share in np.diff(mesh).tolist():
+        stepped = ways.part(now, share)
+        off.append(ways.balance(now, stepped).judged)
+        ended = stepped if ended is None else stepped.after(ended)
+        now = end_of(stepped, now)
+    return cast(Stepped, ended), np.array(off)
+
+
+def equidistributed(mesh: Array, off: Array) -> Array:
+    """Return the mesh on which the errors of steps would be alike.
+
+    Args:
+        mesh: (n + 1,) increasing, from 0 to 1.
+        off: (n,) error of the step from each point to the next.
+
+    Returns:
+        (n + 1,) increasing, from 0 to 1.
+    """
+    wanted = off**GRADING
+    total = float(wanted.sum())
+    lengths = np.diff(mesh)
+    share = EVEN * lengths + ((1.0 - EVEN) * wanted / total if total > 0.0 else 0.0)
+    reached = np.concatenate(([0.0], np.cumsum(share / share.sum())))
+    found = np.interp(np.linspace(0.0, 1.0, mesh.size), reached, mesh)
+    found[0], found[-1] = 0.0, 1.0
+    return np.asarray(found)

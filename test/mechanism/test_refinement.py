@@ -1,0 +1,125 @@
+"""Steps that are done again in smaller ones: of equal length, and by their errors."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.errors import ClosureError
+from hapticmech_ros.mechanism.energy_balance import Balance
+from hapticmech_ros.mechanism.refinement import Ways, equidistributed, refined
+
+
+class Sudden:
+    """A step from 0 to 1 by the midpoint rule; the rate changes within ``width`` of ``at``."""
+
+    def __init__(self, at, width):
+        self.at, self.width, self.done = at, width, 0
+
+    def _exact(self, time):
+        return math.atan((time - self.at) / self.width)
+
+    def _to(self, begin, end):
+        self.done += 1
+        middle = 0.5 * (begin + end) - self.at
+        off = (end - begin) * self.width / (self.width**2 + middle**2)
+        return off - (self._exact(end) - self._exact(begin))
+
+    def ways(self):
+        def moved(begin, end, steps):
+            mesh = np.linspace(begin, end, steps + 1)
+            off = sum(map(self._to, mesh[:-1], mesh[1:]))
+            return Ended(begin, end, off)
+
+        return Ways(
+            lambda count: moved(0.0, 1.0, count),
+            lambda now, share: moved(now.time, now.time + share, 1),
+            lambda now, stepped: balance(stepped.off),
+        )
+
+
+class Ended(SimpleNamespace):
+    """Where steps ended, and by how much they are off."""
+
+    def __init__(self, begin, end, off):
+        super().__init__(begin=begin, time=end, off=off)
+
+    def after(self, before):
+        return Ended(before.begin, self.time, before.off + self.off)
+
+
+@pytest.fixture(autouse=True)
+def _of_times(monkeypatch):
+    """States are times here."""
+    monkeypatch.setattr(
+        "hapticmech_ros.mechanism.refinement.end_of", lambda stepped, start: stepped
+    )
+
+
+def balance(off):
+    return Balance(off, abs(off), max(off, 0.0), 1.0, 0.0, 1.0)
+
+
+BEGUN = SimpleNamespace(time=0.0)
+
+
+def test_equal_steps_do_where_they_can():
+    motion = Sudden(at=0.5, width=0.3)
+    ended, found = refined(BEGUN, 1e-3, 32, motion.ways())
+    assert found.judged <= 1e-3
+    # 1, 2, 4, ... and no other.
+    assert motion.done in {2**n - 1 for n in range(2, 7)}
+    assert (ended.begin, ended.time) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("at", [0.1, 0.37, 0.73])
+@pytest.mark.parametrize("width", [3e-3, 1e-2])
+def test_steps_become_short_where_something_happens(at, width):
+    """With as many steps as equal ones, errors are a hundred times smaller."""
+    motion = Sudden(at, width)
+    ways = motion.ways()
+    equal = abs(ways.divided(32).off)
+    ended, found = refined(BEGUN, 1e-12, 32, ways)
+    assert found.judged < 0.01 * equal
+    assert ended.time == pytest.approx(1.0, abs=1e-12)
+    assert motion.done <= 32 + 63 + 3 * 32
+
+
+def test_a_single_step_is_left_as_it_is():
+    motion = Sudden(0.5, 1e-3)
+    refined(BEGUN, 1e-12, 1, motion.ways())
+    assert motion.done == 1
+
+
+def test_a_step_that_cannot_be_done_is_its_error():
+    def fails(*_):
+        raise ClosureError("came apart", 1.0, ["pin"])
+
+    with pytest.raises(ClosureError, match="came apart"):
+        refined(BEGUN, 1e-6, 8, Ways(fails, fails, lambda *_: balance(0.0)))
+
+
+def test_a_part_that_cannot_be_done_leaves_the_best_of_equal_steps():
+    motion = Sudden(0.5, 1e-2)
+
+    def fails(*_):
+        raise ClosureError("came apart", 1.0, ["pin"])
+
+    ended, found = refined(BEGUN, 1e-12, 8, motion.ways()._replace(part=fails))
+    assert found.judged == min(abs(Sudden(0.5, 1e-2).ways().divided(n).off) for n in (1, 2, 4, 8))
+    assert ended.time == 1.0
+
+
+def test_meshes_stay_meshes():
+    rng = np.random.default_rng(3)
+    mesh = np.linspace(0.0, 1.0, 17)
+    for _ in range(20):
+        off = 10.0 ** rng.uniform(-16.0, 0.0, 16)
+        finer = equidistributed(mesh, off)
+        assert finer[0] == 0.0
+        assert finer[-1] == 1.0
+        assert (np.diff(finer) > 0.0).all()
+        # None is longer than four times an equal one.
+        assert np.diff(finer).max() <= 4.0 / 16 + 1e-12
+    assert equidistributed(mesh, np.zeros(16)) == pytest.approx(mesh, abs=1e-15)
