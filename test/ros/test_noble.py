@@ -43,9 +43,11 @@ def run(*command: str | Path, cwd: Path, **extra: str) -> str:
     """Return what a command printed, which has to end well."""
     cache = os.environ.get("XDG_CACHE_HOME", str(Path("~/.cache").expanduser()))
     search = os.pathsep.join(["/usr/local/bin", "/usr/bin", "/bin"])
+    # What sourcing ROS 2 does: its libraries are found. The wheels' own search knows one place.
+    sourced = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"}
     done = subprocess.run(
         [str(part) for part in command],
-        env=own_world(PATH=search, XDG_CACHE_HOME=cache) | extra,
+        env=own_world(PATH=search, XDG_CACHE_HOME=cache) | sourced | extra,
         cwd=cwd,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
@@ -87,7 +89,10 @@ def workspace(system: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         elif line.startswith("python3 -m venv"):
             script.append(line.replace("python3", str(PYTHON), 1))
             see = SEE_SYSTEM.format(str(system))
-            script.append(f'echo "{see}" > $(echo .venv/lib/python3*/site-packages)/system.pth')
+            script.append("packages=$(echo .venv/lib/python3*/site-packages)")
+            script.append(f'echo "{see}" > $packages/system.pth')
+            # Python 3.12, which Ubuntu 24.04 has, puts none into an environment.
+            script.append("rm -rf $packages/setuptools* $packages/_distutils_hack")
         elif not line.startswith(NOT_RUN):
             script.append(line)
     run("bash", "-c", "\n".join(script), cwd=home, HOME=str(home))
