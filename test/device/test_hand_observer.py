@@ -39,7 +39,8 @@ def test_it_is_what_the_simulated_device_reports_at_its_own_period():
         estimate = observer.at((tick + 1) * period, state.measured_twist, mean)
         worst = max(worst, np.abs(estimate - state.reported).max())
     assert worst < 1e-12
-    assert estimate[:3] == pytest.approx(PUSH[:3], abs=1e-6)
+    # Damping counts by the mean of both ends of a period: b Δv / 2 at most.
+    assert estimate[:3] == pytest.approx(PUSH[:3], abs=1.5e-4)
 
 
 @pytest.mark.parametrize("period", [1e-3, 5e-3, 0.02])

@@ -70,7 +70,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if re.sub(r"[-_.]+", "-", distribution.name).lower() in left_out:
             continue
         for name in {file.parts[0] for file in distribution.files or ()} - {"..", "__pycache__"}:
-            if not (place / name).exists():
+            if (packages / name).exists() and not (place / name).exists():
                 (place / name).symlink_to(packages / name)
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
     run(*pip, "--no-deps", "--target", place, *OLD, cwd=place)

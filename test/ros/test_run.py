@@ -64,7 +64,7 @@ def test_a_duration_counts_from_when_all_nodes_are_up(domain: int, tmp_path: Pat
 
 
 def test_a_node_that_was_up_is_started_again(domain: int, peer: Peer) -> None:
-    models = peer.listen("mechanism/handle/operational_model", Float64MultiArray)
+    models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
     with running(domain, "five_bar", "--respawn") as process:
         peer.until(lambda: len(models) > 10, "a model", 3 * WAIT_S)
         os.kill(child_of(process.pid, b"nullspace_analyser"), signal.SIGKILL)
