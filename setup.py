@@ -89,12 +89,13 @@ setup(
         # Reads YAML, by LibYAML; ruamel.yaml, which rosbags brings, writes it.
         "PyYAML>=6",
         "rich>=13.7",
-        "rosbags>=0.11",
+        # Since then it brings backports.zstd, which unpacks chunks of bags before Python 3.14.
+        "rosbags>=0.11.7",
         "ruamel.yaml>=0.17",
         "scipy>=1.11",
         # Numba links the library of kernels with it.
         "setuptools>=68",
-        "typer>=0.12.4",
+        "typer>=0.19",
     ],
     extras_require={
         # Other simulators, which `python -m benchmarks speed` puts beside ours, and another carrier
