@@ -36,6 +36,7 @@ from benchmarks.machine import MachineLoad, Usage, load_between, usage
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.graph import Graph, private_environment, ros_arguments, start_process
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.readiness import Readiness
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topic import CONTROLLER, DEVICE, MECHANISM
 
@@ -213,6 +214,7 @@ class BareGraph(Graph):
 
     def __init__(self, scene: str, composed: bool, environment: Mapping[str, str]) -> None:
         self.processes = {}
+        self._readiness = Readiness()
         arguments = ros_arguments({"scene": scene})
         try:
             for group in [",".join(NODES)] if composed else list(NODES):
