@@ -14,7 +14,7 @@ _CREDENTIALS = struct.Struct("3i")
 
 
 def say_ready(environment: Mapping[str, str] = os.environ) -> None:
-    """Say that this process is up to whoever wants to know, if anybody does.
+    """Say that this process is up to whoever wants to know, if anybody does, and wait for nobody.
 
     Args:
         environment: in which ``NOTIFY_SOCKET`` is the address of a Unix datagram socket, of the
@@ -23,12 +23,14 @@ def say_ready(environment: Mapping[str, str] = os.environ) -> None:
     address = environment.get(ADDRESS, "")
     if address[:1] not in ("/", "@"):
         return
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sender:
+    # Whoever does not read what is said would hold up the eleventh process that says it.
+    kind = socket.SOCK_DGRAM | socket.SOCK_CLOEXEC | socket.SOCK_NONBLOCK
+    with socket.socket(socket.AF_UNIX, kind) as sender:
         try:
             sender.connect("\0" + address[1:] if address[0] == "@" else address)
             sender.send(READY)
         except OSError:
-            # Whoever wanted to know has gone.
+            # Whoever wanted to know has gone, or does not listen.
             return
 
 

@@ -53,3 +53,15 @@ def test_a_socket_in_a_file_is_told_too(tmp_path):
 def test_nobody_who_wants_to_know_is_no_error(address):
     say_ready({ADDRESS: address})
     say_ready({})
+
+
+def test_who_does_not_read_holds_nobody_up(readiness):
+    """As where processes are started again and again, and nobody asks whether they are up."""
+    program = "from hapticmech_ros.readiness import say_ready\nfor _ in range(1000): say_ready()"
+    subprocess.run(
+        [sys.executable, "-c", program],
+        env=os.environ | {ADDRESS: readiness.address},
+        timeout=60,
+        check=True,
+    )
+    assert len(readiness.pids()) == 1
