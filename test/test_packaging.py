@@ -58,7 +58,12 @@ def own_world(**extra: str) -> dict[str, str]:
     return kept | extra
 
 
-def run(*command: str | Path, cwd: Path, env: dict[str, str] | None = None) -> str:
+def run(
+    *command: str | Path,
+    cwd: Path,
+    env: dict[str, str] | None = None,
+    timeout: float = TIMEOUT_S,
+) -> str:
     """Run ``command`` to its end; return what it printed, fail with all of it if it failed."""
     done = subprocess.run(
         [str(part) for part in command],
@@ -68,7 +73,7 @@ def run(*command: str | Path, cwd: Path, env: dict[str, str] | None = None) -> s
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=TIMEOUT_S,
+        timeout=timeout,
         check=False,
     )
     assert done.returncode == 0, f"{command} exited with {done.returncode}:\n{done.stdout}"

@@ -60,7 +60,7 @@ class Pushed:
     @property
     def silent(self) -> bool:
         """Whether the account is off, and nothing says so."""
-        told = self.untold <= ALLOWED * self.exchanged
+        told = max(self.untold, self.made) <= ALLOWED * self.exchanged
         return not (told or self.inaccurate or self.ended)
 
 

@@ -60,7 +60,7 @@ STARTS_WITHIN_S, BACK_WITHIN_S, HANG_S = 30.0, 10.0, 5.0
 RECOVERS_S = 2.0
 # Refused in a second, at least: a run ends without its messages if there are fewer.
 RATE, FREE_RATE = 100.0, 30.0
-# Topics of the control rate that it listens to; its own messages that it knows again.
+# Topics of the control rate that it listens to.
 LISTENED = 6
 SENT_RELIABLY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 # One that is lost does not keep back those after it until the publisher's heartbeat, 3 s later: it

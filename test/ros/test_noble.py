@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 import sys
 import sysconfig
 from importlib.metadata import distributions
@@ -17,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+import test_packaging
 from test_packaging import EXECUTABLES, PACKAGE, ROOT, copy_sources, own_world
 
 # Beside others it would take their processors.
@@ -46,19 +46,8 @@ def run(*command: str | Path, cwd: Path, **extra: str) -> str:
     search = os.pathsep.join(["/usr/local/bin", "/usr/bin", "/bin"])
     # What sourcing ROS 2 does: its libraries are found. The wheels' own search knows one place.
     sourced = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"}
-    done = subprocess.run(
-        [str(part) for part in command],
-        env=own_world(PATH=search, XDG_CACHE_HOME=cache) | sourced | extra,
-        cwd=cwd,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=TIMEOUT_S,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout
-    return done.stdout
+    env = own_world(PATH=search, XDG_CACHE_HOME=cache) | sourced | extra
+    return test_packaging.run(*command, cwd=cwd, env=env, timeout=TIMEOUT_S)
 
 
 @pytest.fixture(scope="module")
