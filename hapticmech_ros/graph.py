@@ -147,6 +147,8 @@ class Graph:
         """
         if self.processes[name].poll() is None:
             raise InvalidInputError("process", name, "must have ended before it is started again")
+        # Read what was said, so that there is room for what this one will say.
+        self._readiness.pids()
         self.processes[name] = start_process(self._commands[name], self._environment)
 
     def stop(self) -> dict[str, int]:

@@ -9,12 +9,14 @@ from collections.abc import Mapping
 
 ADDRESS = "NOTIFY_SOCKET"
 READY = b"READY=1"
+# s, for which a process waits where others have just said so too: ten messages fill a socket.
+_PATIENCE_S = 0.5
 _LARGEST = 4096
 _CREDENTIALS = struct.Struct("3i")
 
 
 def say_ready(environment: Mapping[str, str] = os.environ) -> None:
-    """Say that this process is up to whoever wants to know, if anybody does, and wait for nobody.
+    """Say that this process is up to whoever wants to know, if anybody does and listens.
 
     Args:
         environment: in which ``NOTIFY_SOCKET`` is the address of a Unix datagram socket, of the
@@ -23,9 +25,8 @@ def say_ready(environment: Mapping[str, str] = os.environ) -> None:
     address = environment.get(ADDRESS, "")
     if address[:1] not in ("/", "@"):
         return
-    # Whoever does not read what is said would hold up the eleventh process that says it.
-    kind = socket.SOCK_DGRAM | socket.SOCK_CLOEXEC | socket.SOCK_NONBLOCK
-    with socket.socket(socket.AF_UNIX, kind) as sender:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sender:
+        sender.settimeout(_PATIENCE_S)
         try:
             sender.connect("\0" + address[1:] if address[0] == "@" else address)
             sender.send(READY)

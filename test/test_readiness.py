@@ -4,6 +4,7 @@ import os
 import socket
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -55,9 +56,9 @@ def test_nobody_who_wants_to_know_is_no_error(address):
     say_ready({})
 
 
-def test_who_does_not_read_holds_nobody_up(readiness):
+def test_who_does_not_read_holds_nobody_up_for_long(readiness):
     """As where processes are started again and again, and nobody asks whether they are up."""
-    program = "from hapticmech_ros.readiness import say_ready\nfor _ in range(1000): say_ready()"
+    program = "from hapticmech_ros.readiness import say_ready\nfor _ in range(20): say_ready()"
     subprocess.run(
         [sys.executable, "-c", program],
         env=os.environ | {ADDRESS: readiness.address},
@@ -65,3 +66,18 @@ def test_who_does_not_read_holds_nobody_up(readiness):
         check=True,
     )
     assert len(readiness.pids()) == 1
+
+
+def test_many_at_once_are_all_heard_by_who_reads_now_and_then(readiness):
+    """More than a socket holds: nobody's word is lost."""
+    children = [
+        subprocess.Popen(
+            [sys.executable, "-c", PROGRAM], env=os.environ | {ADDRESS: readiness.address}
+        )
+        for _ in range(15)
+    ]
+    end = time.monotonic() + 60.0
+    while not {child.pid for child in children} <= readiness.pids():
+        assert time.monotonic() < end
+        time.sleep(0.2)
+    assert [child.wait(60) for child in children] == [0] * 15
