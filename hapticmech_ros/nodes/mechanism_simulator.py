@@ -13,6 +13,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Evaluation
 from hapticmech_ros.mechanism.grasp import grasp_written
+from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.mechanism.tolerances import DRIFT
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.closure_services import offer_closures
@@ -29,6 +30,7 @@ from hapticmech_ros.operational.contact_wrench import ContactWrenches
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.wire.bounds import pose_bounds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energies import energy_of
 from hapticmech_ros.wire.energy_topics import ENERGY
@@ -107,10 +109,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             self._grasp(self._asked_for(parameters))
 
     def validate_parameters(self, parameters: MechanismParameters) -> None:
-        """Refuse a grasp that the scene cannot have, or that comes in the middle of lockstep."""
+        """Refuse a grasp that the scene cannot have, too far away, or in the middle of lockstep."""
         point = self._asked_for(parameters)
-        if self._ticks and parameters.grasp != self._asked:
-            self._refuse_in_lockstep("grasp", point.link)
+        if parameters.grasp != self._asked:
+            if self._ticks:
+                self._refuse_in_lockstep("grasp", point.link)
+            self._check_within_reach(point)
 
     def activate(self) -> None:
         """Go on where the mechanism is; what was commanded before counts no more."""
@@ -285,6 +289,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if self._publish_joints.wanted and joints:
             self._publish_joints.publish(joints)
         for port, point, force in zip(self._ports, terms.points, external, strict=True):
+            # Joints may keep their limits where a point far out on a link does not: nobody could
+            # be told of it, and so it is not gone on with.
+            port.check(point)
             port.publish(point, force, joints, time_ns)
         self._contact_port.publish(self._state.touching, time_ns)
         if self._publish_energy.wanted:
@@ -299,6 +306,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def _told_to_grasp(self, point: OperationalPoint) -> None:
         self._refuse_in_lockstep("grasp", point.link)
+        self._check_within_reach(point)
         self._grasp(point)
 
     def _grasp(self, point: OperationalPoint) -> None:
@@ -309,6 +317,11 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         port = self._ports[self._mechanism.point_index(point.name)]
         port.let_go(self._sampled_ns)
         self._grasps.moved(point)
+
+    def _check_within_reach(self, point: OperationalPoint) -> None:
+        """Refuse a grasp where nobody could be told of: beyond the scene's ``limits.position``."""
+        link = self._mechanism.frame_pose(self._state.q, point.link)
+        pose_bounds(self.limits).check((*link.act(se3(point.origin).translation), 0.0, 0.0, 0.0))
 
     def _refuse_in_lockstep(self, what: str, value: object) -> None:
         if self.lockstep:

@@ -15,6 +15,7 @@ from hapticmech_ros.nodes.inputs import NEVER, ExpiringWrench, Stamped
 from hapticmech_ros.nodes.ordering import InOrder
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.quaternions import quaternion_of
+from hapticmech_ros.wire.bounds import pose_bounds, twist_bounds
 from hapticmech_ros.wire.stamped import encode_pose, encode_twist
 from hapticmech_ros.wire.topics import (
     EXTERNAL_WRENCH,
@@ -47,6 +48,8 @@ class PointPort:
         self._actor = actor
         self._go_on = go_on
         self._since_ns = NEVER
+        self._pose_bounds = pose_bounds(actor.limits)
+        self._twist_bounds = twist_bounds(actor.limits)
         self.order = InOrder()
         self.command = ExpiringWrench(0, 0)
         self.commands: Stamped[Array] = Stamped()
@@ -94,6 +97,15 @@ class PointPort:
     def wants_joints(self) -> bool:
         """Whether anybody reads the point's own copy of the joint states."""
         return self._publish_joints.wanted
+
+    def check(self, point: PointKinematics) -> None:
+        """Hold the point's pose and twist to the scene's limits.
+
+        Raises:
+            OutputError: one is beyond them.
+        """
+        self._pose_bounds.check_output((*point.pose.translation.tolist(), 0.0, 0.0, 0.0))
+        self._twist_bounds.check_output(point.twist.tolist())
 
     def publish(self, point: PointKinematics, force: Array, joints: bytes, time_ns: int) -> None:
         """Publish what people and CRTK clients read.

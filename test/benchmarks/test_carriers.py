@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+import socket
+import time
+
 import pytest
 
 from benchmarks.carriers.benchmark import Answering, installed, run_benchmark, time_carrier
-from benchmarks.carriers.carriers import CARRIERS, SharedMemory, event_descriptors
+from benchmarks.carriers.carriers import (
+    CARRIERS,
+    SharedMemory,
+    SocketEnd,
+    Sockets,
+    event_descriptors,
+    unix_socket,
+)
 from benchmarks.children import BenchError
 
 
@@ -44,3 +54,27 @@ def test_a_carrier_that_alters_a_message_is_not_timed(monkeypatch: pytest.Monkey
     monkeypatch.setitem(CARRIERS, "altering", altering)
     with pytest.raises(BenchError, match="altering"):
         time_carrier("altering", 320, 10)
+
+
+def test_late_answers_of_the_first_messages_are_not_taken_for_later_ones(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("benchmarks.carriers.carriers.PATIENCE_S", 0.1)
+
+    def late() -> Sockets:
+        made = unix_socket(socket.SOCK_SEQPACKET)()
+        end_of = made.end
+
+        def end(first: bool) -> SocketEnd:
+            if not first:
+                # As on a machine that starts the other process late: several messages wait for it.
+                time.sleep(0.45)
+                monkeypatch.setattr("benchmarks.carriers.carriers.PATIENCE_S", 2.0)
+            return end_of(first)
+
+        made.end = end
+        return made
+
+    with Answering(late) as end:
+        end.send(b"timed")
+        assert end.receive() == b"timed"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -226,6 +227,48 @@ def test_a_mechanism_that_fails_again_at_once_begins_where_the_scene_does(fragil
     assert (mechanism._state.q == start.q).all()
     graph.run(0.8)
     assert well(graph)
+
+
+def hold_at(graph, x, y=0.0):
+    """Ask for the peg's operational point to be put elsewhere on its link, m."""
+    message = PoseStamped()
+    message.header.frame_id = "peg"
+    set_stamp(message.header.stamp, graph.now_ns)
+    message.pose.position.x, message.pose.position.y = x, y
+    message.pose.orientation.w = 1.0
+    graph.put("/mechanism/handle/set_operational_point", serialize_message(message))
+
+
+def test_a_point_that_flies_faster_than_can_be_told_brings_the_mechanism_to_rest():
+    """The joints keep their limits where a point far out on a tumbling link does not."""
+    graph = rendering("peg_in_hole")
+    mechanism = graph.actor(MECHANISM)
+    v = np.zeros_like(mechanism._state.v)
+    v[-1] = 500.0
+    mechanism._state = replace(mechanism._state, v=v)
+    hold_at(graph, 5.0)
+    graph.run(0.1)
+    assert mechanism.failures.count == 1
+    assert "limits.linear_velocity" in mechanism.failures.last
+    assert not mechanism._state.v.any()
+    graph.run(1.5)
+    assert well(graph)
+    assert graph.seen.beyond == 0
+
+
+def test_a_point_out_of_the_scene_s_limits_is_refused():
+    graph = rendering("peg_in_hole")
+    mechanism, host = graph.actor(MECHANISM), graph.hosts[MECHANISM]
+    before = mechanism._grasps.numbers.copy()
+    # Within the limits on the link, which is itself 35 mm from the world's origin.
+    hold_at(graph, 0.0, 999.99)
+    graph.run(0.01)
+    assert (mechanism._grasps.numbers == before).all()
+    assert "limits.position" in host.last_refusal
+    assert mechanism.failures.count == 0
+    hold_at(graph, 0.0, 0.04)
+    graph.run(0.01)
+    assert mechanism._grasps.numbers[0, 2] == 0.04
 
 
 def test_a_hand_that_is_torn_away_is_let_go_and_taken_again(graph):
