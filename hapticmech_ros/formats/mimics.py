@@ -54,4 +54,5 @@ def _fixed(hinge: Joint, position: float) -> Joint:
     else:
         moved.translation = np.asarray(position * hinge.axis)
     place = hinge.in_parent * moved
-    return replace(hinge, type="fixed", in_parent=place, damping=0.0, friction=0.0, limits=None)
+    still = replace(hinge, damping=0.0, friction=0.0, armature=0.0, limits=None)
+    return replace(still, type="fixed", in_parent=place)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
@@ -13,24 +13,35 @@ import pinocchio as pin
 from hapticmech_ros.formats.mjcf_classes import Context, settings
 from hapticmech_ros.formats.mjcf_equalities import Equalities
 from hapticmech_ros.formats.mjcf_inertias import body_of, shape_of
+from hapticmech_ros.formats.mjcf_rotors import WHY as WHY_ROTORS
+from hapticmech_ros.formats.mjcf_rotors import with_rotors
 from hapticmech_ros.formats.mjcf_shapes import collides, solid_of
-from hapticmech_ros.formats.model import WORLD, Body, Joint, Model, Note, Point, Solid
+from hapticmech_ros.formats.model import (
+    DRAWN,
+    SENSED,
+    WORLD,
+    Body,
+    Joint,
+    Model,
+    Note,
+    Point,
+    Solid,
+)
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 JOINT_TYPES = {"hinge": "revolute", "slide": "prismatic", "ball": "spherical", "free": "free"}
-DRAWN = "pictures are drawn from the joints"
 RIGID = "bodies are rigid"
 WHY = {
     "geom": "drawn only; its inertia is taken where the file says so",
-    "actuator": "nothing drives a joint but the hand and what the scene says",
-    "sensor": "nothing is sensed but poses and wrenches",
+    "actuator": "nothing drives a joint but the hand and what the scene says; armature is read",
+    "sensor": SENSED,
     "tendon": "say springs between two frames in a scene file",
     "contact": "say which shapes touch in a scene file",
     "keyframe": "say initial_state in a scene file",
     "deformable": RIGID,
     "camera": DRAWN,
     "light": DRAWN,
-    "armature": "say the rotor's inertia in that of the link",
+    "armature of a free joint": "a body that floats has no rotor",
     "springdamper": "say stiffness and damping",
     "solref or solimp of an equality": "loops are closed exactly",
     "gravcomp": "gravity acts on all bodies alike",
@@ -41,6 +52,7 @@ WHY = {
     "range of a ball": "only joints of one coordinate have stops",
     "stiffness of a ball or free joint": "only joints of one coordinate have springs",
     "frictionloss of a ball or free joint": "only joints of one coordinate have friction",
+    **WHY_ROTORS,
 }
 UNKNOWN = "not of a mechanism, or not known"
 READ = ("compiler", "option", "size", "visual", "statistic", "asset", "default", "worldbody")
@@ -85,12 +97,13 @@ class _Reader:
         self.poses = {WORLD: pin.SE3.Identity()}
         self._named = {node.attributes.get("name", "") for node in source.root.walk()}
         self._children(world, WORLD, "", moving=False)
+        hinges = with_rotors(self.context, self.hinges, self.notes)
         equalities = Equalities(self.context, self.poses, self.sites, self.refs)
         equalities.read()
         return Model(
             source.root.attributes.get("model") or source.path.stem,
             self.bodies,
-            self.hinges,
+            hinges,
             equalities.loop_joints,
             equalities.couplings,
             [Point(name, *place) for name, place in self.sites.items()],
@@ -222,12 +235,12 @@ class _Reader:
         if name in self.joints:
             raise source.error(node, name, "names of joints must be unique")
         self.joints.add(name)
-        self.notes["armature"] += source.value(node, "armature", 0.0) != 0.0
         self.notes["springdamper"] += any(source.values(node, "springdamper", (0.0, 0.0)))
         self.notes["align"] += kind == "free" and node.attributes.get("align") == "true"
-        damping = source.value(node, "damping", 0.0)
+        damping, armature = (source.value(node, key, 0.0) for key in ("damping", "armature"))
         if kind == "free":
             self._without(node, kind)
+            self.notes["armature of a free joint"] += armature != 0.0
             self.free[name] = [float(x) for x in pin.SE3ToXYZQUAT(place)]
             return Joint(name, "free", parent, child, pin.SE3.Identity(), damping=damping)
         anchor = pin.SE3.Identity()
@@ -235,7 +248,9 @@ class _Reader:
         if kind == "ball":
             self._without(node, kind)
             at = place * anchor
-            return Joint(name, "spherical", parent, child, at, anchor.inverse(), damping=damping)
+            back = anchor.inverse()
+            joint = Joint(name, "spherical", parent, child, at, back, damping=damping)
+            return replace(joint, armature=armature)
         axis = within.rotation @ np.array(source.values(node, "axis", (0.0, 0.0, 1.0)))
         size = float(np.linalg.norm(axis))
         if not size > 0.0:
@@ -261,6 +276,7 @@ class _Reader:
             source.value(node, "frictionloss", 0.0),
             source.value(node, "stiffness", 0.0),
             scale(source.value(node, "springref", 0.0)),
+            armature,
             self._limits(node, scale),
         )
 

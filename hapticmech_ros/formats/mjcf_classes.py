@@ -15,6 +15,12 @@ CLASS_LIMIT = 1000
 TURNS = ("axisangle", "xyaxes", "zaxis", "euler")
 UP = np.array((0.0, 0.0, 1.0))
 Classes = Mapping[str, Mapping[str, Mapping[str, str]]]
+ACTUATOR = "actuator"
+# Kinds of actuators, for which a class has the same defaults, whichever kind it names.
+ACTUATORS = (
+    *("general", "motor", "position", "velocity", "intvelocity", "orientation", "pid", "damper"),
+    *("cylinder", "muscle", "dcmotor", "adhesion", "plugin"),
+)
 
 
 def settings(root: Node, tag: str) -> Node:
@@ -24,6 +30,11 @@ def settings(root: Node, tag: str) -> Node:
     children = [child for node in found for child in node.children]
     first = found[0] if found else root
     return Node(tag, attributes, first.line, children, file=first.file)
+
+
+def _kind(node: Node) -> str:
+    """Return what an element's defaults are kept under."""
+    return ACTUATOR if node.tag in ACTUATORS else node.tag
 
 
 @dataclass
@@ -56,7 +67,7 @@ class Context:
         own = self.classes[name]
         for part in node.children:
             if part.tag != "default":
-                own[part.tag] = own.get(part.tag, {}) | part.attributes
+                own[_kind(part)] = own.get(_kind(part), {}) | part.attributes
         for inner in node.all("default"):
             called = self.source.text(inner, "class")
             if called in self.classes:
@@ -80,7 +91,7 @@ class Context:
     def full(self, node: Node, childclass: str = "") -> Node:
         """Return an element with what its class says of such ones."""
         called = node.attributes.get("class", childclass or self.main)
-        given = self.classes[self.known(node, called)].get(node.tag, {})
+        given = self.classes[self.known(node, called)].get(_kind(node), {})
         return replace(node, attributes={**given, **node.attributes})
 
     def word(self, node: Node, key: str, default: str) -> str:

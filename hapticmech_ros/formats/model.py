@@ -17,6 +17,14 @@ Document = dict[str, Any]
 WORLD = "world"
 
 
+DRAWN = "pictures are drawn from the joints"
+# Drake's tags for rotors, in URDF and SDFormat.
+ROTOR, GEAR = "drake:rotor_inertia", "drake:gear_ratio"
+SENSED = "nothing is sensed but poses and wrenches"
+# Elements that only pictures and sensors have to do with.
+_UNFELT = ("visual", "material", "geom", "camera", "light", "sensor")
+
+
 @dataclass(frozen=True, slots=True)
 class Note:
     """Something in a file that the scene does not have, or has otherwise.
@@ -30,6 +38,11 @@ class Note:
     what: str
     count: int
     why: str
+
+    @property
+    def felt(self) -> bool:
+        """Whether it may change what is felt."""
+        return self.what not in _UNFELT
 
     def __str__(self) -> str:
         return f"{self.what} ({self.count} x): {self.why}"
@@ -67,6 +80,7 @@ class Joint:
         friction: Coulomb, N m or N.
         stiffness: N m/rad or N/m.
         rest: rad or m, where that is slack.
+        armature: inertia of its rotor as the joint feels it, kg m² or kg.
         limits: lower and upper, rad or m, or None.
     """
 
@@ -81,6 +95,7 @@ class Joint:
     friction: float = 0.0
     stiffness: float = 0.0
     rest: float = 0.0
+    armature: float = 0.0
     limits: tuple[float, float] | None = None
 
 

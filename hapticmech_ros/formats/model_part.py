@@ -19,6 +19,7 @@ class JointChange(Part):
     """
 
     damping: NonNegative = 0.0
+    armature: NonNegative = 0.0
     stiffness: NonNegative = 0.0
     rest: Real = 0.0
     friction: NonNegative = 0.0

@@ -11,7 +11,20 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats import mimics
-from hapticmech_ros.formats.model import WORLD, Body, Coupling, Joint, Model, Note, Point, Solid
+from hapticmech_ros.formats.model import (
+    DRAWN,
+    GEAR,
+    ROTOR,
+    SENSED,
+    WORLD,
+    Body,
+    Coupling,
+    Joint,
+    Model,
+    Note,
+    Point,
+    Solid,
+)
 from hapticmech_ros.formats.sdf_frames import Frames
 from hapticmech_ros.formats.sdf_gears import INEXACT, WHY_INEXACT, gearbox, mimic
 from hapticmech_ros.formats.sdf_nested import HERE, opened
@@ -27,9 +40,9 @@ JOINT_TYPES = {
     "fixed": "fixed",
 }
 WHY = {
-    "visual": "pictures are drawn from the joints",
+    "visual": DRAWN,
     "plugin": "of another simulator",
-    "sensor": "nothing is sensed but poses and wrenches",
+    "sensor": SENSED,
     "mimic of a second axis": "joints have one axis",
     INEXACT: WHY_INEXACT,
     **mimics.WHY,
@@ -39,7 +52,7 @@ WHY = {
 UNKNOWN = "not of a mechanism, or not known"
 # Versions of the format in which axes are those of the model.
 OF_MODEL = ("1.0", "1.2", "1.3", "1.4")
-JOINT_KNOWN = {"parent", "child", "pose", "axis"}
+JOINT_KNOWN = {"parent", "child", "pose", "axis", ROTOR, GEAR}
 LINK_KNOWN = {"pose", "inertial", "collision"}
 
 
@@ -192,8 +205,13 @@ class _Reader:
             friction=self._number(dynamics, "friction", 0.0) if moves else 0.0,
             stiffness=self._number(dynamics, "spring_stiffness", 0.0) if moves else 0.0,
             rest=self._number(dynamics, "spring_reference", 0.0) if moves else 0.0,
+            armature=self._armature(joint) if moves else 0.0,
             limits=self._limits(axis) if kind in ("revolute", "prismatic") else None,
         )
+
+    def _armature(self, joint: Node) -> float:
+        """Return what a joint feels of a rotor that Drake's tags give it, kg m² or kg."""
+        return self._number(joint, GEAR, 1.0) ** 2 * self._number(joint, ROTOR, 0.0)
 
     def _mimic(self, joint: Node, axis: Node) -> None:
         found = mimic(self.source, joint, axis)

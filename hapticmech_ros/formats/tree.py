@@ -230,7 +230,11 @@ class _Builder:
 
     def _notes(self) -> list[Note]:
         notes = list(self._model.notes)
-        acting = [h for h in self._closing if h.damping or h.friction or h.stiffness or h.limits]
+        acting = [
+            hinge
+            for hinge in self._closing
+            if hinge.damping or hinge.friction or hinge.stiffness or hinge.armature or hinge.limits
+        ]
         if acting:
             notes.append(Note("what acts in joints that close loops", len(acting), NO_SENSE))
         if self._dropped:
@@ -239,7 +243,8 @@ class _Builder:
             )
         if self._raised:
             notes.append(Note("inertia of no body", self._raised, RAISED))
-        return notes
+        # What changes what is felt above what is merely drawn.
+        return sorted(notes, key=lambda note: not note.felt)
 
 
 def _joint(hinge: Joint, name: str, origin: pin.SE3) -> Document:
@@ -248,6 +253,7 @@ def _joint(hinge: Joint, name: str, origin: pin.SE3) -> Document:
         found["axis"] = _floats(hinge.axis)
     values: Mapping[str, Any] = {
         "damping": hinge.damping,
+        "armature": hinge.armature,
         "friction": hinge.friction,
         "stiffness": hinge.stiffness,
         "rest": hinge.rest,

@@ -4,12 +4,25 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats import mimics
-from hapticmech_ros.formats.model import Body, Coupling, Joint, Model, Note, Solid
+from hapticmech_ros.formats.model import (
+    DRAWN,
+    GEAR,
+    ROTOR,
+    SENSED,
+    Body,
+    Coupling,
+    Joint,
+    Model,
+    Note,
+    Solid,
+)
 from hapticmech_ros.formats.urdf_shapes import placement_in, solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
@@ -21,19 +34,21 @@ JOINT_TYPES = {
     "floating": "free",
     "planar": "planar",
 }
+ROTOR_ELSEWHERE = "rotor of no revolute or prismatic joint"
 DRIVEN = "nothing drives a joint but the hand and what the scene says"
 WHY = {
-    "visual": "pictures are drawn from the joints",
+    "visual": DRAWN,
     "safety_controller": "a virtual mechanism has no controller of its own",
     "calibration": "a virtual mechanism needs none",
-    "transmission": "joints are moved by forces, not through motors",
-    "material": "pictures are drawn from the joints",
+    "transmission": "joints are moved by forces, not through motors; drake:rotor_inertia is read",
+    "material": DRAWN,
     "gazebo": "of another simulator",
     "ros2_control": "a virtual mechanism has no controller of its own",
     "limit effort": DRIVEN,
     "limit velocity": DRIVEN,
     "limit of no width": "lower = upper, as where they are left out: no stops",
-    "sensor": "nothing is sensed but poses and wrenches",
+    "sensor": SENSED,
+    ROTOR_ELSEWHERE: "say armature of the joints that it moves",
     **mimics.WHY,
 }
 LINK_KNOWN = {"inertial", "collision"}
@@ -74,6 +89,7 @@ def read_urdf(source: Source) -> Model:
         for name in (hinge.parent, hinge.child):
             if name not in bodies:
                 raise source.error(None, name, f"joint {hinge.name!r} needs this link")
+    hinges = _with_rotors(source, hinges, notes)
     hinges, couplings = mimics.settled(hinges, couplings, notes)
     found = [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in notes.items() if count]
     return Model(
@@ -84,6 +100,28 @@ def read_urdf(source: Source) -> Model:
         solids=solids,
         notes=found,
     )
+
+
+def _with_rotors(source: Source, hinges: Sequence[Joint], notes: Counter[str]) -> list[Joint]:
+    """Return joints with the rotors that Drake's tags give them: ``drake:rotor_inertia``.
+
+    In a transmission's actuator, with ``drake:gear_ratio``; what the joint feels is the ratio
+    squared times the rotor's own.
+    """
+    alone = {hinge.name for hinge in hinges if hinge.type in ("revolute", "prismatic")}
+    added: dict[str, float] = {}
+    for transmission in source.root.all("transmission"):
+        named = [joint.attributes.get("name", "") for joint in transmission.all("joint")]
+        for actuator in transmission.all("actuator"):
+            inertia = source.value(actuator.first(ROTOR), "value", 0.0)
+            ratio = source.value(actuator.first(GEAR), "value", 1.0)
+            if inertia == 0.0:
+                continue
+            if len(named) == 1 and named[0] in alone:
+                added[named[0]] = added.get(named[0], 0.0) + ratio * ratio * inertia
+            else:
+                notes[ROTOR_ELSEWHERE] += 1
+    return [replace(one, armature=added.get(one.name, 0.0)) for one in hinges]
 
 
 def _body(source: Source, node: Node, notes: Counter[str]) -> Body:

@@ -56,7 +56,8 @@ class Mechanism(MultibodyModel):
         for index, joint in enumerate(self.tree.joints, 1):
             axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
             placement = self.model.jointPlacements[index]
-            self._joint_rows[index] = joint_row(placement, axis, self.model.inertias[index])
+            inertia = self.model.inertias[index]
+            self._joint_rows[index] = joint_row(placement, axis, inertia, joint.armature)
         self._sets: dict[Active, ActiveSet] = {}
         self.needs_matrix: bool = SCHEMES[scene.simulation.integrator].implicit
         self._authored, _ = authored_state(scene, self.tree)

@@ -90,6 +90,8 @@ def build_tree(scene: Scene) -> TreeModel:
             )
             body_placement = pin.SE3.Identity()
             moving.append(link)
+            part = model.idx_vs[joint]
+            model.armature[part : part + model.nvs[joint]] = link.joint.armature
         link_joint[link.name] = (joint, body_placement)
         body = pin.Inertia(
             link.inertial.mass,

@@ -278,7 +278,9 @@ class MultibodyModel:
             q: (nq,) configuration.
             v: (nv,) rates.
         """
-        kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
+        # computeKineticEnergy of Pinocchio 4.1 leaves the rotors of some kinds of joints out.
+        upper = np.triu(pin.crba(self.model, self.data, q).reshape(self.nv, self.nv))
+        kinetic = v @ upper @ v - 0.5 * v**2 @ upper.diagonal()
         potential = float(pin.computePotentialEnergy(self.model, self.data, q))
         if self.elements.springs:
             pin.updateFramePlacements(self.model, self.data)

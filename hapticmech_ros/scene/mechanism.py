@@ -56,6 +56,9 @@ class Joint(Part):
         axis: unit vector in the joint frame, for ``revolute`` and ``prismatic``.
         origin: joint frame in the frame of the parent link.
         damping: viscous damping per degree of freedom, N m s/rad or N s/m.
+        armature: inertia of a rotor geared to the joint, as the joint feels it (gear ratio squared
+            times the rotor's own), per degree of freedom, kg m² or kg: it is added to the diagonal
+            of D. Of revolute, prismatic and spherical joints.
         stiffness: of a spring in the joint, N m/rad or N/m.
         rest: position at which that spring is slack, rad or m.
         friction: Coulomb friction, N m or N.
@@ -70,6 +73,7 @@ class Joint(Part):
     axis: Vector3 = (0.0, 0.0, 1.0)
     origin: Origin = Origin()
     damping: NonNegative = 0.0
+    armature: NonNegative = 0.0
     stiffness: NonNegative = 0.0
     rest: Real = 0.0
     friction: NonNegative = 0.0

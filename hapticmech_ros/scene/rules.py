@@ -155,6 +155,9 @@ def _joint_elements(scene: Scene) -> Iterator[SceneProblem]:
                 if value:
                     rule = f"only revolute and prismatic joints have one, not {joint.type} ones"
                     yield SceneProblem(f"{key}.{field}", value, rule)
+        if joint.armature and joint.type not in ("revolute", "prismatic", "spherical"):
+            rule = f"only revolute, prismatic and spherical joints have one, not {joint.type} ones"
+            yield SceneProblem(f"{key}.armature", joint.armature, rule)
         limits = joint.limits
         if limits is not None and limits.upper <= limits.lower:
             rule = f"must be above lower = {limits.lower}"

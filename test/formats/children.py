@@ -71,7 +71,7 @@ def outcomes(paths, evaluated=False):
         input="\n".join(map(str, paths)),
         capture_output=True,
         text=True,
-        timeout=PATIENCE,
+        timeout=PATIENCE + len(paths),
         check=False,
     )
     found = [json.loads(line) for line in done.stdout.splitlines()]

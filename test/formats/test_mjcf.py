@@ -13,6 +13,7 @@ from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import read_model
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
+from hapticmech_ros.operational.analysis import analyse
 
 # Of the largest entry: rounding. MuJoCo keeps inertias as principal moments and quaternions, each
 # rounded; angles go through roll, pitch, yaw in ours.
@@ -154,7 +155,7 @@ class Theirs:
     def inertia(self):
         full = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, self.data, full)
-        return full - np.diag(self.model.dof_armature)
+        return full
 
 
 @pytest.mark.parametrize("text", TREES.values(), ids=TREES)
@@ -334,9 +335,12 @@ NOTED = f"""<option wind="1 0 0"><flag contact="disable"/></option><actuator><mo
     </actuator><sensor><jointpos joint="j"/></sensor><keyframe><key/><key/></keyframe>
     <contact><exclude body1="a" body2="b"/></contact><custom/><worldbody><light/><camera/>
     <geom size="1"/><body name="m" mocap="true"/><body name="a" gravcomp="1">{BALL}
-    <joint name="j" armature=".1" springdamper="1 1"/>
+    <joint name="j" springdamper="1 1"/>
     <body name="b">{BALL}<joint type="ball" range="0 1" stiffness="1" frictionloss="1"/></body>
-    </body><body name="c" pos="0 0 1">{BALL}<freejoint align="true"/></body></worldbody><equality>
+    </body><body name="c" pos="0 0 1">{BALL}<freejoint align="true"/></body>
+    <body name="d" pos="0 0 2">{BALL}<joint name="f" type="free" armature=".1"/></body></worldbody>
+    <tendon><fixed name="t" armature="1"><joint joint="j" coef="1"/></fixed></tendon>
+    <actuator><motor tendon="t" armature="1"/></actuator><equality>
     <connect body1="a" anchor="0 0 0" solref=".1 1"/></equality>"""
 
 
@@ -344,15 +348,58 @@ def test_what_a_scene_does_not_have_is_noted(tmp_path):
     imported = read_model(written(tmp_path, NOTED))
     found = {note.what: note.count for note in notes_in(imported)}
     assert found == {
-        **dict.fromkeys(("actuator", "sensor", "contact", "custom", "light", "camera"), 1),
-        **dict.fromkeys(("mocap", "gravcomp", "armature", "springdamper", "align", "fluid"), 1),
+        **dict.fromkeys(("sensor", "contact", "custom", "light", "camera", "tendon"), 1),
+        **dict.fromkeys(("mocap", "gravcomp", "springdamper", "align", "fluid"), 1),
+        **dict.fromkeys(("armature of a free joint", "armature of a tendon"), 1),
+        "armature of an actuator on no hinge or slide": 1,
+        "actuator": 2,
         **dict.fromkeys(("flag", "range of a ball", "solref or solimp of an equality"), 1),
         "stiffness of a ball or free joint": 1,
         "frictionloss of a ball or free joint": 1,
         "keyframe": 2,
-        "geom that collides": 4,
+        "geom that collides": 5,
     }
     assert all(note.why for note in notes_in(imported))
+    # What may change what is felt comes first.
+    assert {note.what for note in imported.notes[-3:]} == {"sensor", "light", "camera"}
+
+
+ROTORS = f"""<default><joint armature=".1"/><position armature=".2" gear="3"/>
+    <default class="x"><general armature=".4"/></default></default><worldbody>
+    <body name="a"><joint name="j" axis="0 1 0"/>{{ball}}
+    <body name="b" pos=".3 0 0"><joint name="k" type="slide" axis="1 1 0" armature=".7"/>{{ball}}
+    <body name="c" pos=".2 0 0"><joint name="l" type="ball" armature=".03"/>{INERTIAL}
+    <body name="d" pos="0 .2 0"><joint name="m" axis="1 0 0" armature="0"/>{{ball}}
+    <site name="tip" pos=".1 .2 0"/></body></body></body></body></worldbody>
+    <actuator><motor joint="j"/><motor jointinparent="k" class="x" gear="2"/>
+    <position joint="k" armature="0"/><velocity joint="j" gear="-.5 9"/></actuator>"""
+
+
+def test_rotors_of_joints_and_actuators_are_felt_as_in_mujoco(tmp_path):
+    path = written(tmp_path, ROTORS.format(ball=BALL))
+    ours, theirs = Read(path), Theirs(path)
+    assert not any("armature" in note for note in ours.notes)
+    assert [ours.written(name).armature for name in "jklm"] == pytest.approx(
+        [0.1 + 0.2 * 9 + 0.2 * 0.25, 0.7 + 0.4 * 4, 0.03, 0.0]
+    )
+    document = written(tmp_path, ROTORS.format(ball=BALL)).parent / "scene.yaml"
+    document.write_text(
+        "format: hapticmech-scene/1\nmodel: {file: model.xml}\n"
+        "operational_points: [{name: tip, link: tip}]\n"
+    )
+    mechanism = Mechanism(load_scene(document))
+    rng = np.random.default_rng(4)
+    for _ in range(3):
+        q, v, _ = theirs.state(ours, rng)
+        full = theirs.inertia()
+        assert np.abs(ours.inertia(q) - full).max() <= SAME * np.abs(full).max()
+        assert np.abs(ours.bias(q, v) - theirs.data.qfrc_bias).max() <= SAME * np.abs(full).max()
+        jacobian = np.zeros((6, theirs.model.nv))
+        mujoco.mj_jacSite(theirs.model, theirs.data, jacobian[:3], jacobian[3:], 0)
+        inverse = jacobian @ np.linalg.solve(full, jacobian.T)
+        found = analyse(mechanism, q, "tip").inverse_inertia
+        assert np.abs(found - inverse).max() <= 100 * SAME * np.abs(inverse).max()
+        assert mechanism.energy(q, v)[0] == pytest.approx(0.5 * v @ full @ v, rel=1e-13)
 
 
 BROKEN = {

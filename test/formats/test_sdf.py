@@ -310,3 +310,17 @@ def test_one_model_is_read(tmp_path, models):
     path.write_text(f"<sdf>{models}</sdf>")
     with pytest.raises(SceneError, match="needs one <model>"):
         read_model(path)
+
+
+def test_rotors_that_drakes_tags_give_are_those_of_joints(tmp_path):
+    rotor = "<drake:rotor_inertia>2e-4</drake:rotor_inertia>"
+    parts = [
+        link("a"),
+        joint("j", "world", "a", inside=f"{rotor}<drake:gear_ratio>50</drake:gear_ratio>"),
+        link("b"),
+        joint("k", "a", "b", inside=rotor),
+    ]
+    ours = Read(written(tmp_path, parts))
+    assert ours.written("j").armature == pytest.approx(2e-4 * 50**2)
+    assert ours.written("k").armature == 2e-4
+    assert not any("drake" in note for note in ours.notes)

@@ -222,6 +222,32 @@ def test_what_a_scene_does_not_have_is_noted(tmp_path):
     assert all(note.why and str(note.count) in str(note) for note in notes_in(imported))
 
 
+ROTORS = """<robot name="r" xmlns:drake="http://drake.mit.edu"><link name="base"/>
+<link name="a">{inertial}</link><link name="b">{inertial}</link><link name="c">{inertial}</link>
+<joint name="j" type="continuous"><parent link="base"/><child link="a"/></joint>
+<joint name="k" type="prismatic"><parent link="a"/><child link="b"/>
+<limit lower="-1" upper="1" effort="0" velocity="0"/></joint>
+<joint name="f" type="fixed"><parent link="b"/><child link="c"/></joint>
+<transmission><joint name="j"/><actuator name="m">
+<drake:rotor_inertia value="2e-4"/><drake:gear_ratio value="-50"/></actuator></transmission>
+<transmission><joint name="k"/><actuator name="n"><drake:rotor_inertia value="0.3"/></actuator>
+</transmission>
+<transmission><joint name="f"/><actuator name="o"><drake:rotor_inertia value="1"/></actuator>
+</transmission></robot>"""
+
+
+def test_rotors_that_drakes_tags_give_are_those_of_joints(tmp_path):
+    ours = Read(written(tmp_path, ROTORS.format(inertial=inertial_of(1))))
+    assert ours.written("j").armature == pytest.approx(2e-4 * 50**2)
+    assert ours.written("k").armature == 0.3
+    assert ours.notes["rotor of no revolute or prismatic joint"] == 1
+    plain = pin.buildModelFromUrdf(str(tmp_path / "model.urdf"))
+    q = np.zeros(2)
+    full = np.triu(pin.crba(plain, plain.createData(), pin.neutral(plain)))
+    full += np.triu(full, 1).T + np.diag((0.5, 0.3))
+    assert np.abs(ours.inertia(q) - full).max() <= SAME * np.abs(full).max()
+
+
 def test_a_mimic_is_a_coupling(tmp_path):
     text = NOTED.format(inertial=inertial_of(1))
     mimic = '<mimic joint="j" multiplier="-2" offset="0.5"/><axis xyz="0 1 0"/>'

@@ -47,6 +47,8 @@ def rescaled(document: Document, q: Array, length: float, mass: float) -> tuple[
             position[start + k] *= length
         start += sizes[kind]
         scale_origin(link["joint"])
+        if "armature" in link["joint"]:
+            link["joint"]["armature"] *= mass * (1.0 if kind == "prismatic" else length**2)
         inertial = link["inertial"]
         inertial["mass"] *= mass
         inertial["com"] = floats(length * np.asarray(inertial["com"]))

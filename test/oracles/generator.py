@@ -24,6 +24,8 @@ PLANAR_JOINTS = ("revolute", "prismatic", "planar", "revolute", "revolute")
 SPATIAL_KINDS = ("spherical", "revolute", "weld")
 PLANAR_KINDS = ("planar_pin", "planar_pin", "spherical", "revolute", "weld")
 ROWS = {"spherical": 3, "revolute": 5, "weld": 6, "planar_pin": 2}
+# Joints that a rotor may be geared to.
+GEARED = ("revolute", "prismatic", "spherical")
 RATE_SIZE = {"revolute": 1, "prismatic": 1, "spherical": 3, "free": 6, "planar": 3, "fixed": 0}
 
 
@@ -125,6 +127,8 @@ def random_mechanism(
         kind = "fixed" if index == 3 and seed % 4 == 0 else str(rng.choice(joints))
         joint = {"name": f"joint{index}", "type": kind, "origin": random_origin(rng, planar)}
         joint |= {"axis": floats(random_axis(rng, kind, planar)), "damping": 0.1 * rng.random()}
+        if index % 2 and kind in GEARED:
+            joint["armature"] = 0.01 * (index + 1)
         q.append(random_position(rng, kind))
         rates += RATE_SIZE[kind]
         document["links"].append(
@@ -167,6 +171,8 @@ def closed_chain(seed: int, kind: str) -> Sample:
         link["parent"] = f"link{index - 1}" if index else "world"
         axis = floats(random_axis(rng, joint, planar))
         link["joint"] |= {"type": joint, "axis": axis}
+        if joint not in GEARED:
+            link["joint"].pop("armature", None)
     q = np.concatenate([random_position(rng, joint) for joint in joints])
     a = {"link": f"link{len(joints) - 1}", "origin": random_origin(rng, planar)}
     poses = link_poses(document, q)

@@ -1,8 +1,10 @@
 """D and h of a scene by virtual power and finite differences of its forward kinematics.
 
-    D = sum J_c^T m J_c + J_w^T I J_w,     h = sum J_c^T m (c'' - g) + J_w^T (I w' + w x I w)
+    D = sum J_c^T m J_c + J_w^T I J_w + a J_r^T J_r
+    h = sum J_c^T m (c'' - g) + J_w^T (I w' + w x I w)
 
-with c'' and w' the accelerations along q(t) = q (+) t v, where the joint rates stay v.
+with J_r of a joint's own motion, a the inertia of its rotor, and c'' and w' the accelerations along
+q(t) = q (+) t v, where the joint rates stay v.
 """
 
 from __future__ import annotations
@@ -35,6 +37,28 @@ def rotation_rate(r: Callable[[float], Array]) -> Array:
     return vee(derivative(r) @ here.T)
 
 
+def rotor(document: Document, link: Document, retract: Retract, q: Array, nv: int) -> Array:
+    """Return what a joint's rotor adds to D: a J^T J, J of the link's motion in its parent.
+
+    A rotor that turns many times as fast as its joint is taken to feel nothing else.
+    """
+    joint = link["joint"]
+    if not joint.get("armature"):
+        return np.zeros((nv, nv))
+
+    def apart(change: Array) -> tuple[Array, Array]:
+        poses = link_poses(document, retract(q, change))
+        (r, p), (child, at) = poses[link["parent"]], poses[link["name"]]
+        return r.T @ child, r.T @ (at - p)
+
+    if joint["type"] == "prismatic":
+        jacobian = columns(lambda change: apart(change)[1], nv)
+    else:
+        spins = [rotation_rate(lambda t, u=unit: apart(t * u)[0]) for unit in np.eye(nv)]
+        jacobian = np.stack(spins, axis=1)
+    return joint["armature"] * jacobian.T @ jacobian
+
+
 def dynamics(document: Document, retract: Retract, q: Array, v: Array) -> tuple[Array, Array]:
     """Return D (nv, nv) and h (nv,)."""
     nv = v.size
@@ -63,4 +87,5 @@ def dynamics(document: Document, retract: Retract, q: Array, v: Array) -> tuple[
         turning = vee(second_derivative(lambda t, pose=pose: pose(t * v)[0]) @ here.T)
         bias += mass * jacobian.T @ (accel - gravity)
         bias += spin.T @ (body @ turning + np.cross(rate, body @ rate))
+        inertia += rotor(document, link, retract, q, nv)
     return inertia, bias

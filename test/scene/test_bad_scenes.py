@@ -58,6 +58,7 @@ ONE_VALUE = [
     ("links[0].inertial.inertia.izz", -0.1, "greater than or equal to 0"),
     ("links[0].joint.type", "hinge", "'revolute'"),
     ("links[0].joint.damping", -0.1, "greater than or equal to 0"),
+    ("links[0].joint.armature", -1e-9, "greater than or equal to 0"),
     ("links[0].joint.axis", "001", "valid tuple"),
     ("links[0].joint.axis", [0, 0, 2.0], "must be a unit vector"),
     ("links[0].joint.axis", [0, 0, 0], "must be a unit vector"),
@@ -189,6 +190,15 @@ def test_elements_of_a_joint_need_one_coordinate(spatial, field):
     (problem,) = problems_of(spatial)
     assert problem.key_path == f"links[0].joint.{field}"
     assert "only revolute and prismatic joints" in problem.rule
+
+
+@pytest.mark.parametrize(("kind", "q"), [("free", [0.0] * 6 + [1.0]), ("planar", [0.0, 0, 1, 0])])
+def test_a_rotor_is_geared_to_a_joint_that_turns_or_slides(spatial, kind, q):
+    spatial["links"][0]["joint"] = {"name": "joint1", "type": kind, "armature": 0.1}
+    spatial["initial_state"]["q"]["joint1"] = q
+    (problem,) = problems_of(spatial)
+    assert problem.key_path == "links[0].joint.armature"
+    assert f"not {kind} ones" in problem.rule
 
 
 def test_a_locked_joint_has_a_position_and_no_rate(planar):

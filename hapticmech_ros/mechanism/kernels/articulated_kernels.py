@@ -2,9 +2,10 @@
 
 Going from the tips to the world, each rate c leaves its axis S_c, U_c = I S_c and d_c = S_cᵀU_c of
 the articulated inertia I that it carries, and I - U_c U_cᵀ/d_c goes on (Featherstone, Rigid Body
-Dynamics Algorithms, 7.3). The same numbers are a factor of D: Rodriguez, Jain and Kreutz-Delgado
-(1992) call it innovations factorisation. L⁻¹, L⁻ᵀ and Lᵀ are a sweep each. All about the world's
-origin, so that nothing has to be moved from joint to joint.
+Dynamics Algorithms, 7.3). The inertia of a rotor is added to d_c alone (9.6 there). The same
+numbers are a factor of D: Rodriguez, Jain and Kreutz-Delgado (1992) call it innovations
+factorisation. L⁻¹, L⁻ᵀ and Lᵀ are a sweep each. All about the world's origin, so that nothing has
+to be moved from joint to joint.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from hapticmech_ros.compilation import inner, leaf, shaped
 from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.small_matrices import clear, dot6
+from hapticmech_ros.mechanism.kernels.tree_kernels import ARMATURE
 
 
 @inner
@@ -32,7 +34,7 @@ def articulate(model: Model, data: Data) -> int:
             found = pivots[row]
             for i in range(6):
                 found[i] = dot6(inertia[i], axes[row])
-            pivot = dot6(axes[row], found)
+            pivot = dot6(axes[row], found) + model.joint_values[joint, ARMATURE]
             if not pivot > 0.0:
                 return int(row)
             root = np.sqrt(pivot)

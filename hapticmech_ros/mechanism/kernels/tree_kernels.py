@@ -28,20 +28,21 @@ JOINT_KINDS = {
     "free": FREE,
 }
 # Columns of ``Model.joint_values``.
-_ORIGIN, _AXIS, _MASS, _LEVER, _INERTIA, _TURNS = 9, 12, 15, 16, 19, 25
+_ORIGIN, _AXIS, _MASS, _LEVER, _INERTIA, _TURNS, ARMATURE = 9, 12, 15, 16, 19, 25, 52
 
 
-def joint_row(placement: pin.SE3, axis: Array, inertia: pin.Inertia) -> Array:
-    """Return a joint's row (52,) of ``Model.joint_values``.
+def joint_row(placement: pin.SE3, axis: Array, inertia: pin.Inertia, armature: float) -> Array:
+    """Return a joint's row (53,) of ``Model.joint_values``.
 
     Its placement in its parent, axes first, then its axis, its link's mass, centre of mass and
-    rotational inertia about it (xx, xy, xz, yy, yz, zz), and three matrices column by column: a
-    revolute joint's axes in its parent's are A + cos θ B + sin θ C.
+    rotational inertia about it (xx, xy, xz, yy, yz, zz), three matrices column by column (a
+    revolute joint's axes in its parent's are A + cos θ B + sin θ C), and its rotor's inertia.
 
     Args:
         placement: in its parent, m.
         axis: (3,) unit vector in the joint's frame.
         inertia: of its link in the joint's frame, kg, m and kg m².
+        armature: of each of its rates, kg m² or kg.
     """
     row = np.zeros(JOINT_COLUMNS)
     rotation = placement.rotation
@@ -51,7 +52,8 @@ def joint_row(placement: pin.SE3, axis: Array, inertia: pin.Inertia) -> Array:
     row[_AXIS:_MASS], row[_MASS], row[_LEVER:_INERTIA] = axis, inertia.mass, inertia.lever
     row[_INERTIA:_TURNS] = inertia.inertia[np.triu_indices(3)]
     turns = (along, np.eye(3) - along, across)
-    row[_TURNS:] = np.concatenate([(rotation @ turn).T.ravel() for turn in turns])
+    row[_TURNS:ARMATURE] = np.concatenate([(rotation @ turn).T.ravel() for turn in turns])
+    row[ARMATURE] = armature
     return row
 
 
@@ -237,6 +239,7 @@ def inertia_of(model: Model, data: Data, inertia: Array) -> None:
             momentum(subtree[joint], axes[row], moved)
             for col in range(first, row + 1):
                 inertia[row, col] = dot6(axes[col], moved)
+            inertia[row, row] += model.joint_values[joint, ARMATURE]
             above = parent
             while above > 0:
                 start = joints[above, 1]
