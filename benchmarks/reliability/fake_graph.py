@@ -18,7 +18,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.haptic_device import HapticDevice
@@ -188,13 +188,15 @@ class Host:
             self.actor.deactivate()
         self.active = False
 
-    def refuse(self, topic: str, error: InvalidInputError) -> None:
+    def refuse(self, topic: str, error: HapticMechError) -> None:
         """Count a message that breaks a rule."""
         self.refused += 1
         self.last_refusal = f"{topic}: {error}"
 
     def begin(self) -> None:
-        """Activate."""
+        """Activate if inactive."""
+        if self.active:
+            return
         self.actor.activate()
         if isinstance(self.actor, ClockedActor):
             self.actor.begin(self.graph.now_ns)

@@ -1,6 +1,7 @@
 """Simulated haptic device driver: what a real device's ROS driver would be, with a hand on it.
 
-CRTK: publishes measured_cp, measured_cv, measured_cf; obeys servo_cf.
+CRTK: publishes measured_cp, measured_cv, measured_cf, operating_state; obeys servo_cf and
+state_command.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Stamped, Standing
 from hapticmech_ros.nodes.last_valid_state import LastValidState
 from hapticmech_ros.nodes.local_loop import LocalLoop
+from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.parameters import DeviceParameters
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.simulation import Simulator
@@ -36,7 +38,9 @@ from hapticmech_ros.wire.stamps import nearest_stamp
 from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,
     DEVICE_GAIN,
+    DEVICE_OPERATING_STATE,
     DEVICE_STATE,
+    DEVICE_STATE_COMMAND,
     EMERGENCY_STOP,
     START_HAND,
 )
@@ -84,6 +88,12 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         node.keep(node.create_service(SetBool, EMERGENCY_STOP, self._on_stop))
         commands, gains = self.sources(DEVICE_COMMAND.name), self.sources(DEVICE_GAIN.name)
         self._guard = CommandGuard(commands, gains)
+        self._operating = OperatingState(
+            self,
+            (DEVICE_OPERATING_STATE, DEVICE_STATE_COMMAND),
+            fault=self._fault,
+            at_zero=self._look_at_refusal,
+        )
         qos = self.control_input
         self.input_command(DEVICE_COMMAND.name, qos, self._on_command, sources=commands)
         if self._is_local:
@@ -126,16 +136,21 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._side.begin()
         self._held = self._state if self.lockstep else None
         self.times_held = int(self.lockstep)
+        self._operating.publish(active=True)
 
     def deactivate(self) -> None:
         """Put the actuators at zero and let go."""
+        self._rest()
+        self._operating.publish(active=False)
+
+    def _rest(self) -> None:
         self._put_at_zero()
         self._state = self._device.at_rest(self._state.pose, home=self._state.home)
 
     def reseat(self) -> None:
         """Stand still where all was well, with the actuators at zero, held by nobody."""
         self._state, self._push = self._last_valid.go_back(self.now_ns()), NO_WRENCH
-        self.deactivate()
+        self._rest()
         self.activate()
 
     def ready(self, deadline_ns: int) -> bool:
@@ -174,6 +189,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def _publish_view(self, stamp_ns: int) -> None:
         self._let_go_untold = False
+        self._operating.publish(self.node.active)
         self._view.publish(self._state, self._written.hand_wrench, stamp_ns)
         self._view.publish_energy(self._side.passivity, self._sample(), stamp_ns)
 
@@ -185,9 +201,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the device's state and figures."""
         now, counts = self.now_ns(), self._side.envelope.counts
-        fault = self._guard.fault(now)
-        if not fault and self._last_valid.resting:
-            fault = f"restarting after an error: {self.failures.last}"
+        fault = self._fault() or self._operating.withheld
         rendering = not fault and self._command.fresh(now, self.timeout_ns)
         sentence = "rendering" if rendering else f"{fault or 'no commands'}: actuators at zero"
         return (
@@ -210,7 +224,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
         The hand takes hold and lets go with it. Arguments as :meth:`steps` yields them.
         """
-        fault = self._guard.fault(now_ns)
+        fault = self._refusal(now_ns)
         if self.lockstep:
             answer = self._answer_of(self.answered_ns(now_ns)) if self._ticks >= 2 else NO_WRENCH
             if fault:
@@ -314,9 +328,19 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         if self.lockstep:
             self.act(now_ns)
 
+    def _refusal(self, now_ns: int) -> str:
+        """Return why nothing is obeyed: it must not be, or was told not to; empty if it is."""
+        return self._guard.fault(now_ns) or self._operating.withheld
+
+    def _fault(self) -> str:
+        """Return why nothing may be obeyed, whatever is told; empty if it may."""
+        resting = self._last_valid.resting
+        failed = f"restarting after an error: {self.failures.last}" if resting else ""
+        return self._guard.fault(self.now_ns()) or failed
+
     def _look_at_fault(self, now_ns: int) -> None:
         """Put the actuators at zero, and say why, if what has come shows that two command."""
-        fault = self._guard.fault(now_ns)
+        fault = self._refusal(now_ns)
         if fault and self._answers.obeys:
             self._warn(fault)
             self._put_at_zero()
@@ -326,12 +350,15 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         # First of all, so that it lasts whatever fails.
         self._guard.stopped = request.data
         done = "actuators at zero" if request.data else "commands are obeyed again"
-        return self.failures.answer(EMERGENCY_STOP, self._look_at_stop, response, done)
+        return self.failures.answer(EMERGENCY_STOP, self._look_at_refusal, response, done)
 
-    def _look_at_stop(self) -> None:
-        if self._guard.stopped:
-            self._warn(STOPPED)
+    def _look_at_refusal(self) -> None:
+        """Put the actuators at zero, and say why, if they have been told to stop."""
+        reason = STOPPED if self._guard.stopped else self._operating.withheld
+        if reason:
+            self._warn(reason)
             self._put_at_zero()
+        self._operating.publish(self.node.active)
 
     def _on_start_hand(
         self, request: Trigger.Request, response: Trigger.Response

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.origin import Listener
 
@@ -87,8 +87,11 @@ class Host(Protocol):
     def every(self, period_s: float, callback: Callable[[], None]) -> None:
         """Call back at a period of the machine's clock while the node is active."""
 
+    def begin(self) -> None:
+        """Activate if configured and inactive."""
+
     def end(self) -> None:
         """Deactivate if active."""
 
-    def refuse(self, topic: str, error: InvalidInputError) -> None:
+    def refuse(self, topic: str, error: HapticMechError) -> None:
         """Count a message that breaks a rule, and say so now and then."""

@@ -267,6 +267,11 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self._release()
         return SUCCESS
 
+    def begin(self) -> None:
+        """Activate if configured and inactive."""
+        if self.actor is not None and not self.active:
+            self.trigger_activate()
+
     def end(self) -> None:
         """Deactivate if active; what remains is destroyed with the node."""
         if self.active:

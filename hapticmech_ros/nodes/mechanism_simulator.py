@@ -22,6 +22,7 @@ from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.last_valid_state import LastValidState
+from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.operational_points import OperationalPoints
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.point_port import PointPort
@@ -38,7 +39,14 @@ from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, pack_energy
 from hapticmech_ros.wire.stamped import JointStateWriter
 from hapticmech_ros.wire.state import StateLayout, WireState
-from hapticmech_ros.wire.topics import CLOSURES, EXTERNAL_WRENCH, JOINT_STATES, STATE
+from hapticmech_ros.wire.topics import (
+    CLOSURES,
+    EXTERNAL_WRENCH,
+    JOINT_STATES,
+    POINT_OPERATING_STATE,
+    POINT_STATE_COMMAND,
+    STATE,
+)
 
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):
@@ -94,6 +102,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._grasps.announce()
         self._announced = self._state.active
         self._announce_closures()
+        self._operating = OperatingState(
+            self,
+            (POINT_OPERATING_STATE, POINT_STATE_COMMAND),
+            fault=self._fault,
+            at_zero=self._rest,
+        )
         offer_closures(self, [c.name for c in self._mechanism.closures], self._switch)
 
     def apply_parameters(self, parameters: MechanismParameters) -> None:
@@ -126,15 +140,20 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._external = self._calm
         self._on_links = {}
         self._inaccurate_ns = NEVER
+        self._operating.publish(active=True)
 
     def deactivate(self) -> None:
         """Come to rest: on activation the mechanism goes on from here."""
+        self._rest()
+        self._operating.publish(active=False)
+
+    def _rest(self) -> None:
         self._state = replace(self._state, v=np.zeros_like(self._state.v))
 
     def reseat(self) -> None:
         """Stand still where all was well, pushed by nobody, and be silent for all to notice."""
         self._state = self._last_valid.go_back(self.now_ns())
-        self.deactivate()
+        self._rest()
         self.activate()
 
     def ready(self, deadline_ns: int) -> bool:
@@ -153,7 +172,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if self._ticks or not self.lockstep:
             for known_ns, _ in self.steps(periods, deadline_ns):
                 self._commands = self._commanded(known_ns, deadline_ns)
-                self._move()
+                if not self._operating.withheld:
+                    self._move()
             if not self.backlog.owed:
                 for port in self._ports:
                     port.command.sampled()
@@ -163,7 +183,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def _publish(self, deadline_ns: int) -> None:
         state, external = self._state, self._by_all()
         self._sampled_ns = deadline_ns
-        lockstep, late = self.lockstep, self._is_behind
+        lockstep, late = self.lockstep, self._is_behind or bool(self._operating.withheld)
         heard = tuple([lockstep or (not late and port.heard(deadline_ns)) for port in self._ports])
         wire = WireState(
             deadline_ns, state.active, state.q, state.v, external, self._grasps.numbers, heard
@@ -173,6 +193,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if state.active != self._announced:
             self._announce_closures()
         if self._ticks % self.view_every == 0:
+            self._operating.publish(self.node.active)
             self._publish_view(self._simulator.evaluate(state), external, deadline_ns)
         self._ticks += 1
 
@@ -215,16 +236,23 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             "overtaken_commands": str(sum(port.order.overtaken for port in self._ports)),
         }
         now = self.now_ns()
-        fault = next((fault for port in self._ports if (fault := port.fault(now))), "")
-        figures["fault"] = fault
-        if not fault and self._last_valid.resting:
-            fault = f"restarting after an error: {self.failures.last}"
+        figures["fault"] = self._two_command(now)
+        fault = self._fault() or self._operating.withheld
         if not fault and now - self._inaccurate_ns < NANOSECONDS:
             fault = self._inaccuracy()
         if not fault and drift > DRIFT:
             fault = f"energy has drifted by {drift:.1%} of what was exchanged: shorten the period"
         well = not fault
         return well, fault or f"closed loops: {closed}", figures
+
+    def _two_command(self, now_ns: int) -> str:
+        return next((fault for port in self._ports if (fault := port.fault(now_ns))), "")
+
+    def _fault(self) -> str:
+        """Return why the mechanism is held by nobody, whatever is told; empty if it may be."""
+        resting = self._last_valid.resting
+        failed = f"restarting after an error: {self.failures.last}" if resting else ""
+        return self._two_command(self.now_ns()) or failed
 
     def _move(self) -> None:
         wrenches, before = self._commands + self._external, self._state.account.inaccurate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hapticmech_ros.wire.topic import TEXT
 from hapticmech_ros.wire.topics import TOPICS
 
 RATES = {
@@ -27,11 +28,12 @@ def markdown() -> str:
         "|---|---|---|---|---|---|---|",
     ]
     for topic in TOPICS:
-        kind = topic.type.replace("/msg/", "/")
+        # The table is the same wherever it is made.
+        kind = TEXT if topic.type.startswith("crtk_msgs/") else topic.type
         readers = ", ".join(topic.subscribers) or "other nodes, bags"
         cells = (
             f"`{topic.name}`",
-            kind,
+            kind.replace("/msg/", "/"),
             topic.publisher,
             readers,
             RATES[topic.rate],

@@ -6,9 +6,12 @@ operational point of the scene.
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import dataclass
 from typing import Literal
 
+# Stands for CRTK's own message types where they are not installed.
+TEXT = "std_msgs/msg/String"
 Rate = Literal["control", "view", "contact", "marker", "change", "1 Hz", "caller's"]
 Qos = Literal["stream", "latched", "command"]
 
@@ -56,3 +59,8 @@ ARRAY = "std_msgs/msg/Float64MultiArray"
 DEVICE, MECHANISM = "haptic_device", "mechanism_simulator"
 ANALYSER, CONTROLLER = "nullspace_analyser", "teleoperation_controller"
 VIEWER = "scene_viewer"
+
+
+def crtk_type(name: str) -> str:
+    """Return the full name of one of CRTK's message types, or of what stands for it here."""
+    return TEXT if importlib.util.find_spec("crtk_msgs") is None else f"crtk_msgs/msg/{name}"

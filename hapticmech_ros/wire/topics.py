@@ -15,8 +15,17 @@ from hapticmech_ros.wire.topic import (
     VIEWER,
     WRENCH,
     Topic,
+    crtk_type,
 )
 from hapticmech_ros.wire.view_topics import VIEW_TOPICS
+
+_STATES = (
+    "`ENABLED`, `DISABLED`, `PAUSED` or `FAULT`; crtk_msgs/OperatingState where that is installed"
+)
+_COMMANDS = (
+    "`enable`, `disable`, `pause`, `resume`, `home` or `unhome`; crtk_msgs/StringStamped where "
+    "that is installed"
+)
 
 DEVICE_STATE = Topic(
     "device/state",
@@ -78,6 +87,22 @@ DEVICE_COMMAND = Topic(
     "measurement it answers",
     (DEVICE, VIEWER),
     rate="control",
+)
+DEVICE_OPERATING_STATE = Topic(
+    "device/operating_state",
+    crtk_type("OperatingState"),
+    DEVICE,
+    _STATES,
+    rate="change",
+    qos="latched",
+)
+DEVICE_STATE_COMMAND = Topic(
+    "device/state_command",
+    crtk_type("StringStamped"),
+    "any",
+    _COMMANDS,
+    (DEVICE,),
+    rate="caller's",
 )
 DEVICE_GAIN = Topic(
     "device/local_feedback_gain",
@@ -148,6 +173,22 @@ POINT_COMMAND = Topic(
     "`world`",
     (MECHANISM, VIEWER),
     rate="control",
+)
+POINT_OPERATING_STATE = Topic(
+    "mechanism/{point}/operating_state",
+    crtk_type("OperatingState"),
+    MECHANISM,
+    _STATES,
+    rate="change",
+    qos="latched",
+)
+POINT_STATE_COMMAND = Topic(
+    "mechanism/{point}/state_command",
+    crtk_type("StringStamped"),
+    "any",
+    _COMMANDS,
+    (MECHANISM,),
+    rate="caller's",
 )
 EXTERNAL_WRENCH = Topic(
     "mechanism/{point}/external_cf",
@@ -266,6 +307,8 @@ TOPICS: tuple[Topic, ...] = (
     DEVICE_JOINTS,
     DEVICE_COMMAND,
     DEVICE_GAIN,
+    DEVICE_OPERATING_STATE,
+    DEVICE_STATE_COMMAND,
     DEVICE_ENERGY,
     HAND_WRENCH,
     STATE,
@@ -275,6 +318,8 @@ TOPICS: tuple[Topic, ...] = (
     POINT_FORCE,
     POINT_JOINTS,
     POINT_COMMAND,
+    POINT_OPERATING_STATE,
+    POINT_STATE_COMMAND,
     EXTERNAL_WRENCH,
     SET_OPERATIONAL_POINT,
     OPERATIONAL_POINT,

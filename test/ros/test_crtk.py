@@ -12,7 +12,9 @@ import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
+from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.wire.topics import TOPICS
 from ros.harness import Peer, running, six
 
@@ -161,6 +163,40 @@ def test_the_header_of_a_command_may_be_empty(
     given = {"hand": "commanded"} if node == "haptic_device" else {}
     with running(node, domain, scene="spatial_arm", **given):
         client.push(0.005, *TURNING, frame="")
+
+
+@pytest.mark.parametrize(("namespace", "node"), EVERY)
+def test_a_client_enables_reads_renders_pauses_and_disables(
+    domain: int, peer: Peer, namespace: str, node: str
+) -> None:
+    """As CRTK's own client does: it asks for a state, and waits until it is told so."""
+    client = CrtkClient(peer, namespace, RELIABLE)
+    states = peer.listen(f"{namespace}/operating_state", String, LATCHED)
+    commands = peer.node.create_publisher(String, f"{namespace}/state_command", RELIABLE)
+
+    def ask(word: str, state: str) -> None:
+        peer.until(lambda: commands.get_subscription_count() > 0, "a listener of commands")
+        commands.publish(String(data=word))
+        peer.until(lambda: states and states[-1].data == state, f"{state} after {word}")
+
+    given = {"hand": "commanded"} if node == "haptic_device" else {}
+    with running(node, domain, scene="spatial_arm", autostart=False, **given):
+        assert peer.transition(node, "configure")
+        peer.until(lambda: states, "a state")
+        assert states[-1].data == "DISABLED"
+        ask("enable", "ENABLED")
+        client.push(0.005, *TURNING)
+        ask("pause", "PAUSED")
+        ask("resume", "ENABLED")
+        client.push(0.005, *TURNING)
+        ask("disable", "DISABLED")
+        assert peer.state_of(node) == "inactive"
+        read = len(client.measured_cp)
+        peer.run(0.2)
+        assert len(client.measured_cp) <= read + 1
+        ask("enable", "ENABLED")
+        client.push(0.005, *TURNING)
+    assert [message.data for message in states[:3]] == ["DISABLED", "ENABLED", "PAUSED"]
 
 
 def test_verbs_of_crtk_have_its_types() -> None:
