@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import serialize_message
 
 from benchmarks.memory.growth import resident
@@ -27,6 +27,7 @@ from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
 from benchmarks.reliability.wire_messages import run_wire
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.wire.topics import OPERATIONAL_POINT, SET_OPERATIONAL_POINT
 
 PART = "messages"
 # Scenes by turns: plane with a loop, and in space with contacts.
@@ -93,12 +94,14 @@ class Trial:
         self.memory = MemoryGrowth()
         self._examples: list[str] = []
         self.graph.run(SETTLED_S)
-        self._samples = self._wholes()
+        # Where points are at the start, by the topics that move them.
         self._homes = {
-            topic: message
-            for topic, message in self._samples.items()
-            if topic.endswith("/set_operational_point")
+            f"/{SET_OPERATIONAL_POINT.of(point.name)}": serialize_message(
+                self.graph.last[f"/{OPERATIONAL_POINT.of(point.name)}"]
+            )
+            for point in self.scene.operational_points
         }
+        self._samples = self._wholes()
 
     def send(self, count: int) -> None:
         """Send so many, with the graph's own messages between them."""
@@ -177,9 +180,7 @@ class Trial:
         """Return a whole message for every topic that is heard."""
         found: dict[str, bytes] = {}
         for topic, kind in self.graph.listened():
-            last = self.graph.last.get(topic)
-            if last is None and kind is PoseStamped:
-                last = self.graph.last.get(f"{topic}ed")
+            last = self._homes.get(topic) or self.graph.last.get(topic)
             last = kind() if last is None else last
             found[topic] = last if isinstance(last, bytes) else serialize_message(last)
         return found

@@ -185,13 +185,17 @@ def _notes(topic: BagTopic) -> tuple[str, ...]:
     return tuple(notes)
 
 
+# Rates of topics that not every scene has.
+OPTIONAL = ("contact", "body")
+
+
 def absent(names: list[str]) -> tuple[str, ...]:
     """Return what a graph of this package publishes and is not among ``names``.
 
     Empty if nothing of such a graph is there; only scenes with contacts publish what touches.
     ``{point}`` stands for an operational point.
     """
-    declared = [t.name for t in TOPICS if t.publisher != "any" and t.rate != "contact"]
+    declared = [t.name for t in TOPICS if t.publisher != "any" and t.rate not in OPTIONAL]
     missing = [name for name in declared if not any(_is(name, other) for other in names)]
     ours = {name for name in declared if not name.startswith("/")}
     return () if ours <= set(missing) else tuple(missing)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,10 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.rendering_controller import ControllerCommand, LedgerEntry
 from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.crtk_device import turned
+from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.inputs import NEVER
+from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY
@@ -21,6 +25,7 @@ from hapticmech_ros.wire.stamps import nearest_stamp
 from hapticmech_ros.wire.topics import (
     CHANNEL_PART,
     CONSTRAINT_PART,
+    DEVICE_BODY_COMMAND,
     DEVICE_COMMAND,
     DEVICE_GAIN,
     IMPEDANCE_PART,
@@ -38,16 +43,20 @@ class ControllerOutputs:
 
     Args:
         actor: the controller.
+        axes: returns the device's axes in the world (3, 3), for drivers that are commanded in them.
 
     Attributes:
         answers: commands sent to the device.
     """
 
-    def __init__(self, actor: Actor[Any]) -> None:
-        self._actor = actor
+    def __init__(self, actor: Actor[Any], axes: Callable[[], Array]) -> None:
+        self._actor, self._axes = actor, axes
         self._gain = FlatArray(GAIN_FIELDS, gain_bounds(actor.limits))
         self._energy = FlatArray(CONTROLLER_ENERGY_FIELDS)
         self._publish_device = actor.output(DEVICE_COMMAND, WrenchStamped)
+        self._publish_own: Outlet | None = None
+        if actor.scene.device.servo_axes == "body":
+            self._publish_own = actor.output(DEVICE_BODY_COMMAND, WrenchStamped)
         self._publish_gain = actor.output(DEVICE_GAIN, Float64MultiArray)
         self._publish_energy = actor.view(CONTROLLER_ENERGY, Float64MultiArray)
         self._publish_point = actor.output(POINT_COMMAND, WrenchStamped)
@@ -79,6 +88,15 @@ class ControllerOutputs:
             stamp_ns: of the sample that is answered.
         """
         self._publish_device.publish(encode_wrench(wrench, stamp_ns, self._actor.wrenches))
+        self._own(wrench, stamp_ns)
+
+    def _own(self, wrench: Array, stamp_ns: int) -> None:
+        """Publish the same in the device's own axes, to a driver that is commanded in them."""
+        if self._publish_own is not None:
+            message = WrenchStamped()
+            write_wrench(message, turned(wrench, self._axes().T), stamp_ns)
+            message.header.frame_id = ""
+            self._publish_own.publish(message)
 
     def view(self, wrenches: Array, stamp_ns: int, energies: LedgerEntry) -> None:
         """Publish, at view rate, the parts of an answer (6, 6), rows 2 to 4, and energies.
@@ -114,3 +132,4 @@ class ControllerOutputs:
             (self._publish_point, mechanism_ns),
         ):
             outlet.publish(encode_wrench(NO_WRENCH, nearest_stamp(time_ns)))
+        self._own(NO_WRENCH, nearest_stamp(device_ns))

@@ -21,10 +21,26 @@ from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import SixBounds
-from hapticmech_ros.wire.topics import DEVICE_FORCE, DEVICE_POSE, DEVICE_TWIST, HAND_FORCE
+from hapticmech_ros.wire.topics import (
+    DEVICE_BODY_FORCE,
+    DEVICE_FORCE,
+    DEVICE_POSE,
+    DEVICE_TWIST,
+    HAND_FORCE,
+)
 
 if TYPE_CHECKING:
     from hapticmech_ros.device.hand_observer import HandObserver, TwistEstimate
+
+
+def turned(wrench: Array, rotation: Array) -> Array:
+    """Return a wrench (6,), N and N m, in other axes, about the same point.
+
+    Args:
+        wrench: (6,) N and N m.
+        rotation: (3, 3) its axes in those that are wanted.
+    """
+    return np.concatenate((rotation @ wrench[:3], rotation @ wrench[3:]))
 
 
 class CrtkDevice:
@@ -62,7 +78,9 @@ class CrtkDevice:
         self.forget()
         if self._sensor == "measured":
             self._listen(HAND_FORCE.name, WrenchStamped, self._on_hand)
-        self._listen(DEVICE_FORCE.name, WrenchStamped, self._on_force)
+        self._in_own_axes = actor.scene.device.servo_axes == "body"
+        force = DEVICE_BODY_FORCE if self._in_own_axes else DEVICE_FORCE
+        self._listen(force.name, WrenchStamped, self._on_force)
         self._listen(DEVICE_TWIST.name, TwistStamped, self._on_twist)
 
     def listen(self) -> None:
@@ -148,7 +166,18 @@ class CrtkDevice:
 
     def _on_force(self, message: WrenchStamped, now_ns: int) -> None:
         self._stamp(message, now_ns)
-        self._force.put(read_wrench(message, self._actor.wrenches), now_ns)
+        if not self._in_own_axes:
+            self._force.put(read_wrench(message, self._actor.wrenches), now_ns)
+            return
+        # Whatever the driver calls its own frame.
+        wrench = read_wrench(message, self._actor.wrenches, message.header.frame_id)
+        self._force.put(turned(wrench, self.rotation), now_ns)
+
+    @property
+    def rotation(self) -> Array:
+        """Axes of the device's last pose in the world (3, 3)."""
+        pose = self._pose.value
+        return np.eye(3) if pose is None else np.asarray(pose.rotation)
 
     def _on_twist(self, message: TwistStamped, now_ns: int) -> None:
         self._stamp(message, now_ns)

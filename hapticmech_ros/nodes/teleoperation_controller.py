@@ -72,7 +72,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         # Stamps of what device and mechanism were told last, by their clocks.
         self._told_ns = 0, 0
         self._model: Latest[OperationalModelReading] = Latest()
-        self._outputs = ControllerOutputs(self)
+        self._outputs = ControllerOutputs(self, lambda: self._crtk.rotation)
         self._devices: Stamped[Array] = Stamped()
         self._models: Stamped[OperationalModelReading] = Stamped()
         self.loop_warning = loop_warning(self.scene, self.point, self._tuned)

@@ -96,6 +96,9 @@ class Device(Part):
         force_sensor: how the hand's wrench is known: measured by a sensor under the hand,
             estimated from motion and actuators, or not at all: reported as zero.
         observer_bandwidth: Hz, of the estimate.
+        servo_axes: of the wrenches that a driver takes and measures: those of ``world``, or its
+            own, on CRTK's ``body/servo_cf`` and ``body/measured_cf``. Of drivers without
+            ``device/state``; the simulated device has those of ``world``.
         workspace: end stops.
         compensation: by the device's driver.
         safety: bounds of what a node's parameters may choose.
@@ -119,6 +122,7 @@ class Device(Part):
     velocity_filter: Positive = 100.0
     force_sensor: ForceSensor = "measured"
     observer_bandwidth: Positive = 30.0
+    servo_axes: Literal["world", "body"] = "world"
     workspace: Workspace = Workspace()
     compensation: Compensation = Compensation()
     safety: Safety = Safety()

@@ -7,6 +7,7 @@ from hapticmech_ros.wire.topics import TOPICS
 
 RATES = {
     "control": "control rate (1 kHz)",
+    "body": "control rate (1 kHz), with `device.servo_axes: body`",
     "view": "`view_rate` (100 Hz)",
     "contact": "`view_rate` (100 Hz), in scenes with contacts",
     "marker": "`marker_rate` (30 Hz)",

@@ -88,6 +88,22 @@ DEVICE_COMMAND = Topic(
     (DEVICE, VIEWER),
     rate="control",
 )
+DEVICE_BODY_COMMAND = Topic(
+    "device/body/servo_cf",
+    WRENCH,
+    CONTROLLER,
+    "`device/servo_cf` in the axes of `device/measured_cp`",
+    rate="body",
+)
+DEVICE_BODY_FORCE = Topic(
+    "device/body/measured_cf",
+    WRENCH,
+    "any",
+    "of a driver, with `device.servo_axes: body`: `device/measured_cf` in the axes of "
+    "`device/measured_cp`",
+    (CONTROLLER,),
+    rate="caller's",
+)
 DEVICE_OPERATING_STATE = Topic(
     "device/operating_state",
     crtk_type("OperatingState"),
@@ -306,6 +322,8 @@ TOPICS: tuple[Topic, ...] = (
     DEVICE_SETPOINT,
     DEVICE_JOINTS,
     DEVICE_COMMAND,
+    DEVICE_BODY_COMMAND,
+    DEVICE_BODY_FORCE,
     DEVICE_GAIN,
     DEVICE_OPERATING_STATE,
     DEVICE_STATE_COMMAND,

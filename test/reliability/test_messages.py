@@ -15,7 +15,7 @@ from std_msgs.msg import Float64MultiArray
 
 from benchmarks.reliability.fake_graph import ACTORS, START_NS, FakeGraph, Host, applied_in
 from benchmarks.reliability.hostile import Hostile
-from benchmarks.reliability.messages import run_in_process
+from benchmarks.reliability.messages import Trial, run_in_process
 from hapticmech_ros.errors import OutputError
 from hapticmech_ros.nodes.failures import MOST_DEFECTS
 from hapticmech_ros.nodes.haptic_device import HapticDevice
@@ -415,6 +415,19 @@ def test_hostile_messages_repeat_and_are_of_every_kind():
     lengths = {len(message) for message in made[0]}
     assert len(lengths) > 20
     del sample
+
+
+def test_before_each_look_points_are_put_back_where_they_were():
+    trial = Trial("five_bar", 1)
+    mechanism = trial.graph.actor(MECHANISM)
+    home = mechanism._grasps.numbers.copy()
+    message = PoseStamped()
+    message.header.frame_id, message.pose.orientation.w = "link1", 1.0
+    trial.graph.put("/mechanism/handle/set_operational_point", serialize_message(message))
+    assert (mechanism._grasps.numbers != home).any()
+    trial.send(1)
+    assert (mechanism._grasps.numbers == home).all()
+    assert (trial.looks, trial.lost) == (1, 0)
 
 
 def test_thousands_of_hostile_messages(tmp_path: Path):

@@ -38,23 +38,27 @@ class Driver:
         peer: that speaks for it.
         says: its topics besides ``measured_cp``.
         rate: Hz.
+        turn: rad, of its axes about z; it then takes and tells wrenches in these.
     """
 
-    def __init__(self, peer: Peer, says: tuple[str, ...], rate: float) -> None:
-        self._peer, self._period = peer, 1.0 / rate
+    def __init__(self, peer: Peer, says: tuple[str, ...], rate: float, turn: float = 0.0) -> None:
+        self._peer, self._period, self._own = peer, 1.0 / rate, turn != 0.0
         kinds: dict[str, Any] = {
             "measured_cv": TwistStamped,
             "measured_cf": WrenchStamped,
+            "body/measured_cf": WrenchStamped,
             "hand/measured_cf": WrenchStamped,
         }
         self._publishers = {
             name: peer.node.create_publisher(kinds[name], f"/omega/{name}", 10) for name in says
         }
         self._poses = peer.node.create_publisher(PoseStamped, "/omega/measured_cp", 10)
-        self.commands = peer.listen("/omega/servo_cf", WrenchStamped)
+        servo = "/omega/body/servo_cf" if self._own else "/omega/servo_cf"
+        self.commands = peer.listen(servo, WrenchStamped)
         simulator = Simulator(SCENE)
         point = SCENE.operational_points[0].name
         self.pose = simulator.mechanism.frame_pose(simulator.initial_state().q, point)
+        self.pose.rotation = self.pose.rotation @ pin.exp3(np.array((0.0, 0.0, turn)))
         self.began = self.pose.copy()
         self._twist, self.pushing = np.zeros(6), False
         self._next = time.monotonic()
@@ -63,7 +67,10 @@ class Driver:
         """Step to the present and say where it is then."""
         peer = self._peer
         peer.run(max(0.0, self._next - time.monotonic()))
-        command = np.array(six(self.commands[-1])) if self.commands else np.zeros(6)
+        given = np.array(six(self.commands[-1])) if self.commands else np.zeros(6)
+        command = given
+        if self._own:
+            command = np.concatenate([self.pose.rotation @ part for part in (given[:3], given[3:])])
         push = PUSH if self.pushing else np.zeros(6)
         behind = time.monotonic() - self._next
         # On a busy machine it stands still, as this process does.
@@ -77,6 +84,7 @@ class Driver:
         told = {
             "measured_cv": peer.twist(*self._twist),
             "measured_cf": peer.wrench(*command),
+            "body/measured_cf": peer.wrench(*given),
             "hand/measured_cf": peer.wrench(*push),
         }
         for name, publisher in self._publishers.items():
@@ -87,15 +95,17 @@ class Driver:
 
 
 @contextmanager
-def graph(domain: int, folder: Path, sensor: str) -> Iterator[None]:
+def graph(domain: int, folder: Path, sensor: str, axes: str = "world") -> Iterator[None]:
     """Run the other three nodes for a device whose hand is known in a way."""
     document = document_of(SCENE)
-    document["device"] |= {"force_sensor": sensor}
+    document["device"] |= {"force_sensor": sensor, "servo_axes": axes}
     document["device"]["safety"]["command_timeout"] = 0.5
     path = folder / "scene.yaml"
     with path.open("w") as stream:
         YAML(typ="safe", pure=True).dump(document, stream)
     names = ("measured_cp", "measured_cv", "measured_cf", "hand/measured_cf", "servo_cf")
+    if axes == "body":
+        names += ("body/servo_cf", "body/measured_cf")
     remaps = {f"device/{name}": f"/omega/{name}" for name in names}
     with running(OTHERS, domain, str(path), remaps, input_timeout=0.2):
         yield
@@ -109,23 +119,33 @@ def until(driver: Driver, condition: Any, what: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sensor", "says", "rate"),
+    ("sensor", "says", "rate", "turn"),
     [
-        ("measured", ("measured_cv", "measured_cf", "hand/measured_cf"), 500.0),
-        ("estimated", ("measured_cv", "measured_cf"), 500.0),
-        ("estimated", ("measured_cv",), 500.0),
-        ("estimated", (), 500.0),
-        ("absent", ("measured_cv", "measured_cf"), 500.0),
-        ("estimated", ("measured_cv", "measured_cf"), 200.0),
+        ("measured", ("measured_cv", "measured_cf", "hand/measured_cf"), 500.0, 0.0),
+        ("estimated", ("measured_cv", "measured_cf"), 500.0, 0.0),
+        ("estimated", ("measured_cv",), 500.0, 0.0),
+        ("estimated", (), 500.0, 0.0),
+        ("absent", ("measured_cv", "measured_cf"), 500.0, 0.0),
+        ("estimated", ("measured_cv", "measured_cf"), 200.0, 0.0),
+        ("estimated", ("measured_cv", "body/measured_cf"), 500.0, 2.0),
     ],
-    ids=["sensor", "without-sensor", "without-measured_cf", "poses-only", "absent", "200-Hz"],
+    ids=[
+        *("sensor", "without-sensor", "without-measured_cf", "poses-only", "absent", "200-Hz"),
+        "body-only",
+    ],
 )
 def test_the_mechanism_is_felt(
-    domain: int, peer: Peer, tmp_path: Path, sensor: str, says: tuple[str, ...], rate: float
+    domain: int,
+    peer: Peer,
+    tmp_path: Path,
+    sensor: str,
+    says: tuple[str, ...],
+    rate: float,
+    turn: float,
 ) -> None:
-    with graph(domain, tmp_path, sensor):
+    with graph(domain, tmp_path, sensor, "body" if turn else "world"):
         points = peer.listen("mechanism/handle/measured_cp", PoseStamped)
-        driver = Driver(peer, says, rate)
+        driver = Driver(peer, says, rate, turn)
         # Until the springs have come in.
         until(driver, lambda: len(driver.commands) > rate, "a second of commands")
         # Nobody pushes: it stays where it is.
