@@ -35,6 +35,10 @@ OURS = [line for line in _commands() if Path(line.split()[0]).name == "hapticmec
 BENCHMARKS = [line for line in _commands() if line.startswith("python -m benchmarks ")]
 
 
+def test_the_first_page_is_short() -> None:
+    assert len(README.split()) <= 1200
+
+
 def test_the_table_of_topics_is_the_codes() -> None:
     assert markdown() in (ROOT / "docs" / "topics.md").read_text(encoding="utf-8")
 
