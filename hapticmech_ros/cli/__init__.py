@@ -40,6 +40,7 @@ def _options(
 
 for command in (graph.run, experiment.demo, experiment.experiment, graph.topics, graph.parameters):
     app.command()(command)
+app.command()(graph.policy)
 app.command()(analyse.analyse)
 app.command()(analyse.sweep)
 app.add_typer(feel.app, name="feel")

@@ -1,4 +1,4 @@
-"""``hapticmech run``, ``topics`` and ``parameters``: the graph of nodes, and its tables."""
+"""``hapticmech run``, ``topics``, ``policy`` and ``parameters``: the graph of nodes, its tables."""
 
 from __future__ import annotations
 
@@ -162,6 +162,16 @@ def topics() -> None:
     from hapticmech_ros.wire.table import markdown
 
     print(markdown(), end="")
+
+
+def policy(
+    namespace: Annotated[str, typer.Option(help="of the graph")] = "/",
+    enclaves: Annotated[str, typer.Option(help="path of the enclaves")] = "/hapticmech",
+) -> None:
+    """Print a policy for SROS2: what each node may publish, hear and answer. See SECURITY.md."""
+    from hapticmech_ros.wire.policy import policy as written
+
+    print(written(namespace, enclaves), end="")
 
 
 def parameters() -> None:

@@ -29,6 +29,7 @@ from hapticmech_ros.nodes.local_loop import LocalLoop
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.parameters import DeviceParameters
 from hapticmech_ros.nodes.statistics import DurationHistogram
+from hapticmech_ros.scene.hand import STILL_HAND
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.device_wire import DeviceWriter
@@ -66,7 +67,10 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._side = DeviceSide(self.scene, self._limits)
         self._loop = self._new_loop()
         self._answers = Answers(self._loop)
-        self._device = device_for(self.scene, with_hand=parameters.hand == "scene")
+        scene = self.scene
+        if parameters.hand == "still":
+            scene = scene.model_copy(update={"hand": STILL_HAND})
+        self._device = device_for(scene, with_hand=parameters.hand != "commanded")
         self._push: Array = NO_WRENCH
         # servo_cf, and the sample that it answers.
         self._command: Standing[tuple[Array, int]] = Standing()

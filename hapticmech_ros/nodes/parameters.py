@@ -188,8 +188,10 @@ class DeviceParameters(NodeParameters):
         "limits and timeouts of the device, message_age_limit, scene and rate cannot change",
         "never",
     )
-    hand: Literal["scene", "commanded"] = text(
-        "scene", "scene: the scene's hand; commanded: only hand_cf moves the device"
+    hand: Literal["scene", "still", "commanded"] = text(
+        "scene",
+        "scene: the scene's hand; still: a relaxed arm that holds the device where it is; "
+        "commanded: only hand_cf moves the device",
     )
     hand_timeout: float = number(0.2, "hand_cf expires after this; 0: never", "s", 0.0, 3600.0)
     wait_for_start: bool = flag(False, "the hand starts when device/start_hand is called")

@@ -116,6 +116,9 @@ class ArmHand(TargetHand):
         return with_impedance(given)
 
 
+# A relaxed arm that stays where it takes hold, and takes hold at once.
+STILL_HAND = ArmHand(kind="arm", start_delay=0.0, waypoints=(Waypoint(time=0.0),))
+
 Hand = Annotated[
     ConstantWrenchHand | SpringDamperHand | ArmHand | ScriptedHand, Field(discriminator="kind")
 ]

@@ -1,0 +1,111 @@
+"""An SROS2 policy of the graph: which node may publish, hear and answer what, by its tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from xml.etree import ElementTree
+
+from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM, VIEWER
+from hapticmech_ros.wire.topics import (
+    CLOSURES,
+    EMERGENCY_STOP,
+    EXTERNAL_WRENCH,
+    HAND_WRENCH,
+    START_HAND,
+    TOPICS,
+)
+
+NODES = (DEVICE, MECHANISM, ANALYSER, CONTROLLER, VIEWER)
+# Four nodes in one process; and who pushes, commands states and records, which is none of them.
+COMPOSED, OPERATOR = "composed", "operator"
+# Of every node.
+_LOG = ("/rosout", "/parameter_events")
+_OWN_SERVICES = (
+    *("change_state", "get_state", "get_available_states", "get_available_transitions"),
+    *("get_transition_graph", "describe_parameters", "get_parameter_types", "get_parameters"),
+    *("list_parameters", "set_parameters", "set_parameters_atomically", "get_type_description"),
+)
+_SERVICES: Mapping[str, tuple[str, ...]] = {
+    DEVICE: (EMERGENCY_STOP, START_HAND),
+    MECHANISM: (f"{CLOSURES.name}/*",),
+}
+# Topics with further ones below them: of whoever pushes, each his own.
+_PUSHES = (HAND_WRENCH, EXTERNAL_WRENCH)
+# Of another package, published where it is installed.
+_TF = ("/tf", "/tf_static")
+
+
+def published(node: str) -> list[str]:
+    """Return patterns of the topics that a node publishes; * stands for names of any length."""
+    own = [_pattern(t.name) for t in TOPICS if t.publisher == node]
+    managed = ("/diagnostics", f"{node}/transition_event")
+    return [*_LOG, *managed, *own, *(_TF if node == VIEWER else ())]
+
+
+def heard(node: str) -> list[str]:
+    """Return patterns of the topics that a node subscribes to."""
+    found = ["/clock", "/parameter_events"]
+    for topic in TOPICS:
+        if node in topic.subscribers:
+            found.append(_pattern(topic.name))
+            if topic in _PUSHES:
+                found.append(f"{_pattern(topic.name)}/*")
+    return found
+
+
+def answered(node: str) -> list[str]:
+    """Return patterns of the services that a node offers."""
+    return [*(f"{node}/{name}" for name in _OWN_SERVICES), *_SERVICES.get(node, ())]
+
+
+def policy(namespace: str = "/", enclaves: str = "/hapticmech") -> str:
+    """Return the policy as XML: an enclave for each process, and one for the operator's.
+
+    Args:
+        namespace: of the graph.
+        enclaves: path that they are below.
+    """
+    root = ElementTree.Element("policy", version="0.2.0")
+    processes = ElementTree.SubElement(root, "enclaves")
+    nodes = {node: _of_a_node(node) for node in NODES}
+    held = {node: {node: rules} for node, rules in nodes.items()}
+    held[COMPOSED] = {node: rules for node, rules in nodes.items() if node != VIEWER}
+    held[OPERATOR] = {OPERATOR: _of_the_operator()}
+    for process, profiles in held.items():
+        enclave = ElementTree.SubElement(processes, "enclave", path=f"{enclaves}/{process}")
+        inside = ElementTree.SubElement(enclave, "profiles")
+        for node, rules in profiles.items():
+            profile = ElementTree.SubElement(inside, "profile", ns=namespace, node=node)
+            for (kind, what), names in rules.items():
+                allowed = ElementTree.SubElement(profile, kind, {what: "ALLOW"})
+                for name in dict.fromkeys(names):
+                    ElementTree.SubElement(allowed, kind[:-1]).text = name
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+Rules = dict[tuple[str, str], list[str]]
+
+
+def _of_a_node(node: str) -> Rules:
+    return {
+        ("services", "reply"): answered(node),
+        ("topics", "publish"): published(node),
+        ("topics", "subscribe"): heard(node),
+    }
+
+
+def _of_the_operator() -> Rules:
+    """Return what whoever pushes, commands states, records and calls services may do."""
+    pushed = [_pattern(topic.name) for topic in TOPICS if topic.publisher == "any"]
+    pushed += [f"{_pattern(topic.name)}/*" for topic in _PUSHES]
+    return {
+        ("services", "reply"): [f"{OPERATOR}/{name}" for name in _OWN_SERVICES],
+        ("services", "request"): [name for node in (*NODES, OPERATOR) for name in answered(node)],
+        ("topics", "publish"): [*_LOG, *pushed],
+        ("topics", "subscribe"): ["/clock", *_LOG, *(_pattern(t.name) for t in TOPICS), *_TF],
+    }
+
+
+def _pattern(name: str) -> str:
+    return name.replace("{point}", "*")
