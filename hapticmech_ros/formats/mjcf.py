@@ -13,6 +13,7 @@ import pinocchio as pin
 from hapticmech_ros.formats.mjcf_classes import Context, settings
 from hapticmech_ros.formats.mjcf_equalities import Equalities
 from hapticmech_ros.formats.mjcf_inertias import body_of, shape_of
+from hapticmech_ros.formats.mjcf_keyframes import read_keyframes
 from hapticmech_ros.formats.mjcf_rotors import WHY as WHY_ROTORS
 from hapticmech_ros.formats.mjcf_rotors import with_rotors
 from hapticmech_ros.formats.mjcf_shapes import collides, solid_of
@@ -26,6 +27,7 @@ from hapticmech_ros.formats.model import (
     Note,
     Point,
     Solid,
+    State,
 )
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
@@ -37,7 +39,6 @@ WHY = {
     "sensor": SENSED,
     "tendon": "say springs between two frames in a scene file",
     "contact": "say which shapes touch in a scene file",
-    "keyframe": "say initial_state in a scene file",
     "deformable": RIGID,
     "camera": DRAWN,
     "light": DRAWN,
@@ -55,7 +56,17 @@ WHY = {
     **WHY_ROTORS,
 }
 UNKNOWN = "not of a mechanism, or not known"
-READ = ("compiler", "option", "size", "visual", "statistic", "asset", "default", "worldbody")
+READ = (
+    "compiler",
+    "option",
+    "size",
+    "visual",
+    "statistic",
+    "asset",
+    "default",
+    "worldbody",
+    "keyframe",
+)
 WRITE_OUT = "is not read: give the file with its bodies written out"
 IN_BODIES = ("body", "frame", "joint", "freejoint", "geom", "site", "inertial", "camera", "light")
 # Element, the frame it is in as one of the body's, and the class for such elements.
@@ -98,6 +109,8 @@ class _Reader:
         self._named = {node.attributes.get("name", "") for node in source.root.walk()}
         self._children(world, WORLD, "", moving=False)
         hinges = with_rotors(self.context, self.hinges, self.notes)
+        start: dict[str, State] = {name: ref for name, ref in self.refs.items() if ref}
+        start |= self.free
         equalities = Equalities(self.context, self.poses, self.sites, self.refs)
         equalities.read()
         return Model(
@@ -110,8 +123,9 @@ class _Reader:
             self.solids,
             self._gravity(),
             notes=self._notes(),
-            start={**{name: ref for name, ref in self.refs.items() if ref}, **self.free},
+            start=start,
             floating="a <freejoint/> makes a body float",
+            keyframes=read_keyframes(source, hinges, start),
         )
 
     def _gravity(self) -> tuple[float, float, float]:

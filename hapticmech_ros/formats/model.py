@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +15,6 @@ import pinocchio as pin
 Array = np.ndarray
 Document = dict[str, Any]
 WORLD = "world"
-
 
 DRAWN = "pictures are drawn from the joints"
 # Drake's tags for rotors, in URDF and SDFormat.
@@ -149,6 +148,17 @@ class Solid:
     read: Callable[[], tuple[pin.SE3, Document]]
 
 
+# Of one joint, as in a scene's ``initial_state``.
+State = float | Sequence[float]
+
+
+class Keyframe(NamedTuple):
+    """A named state: positions and rates of joints by the file's names; what is left out is 0."""
+
+    q: Mapping[str, State]
+    v: Mapping[str, State]
+
+
 @dataclass(frozen=True, slots=True)
 class Model:
     """A file's mechanism, loops included.
@@ -163,6 +173,7 @@ class Model:
         notes: what the scene does not have.
         start: positions of joints, as in a scene's ``initial_state``, where these are not zero.
         floating: how a body comes to float, for messages.
+        keyframes: by name.
     """
 
     name: str
@@ -175,8 +186,9 @@ class Model:
     gravity: tuple[float, float, float] | None = None
     bases: Mapping[str, pin.SE3] = field(default_factory=dict)
     notes: Sequence[Note] = ()
-    start: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+    start: Mapping[str, State] = field(default_factory=dict)
     floating: str = "with base: free it floats"
+    keyframes: Mapping[str, Keyframe] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +202,7 @@ class Imported:
         shapes: by name in the scene, those for collisions; a scene has those that contacts name.
         tips: links at the ends of the tree, the one furthest from the world first.
         notes: what the scene does not have, but shapes.
+        keyframes: by name, with the scene's names of joints.
     """
 
     document: Document
@@ -198,6 +211,7 @@ class Imported:
     shapes: Mapping[str, Solid]
     tips: Sequence[str]
     notes: Sequence[Note]
+    keyframes: Mapping[str, Keyframe]
 
 
 def origin_of(place: pin.SE3) -> Document:

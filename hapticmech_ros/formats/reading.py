@@ -145,6 +145,7 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
     for key in ("closures", "couplings"):
         if key in own and key in found:
             own[key] = [*found[key], *_list(own[key])]
+    _begin_at_keyframe(own, imported, str(source))
     if "initial_state" in found:
         own["initial_state"] = _merged(found["initial_state"], own.get("initial_state", {}))
     found |= own
@@ -168,6 +169,27 @@ def _model_part(written: object, source: Path) -> ModelPart:
             for item in error.errors()
         ]
         raise SceneError(str(source), problems) from None
+
+
+def _begin_at_keyframe(own: Document, imported: Imported, source: str) -> None:
+    """Put a keyframe's state in the place of its name; what the scene says besides goes before it.
+
+    Raises:
+        SceneError: no such keyframe.
+    """
+    state = own.get("initial_state")
+    if not isinstance(state, Mapping) or "keyframe" not in state:
+        return
+    name = state["keyframe"]
+    if not isinstance(name, str) or name not in imported.keyframes:
+        rule = f"must be one of the model's keyframes, {sorted(imported.keyframes)}"
+        raise SceneError(source, [SceneProblem("initial_state.keyframe", name, rule)])
+    rest = {key: value for key, value in state.items() if key != "keyframe"}
+    for part, held in zip("qv", imported.keyframes[name], strict=True):
+        given = rest.get(part, {})
+        if isinstance(given, Mapping):
+            rest[part] = {**held, **given}
+    own["initial_state"] = rest
 
 
 def _merged(state: Document, own: object) -> object:

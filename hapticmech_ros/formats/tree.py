@@ -17,6 +17,7 @@ from hapticmech_ros.formats.model import (
     Document,
     Imported,
     Joint,
+    Keyframe,
     LoopJoint,
     Model,
     Note,
@@ -114,7 +115,16 @@ class _Builder:
             named(self._model.solids),
             self._tips(),
             self._notes(),
+            {name: self._keyframe(found) for name, found in self._model.keyframes.items()},
         )
+
+    def _keyframe(self, found: Keyframe) -> Keyframe:
+        """Return a keyframe with the scene's names; joints that close loops have none."""
+        q, v = (
+            {self._joints[name]: at for name, at in part.items() if name in self._joints}
+            for part in found
+        )
+        return Keyframe(q, v)
 
     def _bases(self) -> Iterable[Joint]:
         """Yield a hinge to the world for each body that nothing carries."""

@@ -16,6 +16,7 @@ from hapticmech_ros.formats.model import (
     GEAR,
     ROTOR,
     SENSED,
+    WORLD,
     Body,
     Coupling,
     Joint,
@@ -46,6 +47,7 @@ WHY = {
     "ros2_control": "a virtual mechanism has no controller of its own",
     "limit effort": DRIVEN,
     "limit velocity": DRIVEN,
+    "limit left out": "no stops, as of a continuous joint",
     "limit of no width": "lower = upper, as where they are left out: no stops",
     "sensor": SENSED,
     ROTOR_ELSEWHERE: "say armature of the joints that it moves",
@@ -87,7 +89,8 @@ def read_urdf(source: Source) -> Model:
             notes[node.tag] += 1
     for hinge in hinges:
         for name in (hinge.parent, hinge.child):
-            if name not in bodies:
+            # The world need not be written down.
+            if name not in bodies and name != WORLD:
                 raise source.error(None, name, f"joint {hinge.name!r} needs this link")
     hinges = _with_rotors(source, hinges, notes)
     hinges, couplings = mimics.settled(hinges, couplings, notes)
@@ -196,7 +199,8 @@ def _limits(
     if kind not in ("revolute", "prismatic"):
         return None
     if limit is None:
-        raise source.error(node, node.attributes.get("name"), f"a {kind} joint needs <limit>")
+        notes["limit left out"] += 1
+        return None
     lower, upper = (source.value(limit, key, 0.0, ANY) for key in ("lower", "upper"))
     if lower > upper:
         raise source.error(limit, (lower, upper), "lower must not be above upper")

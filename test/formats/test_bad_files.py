@@ -190,7 +190,6 @@ URDF = {
     "parent": ('parent link="link2"', 'parent link="gone"', "needs this link"),
     "no parent": ('<parent link="link2"/>', "", "needs <parent link="),
     "circle": ('parent link="base"', 'parent link="link4"', "in a circle"),
-    "stops": ('type="continuous"', 'type="revolute"', "needs <limit>"),
     "stops crossed": (
         'type="continuous">',
         'type="revolute"><limit lower="1" upper="0"/>',

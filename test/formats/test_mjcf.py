@@ -356,12 +356,67 @@ def test_what_a_scene_does_not_have_is_noted(tmp_path):
         **dict.fromkeys(("flag", "range of a ball", "solref or solimp of an equality"), 1),
         "stiffness of a ball or free joint": 1,
         "frictionloss of a ball or free joint": 1,
-        "keyframe": 2,
         "geom that collides": 5,
     }
     assert all(note.why for note in notes_in(imported))
     # What may change what is felt comes first.
     assert {note.what for note in imported.notes[-3:]} == {"sensor", "light", "camera"}
+
+
+KEYS = f"""<worldbody><body name="f" pos="1 0 0"><freejoint/>{INERTIAL}</body>
+    <body name="a"><joint name="j" axis="0 1 0" ref="20"/>{{ball}}
+    <body name="b" pos=".3 0 0"><joint name="k" type="ball"/>{{ball}}
+    <body name="c" pos=".2 0 0"><joint name="l" type="slide" axis="1 1 0"/>{INERTIAL}</body></body>
+    </body></worldbody><keyframe>
+    <key name="home" qpos="1 2 3 .5 -.5 .5 .5 .1 2 0 0 1 .05"
+        qvel="1 2 3 4 5 6 .1 .2 .3 .4 .5"/>
+    <key qvel="0 0 0 0 0 0 0 0 0 0 7"/></keyframe>"""
+
+
+def scene_at(folder, state):
+    """Return a scene of the model that starts as it is told."""
+    path = written(folder, KEYS.format(ball=BALL)).parent / "scene.yaml"
+    path.write_text(
+        "format: hapticmech-scene/1\nmodel: {file: model.xml}\ngravity: [0, 0, 0]\n"
+        f"operational_points: [{{name: p, link: c}}]\ninitial_state: {state}\n"
+    )
+    return load_scene(path)
+
+
+@pytest.mark.parametrize(("name", "number"), [("home", 0), ("'1'", 1)])
+def test_a_scene_starts_at_a_keyframe_as_mujoco_does(tmp_path, name, number):
+    scene = scene_at(tmp_path, f"{{keyframe: {name}}}")
+    theirs = Theirs(tmp_path / "model.xml")
+    mujoco.mj_resetDataKeyframe(theirs.model, theirs.data, number)
+    mujoco.mj_forward(theirs.model, theirs.data)
+    mechanism = Mechanism(scene)
+    q, v = authored_state(scene, mechanism.tree)
+    read = Read(tmp_path / "model.xml")
+    for body in range(1, theirs.model.nbody):
+        pose = read.pose(theirs.model.body(body).name, q)
+        assert np.abs(pose.translation - theirs.data.xpos[body]).max() <= SAME * 10
+        assert np.abs(pose.rotation - theirs.data.xmat[body].reshape(3, 3)).max() <= SAME * 10
+    # The same motion: its energy, and the twist of the last body.
+    full = theirs.inertia()
+    kinetic = 0.5 * theirs.data.qvel @ full @ theirs.data.qvel
+    assert mechanism.energy(q, v)[0] == pytest.approx(kinetic, rel=1e-11)
+    twist = mechanism.evaluate(q, v, mechanism.initially_active).points[0].twist
+    jacobian = np.zeros((6, theirs.model.nv))
+    last = theirs.model.body("c").id
+    mujoco.mj_jacBody(theirs.model, theirs.data, jacobian[:3], jacobian[3:], last)
+    assert np.abs(twist - jacobian @ theirs.data.qvel).max() <= SAME * 100
+
+
+def test_what_a_scene_says_goes_before_its_keyframe(tmp_path):
+    scene = scene_at(tmp_path, "{keyframe: home, q: {l: 0.5}, v: {j: 9.0}}")
+    assert (scene.initial_state.q["l"], scene.initial_state.v["j"]) == (0.5, 9.0)
+    assert scene.initial_state.q["j"] == 0.1
+
+
+@pytest.mark.parametrize("name", ["away", 1, "[home]"])
+def test_an_unknown_keyframe_is_refused(tmp_path, name):
+    with pytest.raises(SceneError, match=r"initial_state.keyframe.*'1', 'home'"):
+        scene_at(tmp_path, f"{{keyframe: {name}}}")
 
 
 ROTORS = f"""<default><joint armature=".1"/><position armature=".2" gear="3"/>
@@ -404,6 +459,16 @@ def test_rotors_of_joints_and_actuators_are_felt_as_in_mujoco(tmp_path):
 
 BROKEN = {
     "include": ('<include file="x.xml"/><worldbody/>', "no such file in"),
+    "key's size": (
+        '<worldbody><body><joint/><geom size="1"/></body></worldbody>'
+        '<keyframe><key qpos="1 2"/></keyframe>',
+        "qpos must be 1",
+    ),
+    "keys twice": (
+        '<worldbody><body><joint/><geom size="1"/></body></worldbody>'
+        '<keyframe><key name="x"/><key name="x"/></keyframe>',
+        "names of keyframes must be unique",
+    ),
     "no world": ("<option/>", "needs a <worldbody>"),
     "replicate": ('<worldbody><replicate count="3"/></worldbody>', "written out"),
     "composite": ('<worldbody><body><composite type="cable"/></body></worldbody>', "written out"),

@@ -248,6 +248,20 @@ def test_rotors_that_drakes_tags_give_are_those_of_joints(tmp_path):
     assert np.abs(ours.inertia(q) - full).max() <= SAME * np.abs(full).max()
 
 
+IMPLIED = """<robot name="r"><link name="a">{inertial}</link><link name="b">{inertial}</link>
+<joint name="j" type="revolute"><parent link="world"/><child link="a"/><origin xyz="0 0 1"/></joint>
+<joint name="k" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="2"/></joint></robot>"""
+
+
+def test_the_world_need_not_be_written_down_nor_a_limit(tmp_path):
+    ours = Read(written(tmp_path, IMPLIED.format(inertial=inertial_of(1))))
+    assert ours.written("j").limits is None
+    assert (ours.written("k").limits.lower, ours.written("k").limits.upper) == (-1.0, 2.0)
+    assert ours.notes["limit left out"] == 1
+    assert ours.pose("a", np.zeros(2)).translation.tolist() == [0.0, 0.0, 1.0]
+
+
 def test_a_mimic_is_a_coupling(tmp_path):
     text = NOTED.format(inertial=inertial_of(1))
     mimic = '<mimic joint="j" multiplier="-2" offset="0.5"/><axis xyz="0 1 0"/>'
