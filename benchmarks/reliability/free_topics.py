@@ -14,7 +14,7 @@ from hapticmech_ros.nodes.external_wrenches import PERSISTENT
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.wire.topic import WRENCH
-from hapticmech_ros.wire.topics import TOPICS
+from hapticmech_ros.wire.topics import DEVICE_BODY_FORCE, TOPICS
 
 # Numbers of a wrench, 8 bytes each, are its last.
 _WRENCH_BYTES = 48
@@ -33,7 +33,8 @@ def free_topics(scene: Scene, who: str) -> dict[str, Any]:
     links = [link.name for link in scene.links][:_LINKS]
     found: dict[str, Any] = {}
     for topic in TOPICS:
-        if topic.publisher != "any":
+        # Nobody hears a driver's wrench in its own axes but with ``device.servo_axes``.
+        if topic.publisher != "any" or topic is DEVICE_BODY_FORCE:
             continue
         kind = message_class(topic.type)
         pushes = topic.type == WRENCH

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from std_msgs.msg import Float64MultiArray, UInt8
+from std_msgs.msg import Float64MultiArray, String, UInt8
 
 from hapticmech_ros.times import NANOSECONDS
 
@@ -22,6 +22,11 @@ EXTREMES = np.array(
 )
 STAMPS = (0, 1, -1, 2**31 - 1, -(2**31), 1_000_000, 5)
 ODD_STAMPS = (LARGEST, -LARGEST, 1e30, np.nan, np.inf, -1.0, 0.5, 2.0**31, 4e9, 1e18, SMALLEST)
+# Nothing that is obeyed.
+WORDS = (
+    *(b"", b"on", b"enabled", b"en able", b"DISABLED", b"pau\0se", b"\xff\xfe", b"__class__"),
+    *(b"x" * 10_000, "pausé".encode(), b"%s%n", b"obey", b"publish"),
+)
 # Numbers behind the frame: of a stamped pose, and of a stamped wrench or twist.
 POSE_NUMBERS, SIX = 7, 6
 
@@ -69,7 +74,16 @@ class Hostile:
             return sample[:4] + self._bytes(1)
         if kind is Float64MultiArray:
             return self._array(sample, now_ns)
+        if kind is String:
+            return self._text()
         return self._stamped(kind, now_ns)
+
+    def _text(self) -> bytes:
+        """Return a text that commands nothing."""
+        text = WORDS[self.index(len(WORDS))]
+        if self._rng.random() < 0.3:
+            text = self._bytes(int(self._rng.integers(0, 400)))
+        return b"\0\1\0\0" + struct.pack("<I", len(text) + 1) + text + b"\0"
 
     def _array(self, sample: bytes, now_ns: int) -> bytes:
         # Its data come last, and its length before them, at a multiple of eight.

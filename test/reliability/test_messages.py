@@ -11,15 +11,16 @@ import pytest
 import yaml
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.serialization import serialize_message
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 
 from benchmarks.reliability.fake_graph import ACTORS, START_NS, FakeGraph, Host, applied_in
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.messages import Trial, run_in_process
-from hapticmech_ros.errors import OutputError
+from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.nodes.failures import MOST_DEFECTS
 from hapticmech_ros.nodes.haptic_device import HapticDevice
-from hapticmech_ros.nodes.messages import set_stamp
+from hapticmech_ros.nodes.messages import deserialized, set_stamp
+from hapticmech_ros.nodes.operating_state import COMMANDS
 from hapticmech_ros.scene import document_of, load_scene
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.wrench import decode_wrench
@@ -415,6 +416,19 @@ def test_hostile_messages_repeat_and_are_of_every_kind():
     lengths = {len(message) for message in made[0]}
     assert len(lengths) > 20
     del sample
+
+
+def test_no_hostile_text_commands_anything():
+    hostile = Hostile(4, ["a"])
+    texts = set()
+    for _ in range(2000):
+        try:
+            made = deserialized(hostile.message(String, b"", 5), String)
+        except InvalidInputError:
+            continue
+        texts.add(made.data.strip().lower())
+    assert len(texts) > 10
+    assert not texts & set(COMMANDS)
 
 
 def test_before_each_look_points_are_put_back_where_they_were():
