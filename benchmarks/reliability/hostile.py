@@ -24,7 +24,7 @@ STAMPS = (0, 1, -1, 2**31 - 1, -(2**31), 1_000_000, 5)
 ODD_STAMPS = (LARGEST, -LARGEST, 1e30, np.nan, np.inf, -1.0, 0.5, 2.0**31, 4e9, 1e18, SMALLEST)
 # Nothing that is obeyed.
 WORDS = (
-    *(b"", b"on", b"enabled", b"en able", b"DISABLED", b"pau\0se", b"\xff\xfe", b"__class__"),
+    *(b"", b"on", b"enabling", b"en able", b"DISABLING", b"pau\0se", b"\xff\xfe", b"__class__"),
     *(b"x" * 10_000, "pausé".encode(), b"%s%n", b"obey", b"publish"),
 )
 # Numbers behind the frame: of a stamped pose, and of a stamped wrench or twist.
