@@ -34,10 +34,12 @@ class ModelPart(Part):
 
     Attributes:
         file: URDF, MJCF or SDF, relative to the scene's own file.
+        name: of the model, in an SDF file with several.
         base: ``fixed``: a body that nothing carries is the world; ``free``: it floats.
         joints: changes, by the file's names of joints.
     """
 
     file: FileName
+    name: Annotated[str, StringConstraints(strict=True, max_length=1000)] = ""
     base: Literal["fixed", "free"] = "fixed"
     joints: dict[str, JointChange] = Field(default_factory=dict)

@@ -36,12 +36,13 @@ LIMITS = {"link": LINK_LIMIT, "body": LINK_LIMIT, "model": LINK_LIMIT, "joint": 
 NO_HAND: Document = {"kind": "constant_wrench"}
 
 
-def read_model(path: Path, free_base: bool = False) -> Imported:
+def read_model(path: Path, free_base: bool = False, name: str = "") -> Imported:
     """Return the model in a URDF, MJCF or SDF file.
 
     Args:
         path: of the file; what it is, its outermost element says.
         free_base: whether bodies that nothing carries float; they are the world otherwise.
+        name: of the model, in an SDF file with several.
 
     Raises:
         SceneError: cannot be read, or breaks a rule of its format or of ours.
@@ -54,7 +55,9 @@ def read_model(path: Path, free_base: bool = False) -> Imported:
     if reader is read_mjcf:
         open_includes(source)
     _refuse_many(source)
-    model: Model = reader(source)
+    if reader is not read_sdf and name:
+        raise source.error(source.root, name, "only an SDF file has several models to name")
+    model: Model = read_sdf(source, name) if reader is read_sdf else reader(source)
     return to_scene(model, str(path), free_base)
 
 
@@ -97,7 +100,7 @@ def left_out(path: Path) -> LeftOut:
     if not isinstance(document, Mapping) or "model" not in document:
         return LeftOut()
     part = _model_part(document["model"], path)
-    imported = read_model(path.parent / part.file, part.base == "free")
+    imported = read_model(path.parent / part.file, part.base == "free", part.name)
     there = used(document, imported)
     notes = (*imported.notes, *notes_of_shapes(imported, there))
     nameable = (name for name, solid in imported.shapes.items() if solid.kind in KINDS)
@@ -135,7 +138,7 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
             not by a number that no file has.
     """
     part = _model_part(document["model"], source)
-    imported = read_model(source.parent / part.file, part.base == "free")
+    imported = read_model(source.parent / part.file, part.base == "free", part.name)
     found: Document = {"hand": NO_HAND, **imported.document}
     own = _in_links({k: v for k, v in document.items() if k != "model"}, imported)
     if "links" in own:

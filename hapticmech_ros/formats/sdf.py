@@ -56,16 +56,26 @@ JOINT_KNOWN = {"parent", "child", "pose", "axis", ROTOR, GEAR}
 LINK_KNOWN = {"pose", "inertial", "collision"}
 
 
-def read_sdf(source: Source) -> Model:
-    """Return the one model in an SDF file, alone or in a world.
+def read_sdf(source: Source, name: str = "") -> Model:
+    """Return a model in an SDF file, alone or in a world.
+
+    Args:
+        source: the file.
+        name: of the model; empty where there is one only.
 
     Raises:
         SceneError: it breaks a rule; names line, element, value and rule.
     """
     world = source.root.first("world")
     models = [*source.root.all("model"), *(world.all("model") if world is not None else [])]
+    names = [model.attributes.get("name", "") for model in models]
+    if name:
+        models = [model for model in models if model.attributes.get("name", "") == name]
+        if len(models) != 1:
+            raise source.error(source.root, name, f"must name one of the models, {sorted(names)}")
     if len(models) != 1:
-        raise source.error(source.root, len(models), "needs one <model>")
+        rule = f"needs one <model>, or model: {{file, name}} in a scene that names one of {names}"
+        raise source.error(source.root, len(models), rule)
     gravity = world.first("gravity") if world is not None else None
     vector = None
     if gravity is not None:

@@ -324,3 +324,45 @@ def test_rotors_that_drakes_tags_give_are_those_of_joints(tmp_path):
     assert ours.written("j").armature == pytest.approx(2e-4 * 50**2)
     assert ours.written("k").armature == 2e-4
     assert not any("drake" in note for note in ours.notes)
+
+
+WORLDS = """<sdf version="1.9"><world name="w"><gravity>0 0 -3</gravity>
+<model name="one">{one}</model><model name="two"><pose>0 0 1 0 0 0</pose>{two}</model></world>
+</sdf>"""
+
+
+def world_of_two(folder):
+    path = folder / "world.sdf"
+    parts = [link(name) + joint(f"j_{name}", "world", name) for name in ("a", "b")]
+    path.write_text(WORLDS.format(one=parts[0], two=parts[1]), encoding="utf-8")
+    return path
+
+
+def test_one_model_of_several_is_named(tmp_path):
+    path = world_of_two(tmp_path)
+    (found,) = read_model(path, name="two").document["links"]
+    assert (found["name"], found["joint"]["name"]) == ("b", "j_b")
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(
+        "format: hapticmech-scene/1\nmodel: {file: world.sdf, name: one}\n"
+        "operational_points: [{name: p, link: a}]\n"
+    )
+    loaded = load_scene(scene)
+    assert [one.name for one in loaded.links] == ["a"]
+    assert loaded.gravity == (0.0, 0.0, -3.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "rule"), [("", "names one of"), ("three", "must name one of the models")]
+)
+def test_without_a_name_of_one_the_models_are_named(tmp_path, name, rule):
+    with pytest.raises(SceneError, match=rule) as caught:
+        read_model(world_of_two(tmp_path), name=name)
+    assert "'one', 'two'" in str(caught.value)
+
+
+def test_other_files_have_one_model(tmp_path):
+    path = tmp_path / "model.urdf"
+    path.write_text('<robot name="r"><link name="a"/></robot>')
+    with pytest.raises(SceneError, match="only an SDF file"):
+        read_model(path, name="r")
