@@ -157,8 +157,17 @@ def run(
         raise typer.Exit(1)
 
 
-def topics() -> None:
+def topics(
+    cpp: Annotated[
+        bool, typer.Option("--cpp", help="offsets of the flat messages, as a C++ header, instead")
+    ] = False,
+) -> None:
     """Print the table of topics, as in docs/topics.md."""
+    if cpp:
+        from hapticmech_ros.wire.cpp_header import cpp_header
+
+        print(cpp_header(), end="")
+        return
     from hapticmech_ros.wire.table import markdown
 
     print(markdown(), end="")
