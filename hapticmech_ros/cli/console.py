@@ -17,6 +17,10 @@ errors = Console(stderr=True)
 SceneArgument = Annotated[
     str, typer.Argument(help="shipped scene, or path of a YAML, URDF, MJCF or SDF file")
 ]
+ChangesOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="key of the scene, any number of them"),
+]
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="folder for the results")]
 ComposedOption = Annotated[bool, typer.Option(help="all four nodes in one process")]
 TransportOption = Annotated[

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from hapticmech_ros.cli.console import (
+    ChangesOption,
     ComposedOption,
     OutOption,
     SceneArgument,
@@ -18,6 +19,9 @@ from hapticmech_ros.cli.console import (
 DurationOption = Annotated[
     float | None, typer.Option(help="s after the hand starts", min=0.1, show_default="the scene's")
 ]
+
+
+PUSH = "say so in the scene, or --set 'hand={kind: constant_wrench, force: [0.5, 0, 0]}'"
 
 
 def demo(
@@ -46,19 +50,23 @@ def experiment(
     scene: SceneArgument = "five_bar",
     out: OutOption = Path("experiment"),
     duration: DurationOption = None,
+    changes: ChangesOption = None,
 ) -> None:
     """Run the same experiment in one process, without ROS."""
     from hapticmech_ros.experiment.from_session import run_session
     from hapticmech_ros.experiment.run import write_results
     from hapticmech_ros.scene import load_scene
 
-    loaded = load_scene(scene)
+    loaded = load_scene(scene, changes=changes or ())
     with progress() as bar:
         task = bar.add_task("simulating", total=1.0)
         record = run_session(loaded, duration, lambda share: bar.update(task, completed=share))
         bar.update(task, description="writing results")
         summary = write_results(record, loaded, out)
     _print_results(summary, out)
+    hand = loaded.hand
+    if hand.kind == "constant_wrench" and not any((*hand.force, *hand.torque)) and not hand.tremor:
+        console.print(f"nobody pushed: {PUSH}", highlight=False, markup=False, soft_wrap=True)
 
 
 def _print_results(summary: dict[str, object], out: Path) -> None:

@@ -7,14 +7,14 @@ from typing import Annotated
 
 import typer
 
-from hapticmech_ros.cli.console import SceneArgument
+from hapticmech_ros.cli.console import ChangesOption, SceneArgument, console
 
-app = typer.Typer(help="Scenes: check, list, show, plan and schema.", no_args_is_help=True)
+app = typer.Typer(help="Scenes: check, list, show, plan, copy, schema.", no_args_is_help=True)
 
 
 @app.callback()
 def _options() -> None:
-    """Scenes: check, list, show, plan and schema."""
+    """Scenes: check, list, show, plan, copy, schema."""
 
 
 @app.command()
@@ -26,13 +26,14 @@ def plan(
     json_only: Annotated[
         bool, typer.Option("--json", help="print the plan as JSON, and nothing else")
     ] = False,
+    changes: ChangesOption = None,
 ) -> None:
     """Print the plan compiled from SCENE: what a tick computes, what it leaves out, and why."""
     from hapticmech_ros.cli.scene_tables import show_plan
     from hapticmech_ros.plan.scene_plan import plan_scene
     from hapticmech_ros.scene import load_scene
 
-    found = plan_scene(load_scene(scene), point)
+    found = plan_scene(load_scene(scene, changes=changes or ()), point)
     if json_only:
         import json
         from dataclasses import asdict
@@ -57,6 +58,7 @@ def check(
     json_only: Annotated[
         bool, typer.Option("--json", help="print the result as JSON, and nothing else")
     ] = False,
+    changes: ChangesOption = None,
 ) -> None:
     """Print what SCENE is, which parts of its model file are not used, and possible problems."""
     from hapticmech_ros.cli.scene_tables import show_check
@@ -65,7 +67,8 @@ def check(
     from hapticmech_ros.scene import load_scene
     from hapticmech_ros.scene.loader import find_scene
 
-    found, left = check_scene(load_scene(scene)), left_out(find_scene(scene))
+    found = check_scene(load_scene(scene, changes=changes or ()))
+    left = left_out(find_scene(scene))
     if json_only:
         import json
         from dataclasses import asdict
@@ -86,16 +89,29 @@ def show(
         str, typer.Option(help="operational point held", show_default="the scene's first")
     ] = "",
     pixels: Annotated[int, typer.Option(min=100, max=5000, help="width and height")] = 1050,
+    changes: ChangesOption = None,
 ) -> None:
     """Draw SCENE at its start: the point held, and its rigid and free directions."""
-    from hapticmech_ros.cli.console import console
     from hapticmech_ros.scene import load_scene
     from hapticmech_ros.view.still import draw_scene
 
-    loaded = load_scene(scene)
+    loaded = load_scene(scene, changes=changes or ())
     path = Path(f"{loaded.name}.png") if out is None else out
     draw_scene(loaded, path, point, pixels)
     console.print(f"{path}", highlight=False, markup=False, soft_wrap=True)
+
+
+@app.command()
+def copy(
+    scene: SceneArgument,
+    out: Annotated[Path, typer.Argument(help="YAML file to make")],
+    changes: ChangesOption = None,
+) -> None:
+    """Write a copy of SCENE with other values, for nodes and for editing."""
+    from hapticmech_ros.scene.copying import copy_scene
+
+    copy_scene(scene, out, changes or ())
+    console.print(f"{out}", highlight=False, markup=False, soft_wrap=True)
 
 
 @app.command()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.files import is_file
+from hapticmech_ros.scene.changes import with_changes
 from hapticmech_ros.scene.contact_rules import with_mesh_paths
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.script import with_script_path
@@ -18,7 +19,10 @@ from hapticmech_ros.share import shared
 
 
 def load_scene(
-    scene: str | os.PathLike[str], control_rate: float = 0.0, network_delay: float = 0.0
+    scene: str | os.PathLike[str],
+    control_rate: float = 0.0,
+    network_delay: float = 0.0,
+    changes: Sequence[str] = (),
 ) -> Scene:
     """Return a scene from a file, or a shipped scene by its bare name (``five_bar``).
 
@@ -29,19 +33,32 @@ def load_scene(
         scene: path or name.
         control_rate: Hz, instead of the scene's own ``simulation.period``; 0 leaves it.
         network_delay: s, one way, instead of its ``connection.expected``; 0 leaves it.
+        changes: ``key=value`` each, instead of what the file says; see
+            :func:`~hapticmech_ros.scene.changes.with_changes`.
 
     Raises:
         SceneError: not found, not readable, not YAML, or breaking rules; the message names file,
             key path, value and rule for every problem found.
     """
     path = find_scene(scene)
-    document = _over_network(_at_rate(written_document(path), control_rate), network_delay)
-    folder = path.resolve().parent
-    document = with_script_path(with_mesh_paths(document, folder), folder)
+    document = with_changes(written_document(path), changes, str(path))
+    document = _over_network(_at_rate(document, control_rate), network_delay)
+    document = with_own_paths(document, path)
     if isinstance(document, Mapping) and "model" in document:
         found: Scene = import_module("hapticmech_ros.formats").scene_of(document, path)
         return found
     return scene_from_document(document, source=str(path))
+
+
+def with_own_paths(document: object, path: Path) -> object:
+    """Return a scene's document with the meshes and scripts beside its file by their whole paths.
+
+    Args:
+        document: as written.
+        path: of its file.
+    """
+    folder = path.resolve().parent
+    return with_script_path(with_mesh_paths(document, folder), folder)
 
 
 def _at_rate(document: object, control_rate: float) -> object:

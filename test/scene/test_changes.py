@@ -1,0 +1,113 @@
+"""Keys of a scene that are set from outside its file."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.cli import app
+from hapticmech_ros.errors import SceneError
+from hapticmech_ros.scene import document_of
+from hapticmech_ros.scene.changes import with_changes
+
+LINK = {"name": "a", "joint": {"damping": 0.1}}
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ("gravity=[0, 0, -1]", {"gravity": [0, 0, -1]}),
+        (" gravity = 5e-3 ", {"gravity": 0.005}),
+        ("a.b.c=text", {"a": {"b": {"c": "text"}}}),
+        ("links.a.joint.damping=0.5", {"links": [{"name": "a", "joint": {"damping": 0.5}}]}),
+        ("links[0].joint.axis[1]=2", {"links": [{**LINK, "joint": {"axis": [0, 2, 1]}}]}),
+        ("hand={kind: x, force: [1, 2, 3]}", {"hand": {"kind": "x", "force": [1, 2, 3]}}),
+        ("label=a=b", {"label": "a=b"}),
+        ("closures=", {"closures": None}),
+        ("", {}),
+    ],
+)
+def test_a_key_is_set_and_the_document_stays(change, expected):
+    joint = {"axis": [0, 0, 1]} if "axis" in change else LINK["joint"]
+    before = {"format": "f", "links": [{**LINK, "joint": joint}]}
+    document = yaml.safe_load(yaml.safe_dump(before))
+    found = with_changes(document, [change], "scene")
+    assert found == {**before, **expected}
+    assert document == before
+
+
+@pytest.mark.parametrize(
+    ("change", "rule"),
+    [
+        ("gravity", "must be key=value"),
+        ("=3", "must be key=value"),
+        ("links.b.joint=1", r"must be one of \['a'\], or a place in brackets"),
+        ("links[3].joint=1", "must be a place from 0 to 0"),
+        ("format.x=1", "leads nowhere"),
+        ("links.a.name.x=1", "leads nowhere"),
+        ("links[0][1]=1", "leads nowhere"),
+        ("a..b=1", "names with dots between them"),
+        (".a=1", "names with dots between them"),
+        ("a.=1", "names with dots between them"),
+        ("a[x]=1", "names with dots between them"),
+        ("a=[1", "a: "),
+    ],
+)
+def test_what_leads_nowhere_is_refused(change, rule):
+    with pytest.raises(SceneError, match=rule) as caught:
+        with_changes({"format": "f", "links": [LINK]}, [change], "scene.yaml")
+    assert str(caught.value).startswith("scene.yaml: ")
+
+
+def test_a_scene_has_what_was_set_and_the_rules_hold():
+    changes = ["links.link1.inertial.mass=0.2", "controller.joint_constraint.stiffness=1500"]
+    found = load_scene("five_bar", changes=changes)
+    plain = load_scene("five_bar")
+    assert found.links[0].inertial.mass == 0.2
+    assert found.controller.joint_constraint.stiffness == 1500.0
+    # By the rule for gains, from the stiffness that was set.
+    damping = found.controller.joint_constraint.damping
+    assert damping != plain.controller.joint_constraint.damping
+    with pytest.raises(SceneError, match=r"links\[0\].inertial.mass"):
+        load_scene("five_bar", changes=["links.link1.inertial.mass=-1"])
+    with pytest.raises(SceneError, match="unknown key"):
+        load_scene("five_bar", changes=["hand.forse=[1, 0, 0]"])
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, list(arguments), catch_exceptions=False)
+
+
+def test_a_copy_is_the_scene_with_what_was_set(tmp_path):
+    path = tmp_path / "mine.yaml"
+    done = run("scene", "copy", "five_bar", str(path), "--set", "gravity=[0, -1, 0]")
+    assert done.exit_code == 0
+    expected = load_scene("five_bar", changes=["gravity=[0, -1, 0]"])
+    assert document_of(load_scene(path)) == document_of(expected)
+    with pytest.raises(SceneError, match="exists"):
+        run("scene", "copy", "five_bar", str(path))
+
+
+def test_a_copy_finds_the_model_elsewhere(tmp_path):
+    there = tmp_path / "there"
+    there.mkdir()
+    for name in ("pantograph.urdf", "pantograph.yaml"):
+        shutil.copy(f"examples/{name}", there)
+    (tmp_path / "here").mkdir()
+    copy = tmp_path / "here" / "copy.yaml"
+    assert run("scene", "copy", str(there / "pantograph.yaml"), str(copy)).exit_code == 0
+    expected = document_of(load_scene(there / "pantograph.yaml"))
+    assert document_of(load_scene(copy)) == expected
+
+
+def test_an_experiment_takes_them_and_says_that_nobody_pushed(tmp_path):
+    done = run(
+        *("experiment", "five_bar", "--duration", "0.2", "--out", str(tmp_path / "out")),
+        *("--set", "hand={kind: constant_wrench}"),
+    )
+    assert done.exit_code == 0
+    assert "nobody pushed" in done.stdout
