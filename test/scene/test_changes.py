@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import pytest
 import yaml
@@ -14,6 +15,7 @@ from hapticmech_ros.errors import SceneError
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.changes import with_changes
 
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 LINK = {"name": "a", "joint": {"damping": 0.1}}
 
 
@@ -96,7 +98,7 @@ def test_a_copy_finds_the_model_elsewhere(tmp_path):
     there = tmp_path / "there"
     there.mkdir()
     for name in ("pantograph.urdf", "pantograph.yaml"):
-        shutil.copy(f"examples/{name}", there)
+        shutil.copy(EXAMPLES / name, there)
     (tmp_path / "here").mkdir()
     copy = tmp_path / "here" / "copy.yaml"
     assert run("scene", "copy", str(there / "pantograph.yaml"), str(copy)).exit_code == 0
