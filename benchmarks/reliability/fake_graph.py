@@ -195,8 +195,11 @@ class Host:
 
     def begin(self) -> None:
         """Activate if inactive."""
-        if self.active:
-            return
+        if not self.active:
+            self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Activate, or begin anew if active, as after a step of the clock."""
         self.actor.activate()
         if isinstance(self.actor, ClockedActor):
             self.actor.begin(self.graph.now_ns)

@@ -2,7 +2,8 @@
 
 URDF knows trees only: closures are named in a comment and left open. It has no spherical joint
 either: three hinges about x, y and z stand for it, with links without mass between them. ``free``
-is URDF's ``floating``. A locked joint is a fixed one, where the scene's initial state has it.
+is URDF's ``floating``. A locked joint is a fixed one, where the scene's initial state has it. For
+rotors (``armature``) URDF has no word: they are left out.
 Numbers are written so that reading them gives the same bits.
 """
 

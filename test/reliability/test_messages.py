@@ -393,7 +393,7 @@ def test_a_clock_that_no_stamp_can_tell_is_refused_at_the_start(time_ns):
 def test_time_that_goes_beyond_what_stamps_hold_leaves_the_device_at_zero(graph):
     graph.now_ns = 2**31 * NANOSECONDS - 5_000_000
     for host in graph.hosts.values():
-        host.begin()
+        host.begin_anew()
     graph.run(0.02)
     device = graph.hosts[DEVICE]
     assert "builtin_interfaces/Time" in device.actor.failures.last
@@ -403,7 +403,7 @@ def test_time_that_goes_beyond_what_stamps_hold_leaves_the_device_at_zero(graph)
     assert all(host.active for host in graph.hosts.values())
     graph.now_ns = START_NS
     for host in graph.hosts.values():
-        host.begin()
+        host.begin_anew()
     graph.run(1.0)
     assert well(graph)
 
