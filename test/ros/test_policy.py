@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
+from hapticmech_ros.bag.check import OPTIONAL
 from hapticmech_ros.wire.policy import answered, heard, published
-from hapticmech_ros.wire.topics import TOPICS
+from hapticmech_ros.wire.topics import DEVICE_BODY_FORCE, TOPICS
 from ros.harness import Peer, running
 
 pytestmark = pytest.mark.ros
@@ -18,8 +19,8 @@ NODES = (
     "scene_viewer",
 )
 # Of what is not in every graph: contacts, drivers with axes of their own, tf2's messages.
-SOME = {t.name.replace("{point}", "*") for t in TOPICS if t.rate in ("contact", "body")}
-SOME |= {"/tf", "/tf_static", "/clock", "/parameter_events"}
+SOME = {t.name.replace("{point}", "*") for t in TOPICS if t.rate in OPTIONAL}
+SOME |= {DEVICE_BODY_FORCE.name} | {"/tf", "/tf_static", "/clock", "/parameter_events"}
 
 
 def _names(found: list[tuple[str, list[str]]]) -> set[str]:
