@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from fnmatch import fnmatchcase
 from typing import Any
 
 import pytest
+from visualization_msgs.msg import MarkerArray
 
 from hapticmech_ros.bag.check import OPTIONAL
 from hapticmech_ros.wire.policy import answered, heard, published
@@ -38,6 +40,8 @@ def test_nodes_do_what_the_policy_allows_and_nothing_else(domain: int, peer: Pee
         (node.get_subscriber_names_and_types_by_node, heard),
         (node.get_service_names_and_types_by_node, answered),
     )
+    # The viewer listens while somebody looks.
+    peer.listen("view/markers", MarkerArray)
     with running(",".join(NODES), domain, "five_bar"):
         for name in NODES:
             peer.until(lambda name=name: name in peer.node.get_node_names(), f"the node {name}")
@@ -46,13 +50,17 @@ def test_nodes_do_what_the_policy_allows_and_nothing_else(domain: int, peer: Pee
                 wanted = _patterns(rules(name))
                 needed = {rule for rule in wanted if rule not in SOME and not rule.endswith("/*")}
 
-                def whole(ask=ask, name=name, wanted=wanted, needed=needed) -> bool:
+                def lacking(ask=ask, name=name, wanted=wanted, needed=needed) -> list[str]:
                     there = _names(ask(name, "/"))
-                    return all(
-                        any(fnmatchcase(one, wanted[rule]) for one in there) for rule in needed
-                    )
+                    return [
+                        rule
+                        for rule in needed
+                        if not any(fnmatchcase(one, wanted[rule]) for one in there)
+                    ]
 
-                peer.until(whole, f"all of {name} that the policy names by {rules.__name__}")
+                with contextlib.suppress(TimeoutError):
+                    peer.until(lambda lacking=lacking: not lacking(), "all that is named")
+                assert not lacking(), (name, rules.__name__)
                 there = _names(ask(name, "/"))
                 wild = [
                     one
