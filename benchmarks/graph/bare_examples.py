@@ -21,6 +21,7 @@ from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.messages import (
     WORLD,
     set_stamp,
@@ -68,6 +69,10 @@ TYPES: dict[str, Any] = {
     "std_msgs/msg/UInt8": UInt8,
     "std_msgs/msg/UInt8MultiArray": UInt8MultiArray,
 }
+# Of states and of commands that change them: CRTK's own types, or what stands for them here.
+STATES = (table.DEVICE_OPERATING_STATE, table.POINT_OPERATING_STATE)
+COMMANDS = (table.DEVICE_STATE_COMMAND, table.POINT_STATE_COMMAND)
+TYPES |= {topic.type: message_class(topic.type) for topic in (*STATES, *COMMANDS)}
 
 
 class StampedArray:
@@ -167,6 +172,7 @@ class Examples:
             table.CONSTRAINT_WRENCHES: _matrix("wrench", "constraint", wrenches),
             table.SPECTRUM: _matrix("mu", "value", analysis.spectrum.mu.reshape(-1, 1)),
             table.COUNT: _constant(UInt8(data=sample.count)),
+            **{topic: _constant(TYPES[topic.type]()) for topic in STATES},
         }
 
     def of(self, topic: Topic) -> Example:
