@@ -1,4 +1,4 @@
-"""Rotations as quaternions, in a way that leaves nothing behind."""
+"""Rotations: as quaternions, in a way that leaves nothing behind, and of wrenches and twists."""
 
 from __future__ import annotations
 
@@ -20,3 +20,13 @@ def quaternion_of(rotation: Array) -> Array:
         rotation: (3, 3) orthogonal, determinant 1.
     """
     return np.asarray(pin.SE3ToXYZQUAT(pin.SE3(rotation, _ORIGIN)))[3:]
+
+
+def turned(six: Array, rotation: Array) -> Array:
+    """Return a wrench or twist (6,) in other axes, about the same point.
+
+    Args:
+        six: (6,) N and N m, or m/s and rad/s, or m and rad.
+        rotation: (3, 3) its axes in those that are wanted.
+    """
+    return np.concatenate((rotation @ six[:3], rotation @ six[3:]))

@@ -33,6 +33,7 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.loop_layout import BRAKE
+from hapticmech_ros.quaternions import turned
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,5 +149,4 @@ def engage(
 def pose_error(point: pin.SE3, device: pin.SE3) -> Array:
     """Return e (6,) = log(point⁻¹ device), a twist in world axes at the point; m and rad."""
     body = pin.log6(point.actInv(device)).vector
-    rotation = point.rotation
-    return np.concatenate((rotation @ body[:3], rotation @ body[3:]))
+    return turned(body, point.rotation)

@@ -12,10 +12,10 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.rendering_controller import ControllerCommand, LedgerEntry
 from hapticmech_ros.nodes.actor import Actor
-from hapticmech_ros.nodes.crtk_device import turned
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.messages import write_wrench
+from hapticmech_ros.quaternions import turned
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY
@@ -43,13 +43,14 @@ class ControllerOutputs:
 
     Args:
         actor: the controller.
-        axes: returns the device's axes in the world (3, 3), for drivers that are commanded in them.
+        axes: returns the device's axes in the world (3, 3), for drivers that are commanded in them;
+            None where they are not known, and nothing is then said in them.
 
     Attributes:
         answers: commands sent to the device.
     """
 
-    def __init__(self, actor: Actor[Any], axes: Callable[[], Array]) -> None:
+    def __init__(self, actor: Actor[Any], axes: Callable[[], Array | None]) -> None:
         self._actor, self._axes = actor, axes
         self._gain = FlatArray(GAIN_FIELDS, gain_bounds(actor.limits))
         self._energy = FlatArray(CONTROLLER_ENERGY_FIELDS)
@@ -92,9 +93,10 @@ class ControllerOutputs:
 
     def _own(self, wrench: Array, stamp_ns: int) -> None:
         """Publish the same in the device's own axes, to a driver that is commanded in them."""
-        if self._publish_own is not None:
+        axes = None if self._publish_own is None else self._axes()
+        if self._publish_own is not None and axes is not None:
             message = WrenchStamped()
-            write_wrench(message, turned(wrench, self._axes().T), stamp_ns)
+            write_wrench(message, turned(wrench, axes.T), stamp_ns)
             message.header.frame_id = ""
             self._publish_own.publish(message)
 

@@ -19,6 +19,7 @@ from hapticmech_ros.nodes.messages import checked_stamp, read_pose, read_twist, 
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.quaternions import turned
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.topics import (
@@ -31,16 +32,6 @@ from hapticmech_ros.wire.topics import (
 
 if TYPE_CHECKING:
     from hapticmech_ros.device.hand_observer import HandObserver, TwistEstimate
-
-
-def turned(wrench: Array, rotation: Array) -> Array:
-    """Return a wrench (6,), N and N m, in other axes, about the same point.
-
-    Args:
-        wrench: (6,) N and N m.
-        rotation: (3, 3) its axes in those that are wanted.
-    """
-    return np.concatenate((rotation @ wrench[:3], rotation @ wrench[3:]))
 
 
 class CrtkDevice:
@@ -171,13 +162,15 @@ class CrtkDevice:
             return
         # Whatever the driver calls its own frame.
         wrench = read_wrench(message, self._actor.wrenches, message.header.frame_id)
-        self._force.put(turned(wrench, self.rotation), now_ns)
+        axes = self.rotation
+        if axes is not None:
+            self._force.put(turned(wrench, axes), now_ns)
 
     @property
-    def rotation(self) -> Array:
-        """Axes of the device's last pose in the world (3, 3)."""
+    def rotation(self) -> Array | None:
+        """Axes of the device's last pose in the world (3, 3); None before one was heard."""
         pose = self._pose.value
-        return np.eye(3) if pose is None else np.asarray(pose.rotation)
+        return None if pose is None else np.asarray(pose.rotation)
 
     def _on_twist(self, message: TwistStamped, now_ns: int) -> None:
         self._stamp(message, now_ns)

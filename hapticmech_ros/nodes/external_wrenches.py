@@ -14,7 +14,6 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from rclpy.subscription import Subscription
 
@@ -24,6 +23,7 @@ from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import ExpiringWrench
 from hapticmech_ros.nodes.messages import WORLD, checked_stamp, read_wrench
 from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER
+from hapticmech_ros.quaternions import turned
 from hapticmech_ros.times import NANOSECONDS
 
 WRENCH_TYPE = "geometry_msgs/msg/WrenchStamped"
@@ -114,8 +114,7 @@ class ExternalWrenches:
                 continue
             wrench = source.wrench.at(now_ns)
             if source.frame != WORLD:
-                turn = rotation_of(source.frame)
-                wrench = np.concatenate((turn @ wrench[:3], turn @ wrench[3:]))
+                wrench = turned(wrench, rotation_of(source.frame))
             held = total.get(source.body)
             total[source.body] = wrench if held is None else held + wrench
         return total
