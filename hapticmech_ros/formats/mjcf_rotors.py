@@ -7,13 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hapticmech_ros.formats.mjcf_classes import ACTUATOR, Context
-from hapticmech_ros.formats.model import Joint
+from hapticmech_ros.formats.model import WHY_ELSEWHERE, Joint
 
 OF_TENDON, ELSEWHERE = "armature of a tendon", "armature of an actuator on no hinge or slide"
-WHY = {
-    OF_TENDON: "say armature of the joints that it moves",
-    ELSEWHERE: "say armature of the joints that it moves",
-}
+WHY = {OF_TENDON: WHY_ELSEWHERE, ELSEWHERE: WHY_ELSEWHERE}
 _JOINT_KEYS = ("joint", "jointinparent")
 
 

@@ -19,6 +19,8 @@ WORLD = "world"
 DRAWN = "pictures are drawn from the joints"
 # Drake's tags for rotors, in URDF and SDFormat.
 ROTOR, GEAR = "drake:rotor_inertia", "drake:gear_ratio"
+ROTOR_ELSEWHERE = "rotor of no revolute or prismatic joint"
+WHY_ELSEWHERE = "say armature of the joints that it moves"
 SENSED = "nothing is sensed but poses and wrenches"
 # Elements that only pictures and sensors have to do with.
 _UNFELT = ("visual", "material", "geom", "camera", "light", "sensor")

@@ -15,7 +15,9 @@ from hapticmech_ros.formats.model import (
     DRAWN,
     GEAR,
     ROTOR,
+    ROTOR_ELSEWHERE,
     SENSED,
+    WHY_ELSEWHERE,
     WORLD,
     Body,
     Coupling,
@@ -43,6 +45,7 @@ WHY = {
     "visual": DRAWN,
     "plugin": "of another simulator",
     "sensor": SENSED,
+    ROTOR_ELSEWHERE: WHY_ELSEWHERE,
     "mimic of a second axis": "joints have one axis",
     INEXACT: WHY_INEXACT,
     **mimics.WHY,
@@ -201,6 +204,8 @@ class _Reader:
         dynamics = axis.first("dynamics") if axis is not None else None
         if moves and axis is not None:
             self._mimic(joint, axis)
+        armature = self._armature(joint)
+        self.notes[ROTOR_ELSEWHERE] += armature != 0.0 and not moves
         return Joint(
             name,
             JOINT_TYPES[kind],
@@ -215,7 +220,7 @@ class _Reader:
             friction=self._number(dynamics, "friction", 0.0) if moves else 0.0,
             stiffness=self._number(dynamics, "spring_stiffness", 0.0) if moves else 0.0,
             rest=self._number(dynamics, "spring_reference", 0.0) if moves else 0.0,
-            armature=self._armature(joint) if moves else 0.0,
+            armature=armature if moves else 0.0,
             limits=self._limits(axis) if kind in ("revolute", "prismatic") else None,
         )
 

@@ -15,7 +15,9 @@ from hapticmech_ros.formats.model import (
     DRAWN,
     GEAR,
     ROTOR,
+    ROTOR_ELSEWHERE,
     SENSED,
+    WHY_ELSEWHERE,
     WORLD,
     Body,
     Coupling,
@@ -35,7 +37,6 @@ JOINT_TYPES = {
     "floating": "free",
     "planar": "planar",
 }
-ROTOR_ELSEWHERE = "rotor of no revolute or prismatic joint"
 DRIVEN = "nothing drives a joint but the hand and what the scene says"
 WHY = {
     "visual": DRAWN,
@@ -50,7 +51,7 @@ WHY = {
     "limit left out": "no stops, as of a continuous joint",
     "limit of no width": "lower = upper, as where they are left out: no stops",
     "sensor": SENSED,
-    ROTOR_ELSEWHERE: "say armature of the joints that it moves",
+    ROTOR_ELSEWHERE: WHY_ELSEWHERE,
     **mimics.WHY,
 }
 LINK_KNOWN = {"inertial", "collision"}

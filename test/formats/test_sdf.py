@@ -326,6 +326,13 @@ def test_rotors_that_drakes_tags_give_are_those_of_joints(tmp_path):
     assert not any("drake" in note for note in ours.notes)
 
 
+def test_a_rotor_of_a_joint_that_has_none_is_noted(tmp_path):
+    rotor = "<drake:rotor_inertia>2e-4</drake:rotor_inertia>"
+    ours = Read(written(tmp_path, [link("a"), joint("j", "world", "a", kind="ball", inside=rotor)]))
+    assert ours.written("j").armature == 0.0
+    assert ours.notes["rotor of no revolute or prismatic joint"] == 1
+
+
 WORLDS = """<sdf version="1.9"><world name="w"><gravity>0 0 -3</gravity>
 <model name="one">{one}</model><model name="two"><pose>0 0 1 0 0 0</pose>{two}</model></world>
 </sdf>"""
