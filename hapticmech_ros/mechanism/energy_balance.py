@@ -9,7 +9,7 @@ from hapticmech_ros.mechanism.inertia import inaccurate
 from hapticmech_ros.mechanism.kernels.energy_kernels import allowed
 from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.mechanism.motion import Owed, Start, Stepped
-from hapticmech_ros.mechanism.tolerances import DRIFT, ROUNDED_STEPS
+from hapticmech_ros.mechanism.tolerances import ROUNDED_STEPS
 
 # A step that is off by this share of what it exchanged, however it is divided, is an error.
 FAILURE = 0.1
@@ -51,6 +51,7 @@ def judged(
     balance: Balance,
     tolerance: float,
     damps: bool,
+    most: float,
 ) -> Stepped:
     """Return a step with its account; without what was made from nothing, if that is too much.
 
@@ -63,6 +64,7 @@ def judged(
         balance: its account.
         tolerance: share of what it exchanged by which it may be off.
         damps: whether the rule does, see ``energy_kernels.put_balance``.
+        most: share of what was exchanged that all steps may make from nothing.
 
     Raises:
         InaccurateStepError: it is off by a tenth of what it exchanged.
@@ -73,7 +75,7 @@ def judged(
             raise inaccurate(tree, stepped.v - start.v, balance.off, balance.exchanged)
         made = min(balance.made, balance.kinetic)
     surplus, kinetic = balance.off - made, balance.kinetic - made
-    drifted = min(drift(start.owed, stepped, surplus, balance, damps), kinetic)
+    drifted = min(drift(start.owed, stepped, surplus, balance, damps, most), kinetic)
     taken = made + drifted
     share = math.sqrt(1.0 - taken / balance.kinetic) if taken > 0.0 else 1.0
     return stepped._replace(
@@ -85,7 +87,9 @@ def judged(
     )
 
 
-def drift(owed: Owed, stepped: Stepped, surplus: float, balance: Balance, damps: bool) -> float:
+def drift(
+    owed: Owed, stepped: Stepped, surplus: float, balance: Balance, damps: bool, most: float
+) -> float:
     """Return what steps made from nothing since the start, J, if it is too much; 0 if not.
 
     Args:
@@ -95,8 +99,9 @@ def drift(owed: Owed, stepped: Stepped, surplus: float, balance: Balance, damps:
         balance: its account.
         damps: whether the rule does: what is made is energy beyond the work done then, whatever it
             says was lost.
+        most: share of what was exchanged that is not too much.
     """
     work, lost = owed.work_in + stepped.work_in, owed.lost + stepped.energy_lost
     total = owed.surplus + surplus - (lost if damps else 0.0)
     exchanged = abs(work) + lost + max(owed.moved, balance.kinetic)
-    return total if total > DRIFT * exchanged + ROUNDED_STEPS * balance.rounding else 0.0
+    return total if total > most * exchanged + ROUNDED_STEPS * balance.rounding else 0.0

@@ -66,6 +66,11 @@ class MultibodyModel:
         closed = [closure.active for closure in scene.closures]
         self.initially_active: Active = (*closed, *(True for _ in scene.couplings))
 
+    def __repr__(self) -> str:
+        closures = ", ".join(closure.name for closure in self.closures) or "no closures"
+        points, kind = ", ".join(self.point_names), type(self).__name__
+        return f"{kind} of {self.scene.name}: nv {self.nv}; {closures}; held at {points}"
+
     def row_units(self, indices: Sequence[int]) -> Array:
         """Return (m,) what rows of closures are divided by before they are factored.
 
@@ -293,6 +298,18 @@ class MultibodyModel:
             InvalidInputError: no such point.
         """
         return self.point_names.index(self.scene.operational_point(name).name)
+
+    def joint_slices(self, name: str) -> tuple[slice, slice]:
+        """Return where a moving joint is in q and in v.
+
+        Raises:
+            InvalidInputError: no such joint, or one that does not move.
+        """
+        names = self.tree.joint_names
+        if name not in names:
+            raise InvalidInputError("joint", name, f"must be one of {list(names)}")
+        index = names.index(name)
+        return self.tree.position_slice(index), self.tree.velocity_slice(index)
 
     def closure_index(self, name: str) -> int:
         """Return the index of a closure.

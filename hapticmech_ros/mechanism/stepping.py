@@ -34,6 +34,7 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     APART,
     BAUMGARTE_RATE,
     CONTACT_WORK,
+    DRIFT,
     ENERGY_LOST,
     HEEDED,
     IMPLICIT,
@@ -102,6 +103,7 @@ class Stepper:
         self.step, self._tolerance = plan.period / plan.substeps, plan.tolerance
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
         scheme = SCHEMES[plan.integrator]
+        self._drift = scheme.drift
         self.springs = np.zeros(springs_size(nv) if scheme.implicit else 0)
         self.work = np.zeros(work_size(nq, nv, points))
         numbers = mechanism.active_set(mechanism.initially_active).constants[0]
@@ -114,7 +116,7 @@ class Stepper:
         most_open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
         fractions = (PROJECTION_TOLERANCE, ROUNDING_TOLERANCE, PROJECTION_FAILURE)
         settings = parts.settings
-        settings[LATE] = scheme.late
+        settings[LATE], settings[DRIFT] = scheme.late, scheme.drift
         settings[STEP_SETTINGS.slice("closed", "far")] = np.array(fractions) * mechanism.length
         settings[BAUMGARTE_RATE] = plan.baumgarte_rate
         settings[APART] = most_open * mechanism.length
@@ -209,7 +211,9 @@ class Stepper:
             lambda now, stepped: self._balance(now, stepped, external, damps),
         )
         stepped, balance = refined(start, self._tolerance, self._plan.max_substeps, ways)
-        return judged(self._mechanism.tree, start, stepped, balance, self._tolerance, damps)
+        return judged(
+            self._mechanism.tree, start, stepped, balance, self._tolerance, damps, self._drift
+        )
 
     def _divided(
         self, start: Start, external: ExternalWrenches, single: SingleStep, count: int

@@ -82,3 +82,23 @@ class Run:
             raise KeyError(f"{name}: must be one of {', '.join(self.layout)}")
         found = self.rows[:, self.layout.slice(name)]
         return found[:, 0] if name in SCALARS else found
+
+    def __repr__(self) -> str:
+        if not len(self):
+            return "Run of no ticks"
+        first, last = self["time"][[0, -1]]
+        return f"Run of {len(self)} ticks, {first:g} to {last:g} s: {', '.join(self.layout)}"
+
+    def columns(self) -> dict[str, Array]:
+        """Return every number as a column (k,), as ``pandas.DataFrame`` takes them.
+
+        Fields of one number have their own name, others it with an index: ``twist_0``.
+        """
+        found: dict[str, Array] = {}
+        for name in self.layout:
+            values = self.rows[:, self.layout.slice(name)]
+            if name in SCALARS:
+                found[name] = values[:, 0]
+            else:
+                found.update({f"{name}_{k}": values[:, k] for k in range(values.shape[1])})
+        return found

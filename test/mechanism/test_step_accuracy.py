@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from benchmarks.accuracy.n_four_bar import document as windows
 from hapticmech_ros import Session, Simulator, load_scene
 from hapticmech_ros.errors import ClosureError, InaccurateStepError
 from hapticmech_ros.scene import scene_from_document
+from oracles import pendulum
 from oracles.planar_linkages import chain, elbow, five_bar, five_bar_bent, pin_end, relative_angles
 from oracles.running import simulator, total_energy, unaccounted, with_start
 
@@ -146,11 +148,28 @@ def swinging(integrator):
     return with_start(document, np.array([0.3, -0.4])) | {"simulation": {"integrator": integrator}}
 
 
-# What a scene allows a session to make from nothing, of what it exchanged: DRIFT, and a step more.
-DRIFTS = 1.1e-3
+def test_energy_that_swings_and_comes_back_is_left_in_the_motion():
+    """Semi-implicit Euler's, by 1.5e-3 of what moves in two parallelograms at 1 ms.
+
+    Its crests taken out, the motion is 0.14 m behind after 10 s, ten crossings later; with them it
+    is where the exact one is to the order of the rule.
+    """
+    document = windows(2)
+    document["simulation"] = {"integrator": "semi_implicit_euler", "period": 1e-3}
+    sim = Simulator(scene_from_document(document))
+    end = sim.run(sim.initial_state(), 10_000).end
+    mechanism = sim.mechanism
+    tip = mechanism.evaluate(end.q, end.v, end.active).points[mechanism.point_index("b0")].pose
+    exact = pendulum.windows(2, [10.0])[0]
+    assert np.abs(tip.translation[:2] - exact).max() < 1e-4
+    assert end.account.inaccurate == 0
 
 
-@pytest.mark.parametrize("integrator", ["rk2", "semi_implicit_euler"])
+# What a session may make from nothing, of what it exchanged: `drift` of the rule, and a step more.
+DRIFTS = {"rk2": 1.1e-3, "semi_implicit_euler": 1.1e-2}
+
+
+@pytest.mark.parametrize("integrator", DRIFTS)
 def test_what_accurate_steps_add_up_to_is_taken_out_of_the_motion(integrator):
     """Kinetic and potential energy stay below start, work and losses, step by step or in a run."""
     sim = Simulator(scene_from_document(swinging(integrator)))
@@ -158,7 +177,7 @@ def test_what_accurate_steps_add_up_to_is_taken_out_of_the_motion(integrator):
     for _ in range(2000):
         states.append(sim.step(states[-1], nothing))
     off, account = unaccounted(sim, states), states[-1].account
-    assert off.max() < DRIFTS * max(sim.mechanism.energy(s.q, s.v)[0] for s in states)
+    assert off.max() < DRIFTS[integrator] * max(sim.mechanism.energy(s.q, s.v)[0] for s in states)
     assert off[-1] == pytest.approx(account.surplus, abs=1e-9 * total_energy(sim, states[0]))
     assert account.inaccurate > 0
     at_once = sim.run(states[0], 2000).end
@@ -176,5 +195,5 @@ def test_a_session_cannot_render_what_accurate_steps_add_up_to(integrator):
         paid = account.work_in - account.damping_loss
         now = total_energy(sim, state) - start
         exchanged = abs(account.work_in) + account.damping_loss + account.moved
-        assert now < paid + DRIFTS * exchanged
+        assert now < paid + DRIFTS[integrator] * exchanged
     assert account.inaccurate > 0

@@ -31,6 +31,7 @@ from hapticmech_ros.mechanism.kernels.step_kernels import (
 )
 from hapticmech_ros.mechanism.kernels.step_layout import (
     CONTACT_WORK,
+    DRIFT,
     ENERGY_LOST,
     HEEDED,
     IMPLICIT,
@@ -51,7 +52,7 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     TOLERANCE,
     WORK_IN,
 )
-from hapticmech_ros.mechanism.tolerances import DRIFT, NEAR, PASSING, ROUNDED_STEPS
+from hapticmech_ros.mechanism.tolerances import NEAR, PASSING, ROUNDED_STEPS
 
 # A run ended before a step that starts at, lands on, or would leave a singular position, or has a
 # stage next to one.
@@ -247,7 +248,7 @@ def _watched(
     if implicit:
         # It does not integrate all losses: what is made is energy beyond the work done.
         surplus -= losses
-    if surplus > allowed(DRIFT, exchanged, ROUNDED_STEPS * rounding):
+    if surplus > allowed(parts.settings[DRIFT], exchanged, ROUNDED_STEPS * rounding):
         return INACCURATE
     account[SURPLUS] += found[OFF]
     account[MOVED] = moved

@@ -47,7 +47,7 @@ class Work(Structure):
     """What a step works on; its numbers are those of the mechanism's model.
 
     Attributes:
-        settings: (11,) see ``step_layout.STEP_SETTINGS``.
+        settings: (12,) see ``step_layout.STEP_SETTINGS``.
         scheme: (4, 2) per stage its weight, and the fraction of the step at which the next one is.
         account: (12,) see ``step_layout.STEP_ACCOUNT``.
         q0: (nq,) configuration at the start.

@@ -14,7 +14,8 @@ _ONE = Field(1)
 # been a jump, m; Baumgarte's rate a, 1/s, 0 for the projection; φ beyond which a loop has come
 # apart, m; 1 where θ̇ differs from v at later stages; what of singular positions ends a run, see
 # ``run_kernels``; by which share of what it exchanges a step's energy account may be off, 0 where
-# nobody looks; and how many of the wrenches on links are those of contacts, which come first.
+# nobody looks; how many of the wrenches on links are those of contacts, which come first; and which
+# share of what was exchanged all steps together may make from nothing.
 STEP_SETTINGS = Layout(
     dict.fromkeys(
         (
@@ -29,6 +30,7 @@ STEP_SETTINGS = Layout(
             "heeded",
             "tolerance",
             "touching",
+            "drift",
         ),
         _ONE,
     )
@@ -45,6 +47,7 @@ STEP_SETTINGS = Layout(
     HEEDED,
     TOLERANCE,
     TOUCHING,
+    DRIFT,
 ) = STEP_SETTINGS.starts(*STEP_SETTINGS)
 
 # Of a run: work done and energy lost since it began, J; |φ| of the round before; in the mass metric
