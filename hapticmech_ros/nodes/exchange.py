@@ -203,7 +203,6 @@ class Exchange:
         self.lane: Lane | None = None
         self.refusal = ""
         self.strange_ns = -(1 << 62)
-        self.brought = 0
         self._lines: dict[str, _Line] = {}
         self._waiting: deque[Arrived] = deque()
         self._later: deque[tuple[Outlet, bytes]] = deque()
@@ -269,7 +268,6 @@ class Exchange:
         lane.listen(f"{topic} {kind}", listener, every)
 
         def had(message: bytes) -> bool:
-            self.brought += 1
             if lane.linked:
                 # Whoever sends both ways sends over the lane first: now it has come.
                 self.collect(whole=True)

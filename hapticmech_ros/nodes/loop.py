@@ -44,13 +44,8 @@ _LEARNS, _WAKES_WITHIN_NS = 8, 150_000
 # brings messages of the lane's topics, as it did within the time below.
 LOOK_NS, LOOK_OFTEN_NS = 1_000_000, 200_000
 STRANGE_NS = NANOSECONDS // 2
-# Callbacks in one look, and what a call that finds nothing to do takes less than; on a slow machine
-# half as much again as the shortest of so many calls, which are more than there is to do at first.
+# Callbacks in one look.
 MOST_CALLBACKS = 32
-NOTHING_NS, FIRST_CALLS = 8_000, 64
-# A message that came over the lane before is dropped as quickly as nothing is found: those are
-# counted. Else one a look would be taken while more come, and timers and services wait behind them.
-NOT_NOTHING_NS = 1 << 62
 # Who answers nobody takes what has come so often, s: to wake up for each message would take as much
 # of a processor again, and keep those waiting who answer.
 GATHER_S = 0.005
@@ -110,7 +105,7 @@ class Inbox:
         self._executor = executor
         self._exchange = exchange
         self._look_ns = self._latest_ns = self._answer_ns = 0
-        self._nothing_ns = 0
+        self._marked = False
         self._late_ns = 0
 
     def wait(self, timeout_s: float) -> None:
@@ -184,20 +179,16 @@ class Inbox:
         """Note that what was sent now may be answered soon."""
         self._answer_ns = time.monotonic_ns() + ANSWER_NS
 
-    def _take_one(self, _: int = 0) -> int:
-        """Run a callback of what the middleware has brought, if any.
-
-        Returns:
-            How long it took, ns; :data:`NOT_NOTHING_NS` for a message, however short that was.
-        """
-        brought, begun = self._exchange.brought, time.monotonic_ns()
-        self._executor.spin_once(timeout_sec=NO_WAIT_S)
-        if self._exchange.brought != brought:
-            return NOT_NOTHING_NS
-        return time.monotonic_ns() - begun
+    def _unmark(self) -> None:
+        self._marked = False
 
     def look(self) -> bool:
         """Run the callbacks of what the middleware has brought, if it is time for that.
+
+        The executor does not tell whether a call of ``spin_once`` found anything, and what it found
+        may be as short as nothing: messages that were replaced before they were taken leave events
+        behind for which there is no message. So a mark is queued behind what is there, and
+        callbacks are run until it comes out.
 
         Returns:
             Whether there may be more of it.
@@ -208,18 +199,20 @@ class Inbox:
         now = time.monotonic_ns()
         if now < self._look_ns:
             return False
-        if not self._nothing_ns:
-            self._nothing_ns = max(
-                NOTHING_NS, 3 * min(map(self._take_one, range(FIRST_CALLS))) // 2
-            )
-        more = not any(self._take_one() < self._nothing_ns for _ in range(MOST_CALLBACKS))
+        if not self._marked:
+            self._marked = True
+            self._executor.create_task(self._unmark)
+        for _ in range(MOST_CALLBACKS):
+            self._executor.spin_once(timeout_sec=NO_WAIT_S)
+            if not self._marked:
+                break
         now = time.monotonic_ns()
         if now - self._exchange.strange_ns < STRANGE_NS:
             self._look_ns = self._latest_ns = now + LOOK_OFTEN_NS
         else:
             # With the first message or deadline from then on; there is mostly one in a period.
             self._look_ns, self._latest_ns = now + LOOK_NS, now + 2 * LOOK_NS
-        return more
+        return self._marked
 
 
 class HasDeadlines(Protocol):

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+
 import pytest
 
 from hapticmech_ros.nodes import loop
@@ -16,7 +20,7 @@ class LateSystem:
     def __init__(self, late_ns: int) -> None:
         self.now, self.late_ns = 0, late_ns
         self.lane, self.linked, self.has_later, self.is_waiting = self, True, False, False
-        self.looks = self.awake_ns = self.brought = 0
+        self.looks = self.awake_ns = 0
         self.message_ns: int | None = None
 
     def monotonic_ns(self) -> int:
@@ -101,44 +105,64 @@ def test_a_message_ends_the_wait_also_while_it_looks(system: LateSystem) -> None
 
 
 class Busy:
-    """An executor with callbacks to run, on a slow machine or a fast one."""
+    """An executor with ``waiting`` callbacks to run, some of which take no longer than none."""
 
-    def __init__(
-        self, system: LateSystem, nothing_ns: int, callback_ns: int, messages: bool = False
-    ) -> None:
-        self._system, self._nothing_ns, self._callback_ns = system, nothing_ns, callback_ns
-        self._messages = messages
-        self.waiting = self.calls = 0
+    def __init__(self, system: LateSystem, callback_ns: int) -> None:
+        self._system, self._callback_ns = system, callback_ns
+        self._queue: deque[Callable[[], None]] = deque()
+        self.calls = 0
+
+    @property
+    def waiting(self) -> int:
+        return len(self._queue)
+
+    def wait(self, number: int, ns: int | None = None) -> None:
+        for _ in range(number):
+            self._queue.append(partial(self._pass, self._callback_ns if ns is None else ns))
+
+    def _pass(self, ns: int) -> None:
+        self._system.now += ns
+
+    def create_task(self, callback: Callable[[], None]) -> None:
+        self._queue.append(callback)
 
     def spin_once(self, timeout_sec: float) -> None:
         assert timeout_sec < 0.0
         self.calls += 1
-        self._system.brought += bool(self._messages and self.waiting)
-        self._system.now += self._callback_ns if self.waiting else self._nothing_ns
-        self.waiting = max(0, self.waiting - 1)
+        self._system.now += US
+        if self._queue:
+            self._queue.popleft()()
 
 
-@pytest.mark.parametrize(
-    ("nothing_us", "callback_us", "messages"),
-    [
-        *((4, 9, False), (5, 40, False), (20, 45, False), (30, 200, False)),
-        # Messages that are dropped at once, since they came another way before.
-        *((4, 5, True), (20, 21, True)),
-    ],
-)
-def test_all_that_the_middleware_has_brought_is_taken_and_nothing_more(
-    system: LateSystem, nothing_us: int, callback_us: int, messages: bool
-) -> None:
-    executor = Busy(system, nothing_us * US, callback_us * US, messages)
+def test_all_that_the_middleware_has_brought_is_taken_and_nothing_more(system: LateSystem) -> None:
+    executor = Busy(system, 40 * US)
     inbox = Inbox(executor, system)  # type: ignore[arg-type]
     system.strange_ns = -(1 << 62)  # type: ignore[attr-defined]
     for waiting in (3, 0, 1, 30, 7):
-        executor.waiting = waiting
+        executor.wait(waiting)
         system.now += 10_000 * US
         executor.calls = 0
         inbox.look()
         assert executor.waiting == 0
-    assert executor.calls == 8
+        # One for the mark behind them.
+        assert executor.calls == waiting + 1
+
+
+def test_events_without_messages_keep_nobody_waiting(system: LateSystem) -> None:
+    """As of messages that were replaced before they were taken: as short as nothing at all."""
+    executor = Busy(system, 40 * US)
+    inbox = Inbox(executor, system)  # type: ignore[arg-type]
+    system.strange_ns = -(1 << 62)  # type: ignore[attr-defined]
+    executor.wait(1000, ns=0)
+    heard: list[int] = []
+    executor.create_task(lambda: heard.append(system.now))
+    begun = system.now
+    for _ in range(40):
+        system.now += 1000 * US
+        inbox.look()
+    assert heard
+    # Each look takes MOST_CALLBACKS of them, and there is one a period.
+    assert heard[0] - begun <= (1000 // loop.MOST_CALLBACKS + 2) * 1_100 * US
 
 
 class Lane:
@@ -154,7 +178,7 @@ class Gathered:
     """An exchange that notes how often it is asked for what has come."""
 
     def __init__(self) -> None:
-        self.lane, self.asked, self.delivered, self.brought = Lane(), 0, 0, 0
+        self.lane, self.asked, self.delivered = Lane(), 0, 0
         self.strange_ns = -(1 << 62)
 
     def collect(self, timeout_s: float = 0.0, whole: bool = False) -> None:
@@ -169,34 +193,42 @@ class Gathered:
 class NoMessages:
     """An executor to which the middleware brings nothing."""
 
+    def __init__(self) -> None:
+        self._tasks: list[Callable[[], None]] = []
+
+    def create_task(self, callback: Callable[[], None]) -> None:
+        self._tasks.append(callback)
+
     def spin_once(self, timeout_sec: float) -> None:
-        """As of an executor."""
+        while self._tasks:
+            self._tasks.pop()()
 
 
 @pytest.mark.parametrize("waiting", [1, 100, 1000])
 def test_who_answers_nobody_takes_all_that_the_middleware_has_brought(
     monkeypatch: pytest.MonkeyPatch, system: LateSystem, waiting: int
 ) -> None:
-    exchange, executor = Gathered(), Busy(system, 4 * US, 9 * US)
+    exchange, executor = Gathered(), Busy(system, 9 * US)
     monkeypatch.setattr(loop.time, "sleep", system.sleep)
     inbox = Inbox(executor, exchange)  # type: ignore[arg-type]
     inbox.gather()
     for _ in range(3):
-        executor.waiting = waiting
+        executor.wait(waiting)
+        before = executor.waiting
         inbox.gather()
-        # No more than in the time in which it comes.
-        most = int(loop.GATHER_S / 9e-6)
-        assert executor.waiting <= max(0, waiting - most)
+        # No more than in the time in which it comes, to within one look.
+        most = int(loop.GATHER_S / 10e-6) - loop.MOST_CALLBACKS
+        assert executor.waiting <= max(0, before - most)
 
 
 def test_who_answers_nobody_stops_where_the_middleware_never_does(
     monkeypatch: pytest.MonkeyPatch, system: LateSystem
 ) -> None:
-    executor = Busy(system, 4 * US, 9 * US)
+    executor = Busy(system, 9 * US)
     monkeypatch.setattr(loop.time, "sleep", system.sleep)
     inbox = Inbox(executor, Gathered())  # type: ignore[arg-type]
     inbox.gather()
-    executor.waiting = 1 << 30
+    executor.wait(10_000)
     begun = system.now
     inbox.gather()
     assert system.now - begun < 2.1e9 * loop.GATHER_S
