@@ -21,7 +21,7 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.failures import Failures
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.message_info import Info, WithInfo
-from hapticmech_ros.nodes.messages import checked_time, deserialized
+from hapticmech_ros.nodes.messages import check_in_world, checked_time, deserialized
 from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
 from hapticmech_ros.nodes.parameters import NodeParameters
 from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
@@ -35,11 +35,16 @@ from hapticmech_ros.wire.bounds import wrench_bounds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.stamps import seconds_of
 from hapticmech_ros.wire.topic import Topic
-from hapticmech_ros.wire.wrench import WORLD, decode_wrench
+from hapticmech_ros.wire.wrench import decode_wrench
 
 M = TypeVar("M")
 P = TypeVar("P", bound=NodeParameters)
 FOR_EVER = 1 << 62
+
+
+def always(now_ns: int) -> bool:
+    """Return that every message is wanted."""
+    return True
 
 
 class Actor(Generic[P]):
@@ -157,29 +162,52 @@ class Actor(Generic[P]):
         message_type: type[M],
         qos: QoSProfile,
         accept: Callable[[M, int], None],
-        sources: Sources | None = None,
-        wanted: Callable[[int], bool] | None = None,
     ) -> Subscription:
         """Subscribe; what ``accept(message, now_ns)`` refuses with InvalidInputError is counted.
 
-        ``sources`` is told before whom each message comes from. Messages are not read where
-        ``wanted(now_ns)`` is false.
+        Such messages come through the middleware only.
 
         Returns:
             The subscription.
         """
 
         def read(message: bytes, now_ns: int) -> None:
-            if wanted is None or wanted(now_ns):
-                accept(deserialized(message, message_type), now_ns)
+            accept(deserialized(message, message_type), now_ns)
 
         # As bytes: what is no whole message is refused here, as all others are, and counted.
-        callback: Callable[..., None] = self.guarded(name, read)
-        if sources is not None:
-            callback = self._watched(sources, callback)
+        callback = self.guarded(name, read)
         create = self.node.create_subscription
         made: Subscription = create(message_type, name, callback, qos, raw=True)
         return self.node.keep(made)
+
+    def input_stream(
+        self,
+        name: str,
+        message_type: type[M],
+        qos: QoSProfile,
+        accept: Callable[[M, int], None],
+        sources: Sources,
+        wanted: Callable[[int], bool] = always,
+    ) -> None:
+        """Subscribe to what may come at the control rate, whichever way it comes.
+
+        What ``accept(message, now_ns)`` refuses with InvalidInputError is counted. Messages are not
+        read where ``wanted(now_ns)`` is false.
+
+        Args:
+            name: of the topic.
+            message_type: of its messages.
+            qos: of the subscription.
+            accept: called with a message and the time of arrival, ns.
+            sources: told before whom each message comes from.
+            wanted: whether messages are wanted at a time, ns.
+        """
+
+        def read(message: bytes, now_ns: int) -> None:
+            if wanted(now_ns):
+                accept(deserialized(message, message_type), now_ns)
+
+        self._input_raw(name, message_type, qos, read, sources)
 
     def input_array(
         self,
@@ -232,8 +260,7 @@ class Actor(Generic[P]):
 
         def read(message: bytes, now_ns: int) -> None:
             found = decode_wrench(message, self.wrenches)
-            if found.frame not in ("", WORLD):
-                raise InvalidInputError("frame_id", found.frame, f"must be '{WORLD}', or empty")
+            check_in_world(found.frame)
             limit = self.age_limit_ns
             stamp = checked_time(found.stamp_ns, now_ns, limit, unstamped_is_now)
             accept(found.values, stamp, now_ns)

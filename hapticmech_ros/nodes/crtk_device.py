@@ -80,7 +80,7 @@ class CrtkDevice:
 
     def _listen(self, name: str, kind: Any, accept: Callable[[Any, int], None]) -> None:
         sources = self._watch(name)
-        self._actor.input(name, kind, CONTROL_SUBSCRIBER, accept, sources, self._wanted)
+        self._actor.input_stream(name, kind, CONTROL_SUBSCRIBER, accept, sources, self._wanted)
 
     def forget(self) -> None:
         """Wait for all anew."""

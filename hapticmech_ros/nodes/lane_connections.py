@@ -27,8 +27,11 @@ MOST_TOLD = 1 << 17
 MOST_BEHIND = 1000
 # So many of those are sent at once, so that a sender's own work is not held up.
 MOST_AT_ONCE = 16
-# Whoever has taken nothing for so long stands still: others may be the only ones who listen.
-STALLED_NS = NANOSECONDS // 2
+# Whoever has taken nothing for so long stands still, and the middleware may soon count it no more:
+# others may then be the only ones who listen. Longer than a process goes without a processor where
+# those of the control rate take nearly all, since then the middleware, which costs more, would take
+# the rest; shorter than the leases of participants (10 s with Cyclone DDS, 20 s with Fast DDS).
+STALLED_NS = 5 * NANOSECONDS
 # How much a connection holds for such a listener, bytes; the system may grant less.
 KEPT_BYTES = 1 << 22
 # Of sockets that a process waits for with select.

@@ -15,6 +15,7 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.nodes.lane import Lane
 from hapticmech_ros.nodes.lane_folder import lane_folder
 from ros.bag_processes import bag_command
 from ros.harness import Peer, figures, six
@@ -166,6 +167,52 @@ def test_a_topic_that_is_remapped_at_one_end_alone_reaches_nobody(domain: int, p
         )
         assert figures(statuses["haptic_device"])["times_held"] == "0"
         assert ways(statuses, "/device/servo_cf") == "nobody"
+
+
+def test_crtk_at_the_control_rate_takes_the_lane(domain: int, peer: Peer) -> None:
+    statuses = peer.statuses()
+    environment = private_environment(domain)
+    elsewhere = ["-r", "device/state:=/omega/state"]
+    samples = [
+        "/device/measured_cp PoseStamped",
+        "/device/measured_cv TwistStamped",
+        "/device/measured_cf WrenchStamped",
+        "/device/hand/measured_cf WrenchStamped",
+    ]
+    with (
+        Graph(
+            "five_bar",
+            parameters=OFTEN,
+            environment=environment,
+            nodes=[name for name in NODES if name != "haptic_device"],
+        ),
+        Graph(
+            "five_bar",
+            parameters={**OFTEN, "view_rate": 1000.0},
+            environment=environment,
+            nodes=["haptic_device"],
+            arguments=elsewhere,
+        ),
+    ):
+        peer.until(renders(statuses), "rendering by CRTK alone")
+        before = int(figures(statuses["teleoperation_controller"])["answers"])
+        peer.until(
+            lambda: int(figures(statuses["teleoperation_controller"])["answers"]) > before + 1000,
+            "answers",
+        )
+        assert not any(figures(status).get("fault") for status in statuses.values())
+        lane = Lane.open(environment)
+        try:
+
+            def heard() -> bool:
+                lane.look()
+                lane.collect()
+                return all(lane.readers(topic) for topic in samples)
+
+            peer.until(heard, "the controller to hear the device's samples on the lane")
+            assert not lane.readers("/device/setpoint_cf WrenchStamped")
+        finally:
+            lane.close()
 
 
 def test_graphs_of_two_namespaces_are_apart_on_the_lane(domain: int, peer: Peer) -> None:
