@@ -1,7 +1,7 @@
 """Simulated haptic device driver: what a real device's ROS driver would be, with a hand on it.
 
-CRTK: publishes measured_cp, measured_cv, measured_cf, operating_state; obeys servo_cf and
-state_command.
+CRTK: publishes measured_cp, measured_cv, measured_cf, setpoint_cf, setpoint_cp, operating_state;
+obeys servo_cf, servo_cp, hold, free and state_command.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
+from hapticmech_ros.device.position_servo import PositionServo
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes.actor import ClockedActor
@@ -28,6 +29,7 @@ from hapticmech_ros.nodes.last_valid_state import LastValidState
 from hapticmech_ros.nodes.local_loop import LocalLoop
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.parameters import DeviceParameters
+from hapticmech_ros.nodes.pose_commands import PoseCommands
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.scene.hand import STILL_HAND
 from hapticmech_ros.simulation import Simulator
@@ -53,7 +55,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     """Drives an :class:`~hapticmech_ros.device.ImpedanceDevice` at the control rate.
 
     The hand takes hold when commands arrive and lets go when they stop; without commands the
-    actuators are at zero. In lockstep the hand holds from the start, and the command that acts over
+    actuators are at zero. Commands are wrenches, or poses to which ``device.servo`` of the scene
+    pulls. In lockstep the hand holds from the start, and the command that acts over
     a period answers the sample one period before it.
     """
 
@@ -62,6 +65,7 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def __init__(self, node: Host, parameters: DeviceParameters) -> None:
         self._hand: HandWrenches | None = None
+        self._poses: PoseCommands | None = None
         super().__init__(node, parameters)
         self._wait_for_start = parameters.wait_for_start
         self._side = DeviceSide(self.scene, self._limits)
@@ -91,7 +95,16 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
         node.keep(node.create_service(SetBool, EMERGENCY_STOP, self._on_stop))
         commands, gains = self.sources(DEVICE_COMMAND.name), self.sources(DEVICE_GAIN.name)
-        self._guard = CommandGuard(commands, gains)
+        self._servo = PositionServo(scene.device, self.period_s, self._limits)
+        self._poses = PoseCommands(
+            self,
+            lambda: self._state.measured_pose,
+            self._obeys_wrenches,
+            self._refusal,
+            self._end_pose,
+        )
+        self._poses.timeout_ns = self.timeout_ns
+        self._guard = CommandGuard(commands, gains, self._poses.sources)
         self._operating = OperatingState(
             self,
             (DEVICE_OPERATING_STATE, DEVICE_STATE_COMMAND),
@@ -119,7 +132,10 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._limits = limits_of(parameters, self.scene.device)
         if self._hand is not None:
             self._side.envelope.limit(self._limits)
+            self._servo = PositionServo(self.scene.device, self.period_s, self._limits)
             self._hand.apply_parameters(parameters)
+        if self._poses is not None:
+            self._poses.timeout_ns = self.timeout_ns
 
     def validate_parameters(self, parameters: DeviceParameters) -> None:
         """Refuse what is less safe than the scene allows."""
@@ -196,6 +212,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self._operating.publish(self.node.active)
         self._view.publish(self._state, self._written.hand_wrench, stamp_ns)
         self._view.publish_energy(self._side.passivity, self._sample(), stamp_ns)
+        if self._poses is not None:
+            self._poses.publish(stamp_ns)
 
     def _move(self, command: Array | None) -> None:
         held, ticks = self._held, self._ticks_held
@@ -206,8 +224,10 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         """Return the device's state and figures."""
         now, counts = self.now_ns(), self._side.envelope.counts
         fault = self._fault() or self._operating.withheld
-        rendering = not fault and self._command.fresh(now, self.timeout_ns)
-        sentence = "rendering" if rendering else f"{fault or 'no commands'}: actuators at zero"
+        posed = self._poses.kind if self._poses is not None else ""
+        rendering = not fault and (bool(posed) or self._command.fresh(now, self.timeout_ns))
+        doing = f"pulled to a pose by {posed}" if posed else "rendering"
+        sentence = doing if rendering else f"{fault or 'no commands'}: actuators at zero"
         return (
             rendering,
             sentence,
@@ -229,6 +249,11 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         The hand takes hold and lets go with it. Arguments as :meth:`steps` yields them.
         """
         fault = self._refusal(now_ns)
+        poses = self._poses
+        if poses is not None and (goal := poses.goal(now_ns)) is not None:
+            if not fault:
+                return self._pull(goal)
+            poses.end(fault)
         if self.lockstep:
             answer = self._answer_of(self.answered_ns(now_ns)) if self._ticks >= 2 else NO_WRENCH
             if fault:
@@ -247,11 +272,36 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         command, answered_ns = acting
         if not self._answers.begin(answered_ns, now_ns):
             return None
+        self._take_hold()
+        return self._safe(self._loop.correct(command, answered_ns, now_ns))
+
+    def _take_hold(self) -> None:
+        """Let the hand take hold, unless it has, or waits."""
         if self._held is None and not self._wait_for_start:
             self._held = self._state
             self._ticks_held = 0
             self.times_held += 1
-        return self._safe(self._loop.correct(command, answered_ns, now_ns))
+
+    def _pull(self, goal: pin.SE3) -> Array:
+        """Return what leaves of the wrench that takes the device to a pose."""
+        self._take_hold()
+        state = self._state
+        wrench = self._servo.wrench(goal, state.measured_pose, state.measured_twist)
+        added = self._device.compensation(state)
+        # The spring's energy is the device's own: there is no mechanism whose it would be.
+        return self._side.allow(wrench, self._sample(), state.applied, None, added)
+
+    def _obeys_wrenches(self, now_ns: int) -> bool:
+        """Return whether servo_cf is obeyed at a time, ns."""
+        return self._command.value is not None and self._command.fresh(now_ns, self.timeout_ns)
+
+    def _end_pose(self, reason: str) -> None:
+        """Let the hand go, because no pose is commanded any more; at once if that was wanted."""
+        if reason:
+            self._warn(reason)
+            self._let_go(self.now_ns())
+        else:
+            self._put_at_zero()
 
     def _answer_of(self, answered_ns: int) -> Array:
         """Return the answer to a sample, in lockstep."""
@@ -294,6 +344,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         The hand lets go; in lockstep it holds on, as long as the run lasts.
         """
         self._command.clear()
+        if self._poses is not None:
+            self._poses.forget()
         if self.lockstep:
             self._side.envelope.stop()
         else:
@@ -316,6 +368,8 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         self.latency.add(now_ns - stamp_ns)
         self.ages.add(now_ns - stamp_ns)
         self._look_at_fault(now_ns)
+        if self._poses is not None:
+            self._poses.give_way(now_ns)
         if self.lockstep:
             self._commands.put(wrench, stamp_ns)
         elif not self._answers.is_next(stamp_ns, now_ns):

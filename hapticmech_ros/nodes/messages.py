@@ -55,6 +55,16 @@ def set_stamp(stamp: Time, time_ns: int) -> None:
     stamp.sec, stamp.nanosec = seconds_of(time_ns)
 
 
+def check_in_world(frame: str) -> None:
+    """Check a command's frame, which may be left empty: it then stands for ``world``.
+
+    Raises:
+        InvalidInputError: it is another one.
+    """
+    if frame not in ("", WORLD):
+        raise InvalidInputError("frame_id", frame, f"must be '{WORLD}', or empty")
+
+
 def checked_stamp(header: Header, now_ns: int, limit_ns: int, unstamped_is_now: bool) -> int:
     """Return the header's time, ns.
 

@@ -10,6 +10,7 @@ RATES = {
     "body": "control rate (1 kHz), with `device.servo_axes: body`",
     "view": "`view_rate` (100 Hz)",
     "contact": "`view_rate` (100 Hz), in scenes with contacts",
+    "servo": "`view_rate` (100 Hz), while `servo_cp` or `hold` acts",
     "marker": "`marker_rate` (30 Hz)",
     "change": "on change",
     "1 Hz": "1 Hz",

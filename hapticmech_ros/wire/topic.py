@@ -12,7 +12,9 @@ from typing import Literal
 
 # Stands for CRTK's own message types where they are not installed.
 TEXT = "std_msgs/msg/String"
-Rate = Literal["control", "body", "view", "contact", "marker", "change", "1 Hz", "caller's"]
+Rate = Literal[
+    "control", "body", "view", "contact", "servo", "marker", "change", "1 Hz", "caller's"
+]
 Qos = Literal["stream", "latched", "command"]
 
 
@@ -26,8 +28,9 @@ class Topic:
         publisher: node that publishes it, or ``any``.
         subscribers: nodes that subscribe.
         rate: ``control`` is the scene's control rate, ``view`` is for people and slower,
-            ``contact`` the same in scenes with contacts, ``marker`` the scene viewer's; ``body`` is
-            the control rate with ``device.servo_axes: body``.
+            ``contact`` the same in scenes with contacts, ``servo`` the same while a device is
+            commanded to a pose, ``marker`` the scene viewer's; ``body`` is the control rate with
+            ``device.servo_axes: body``.
         qos: name of the profile in nodes/qos.py.
         meaning: what it carries; for wrenches by whom, on whom, at which point, in which axes.
     """

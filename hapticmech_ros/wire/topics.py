@@ -104,6 +104,39 @@ DEVICE_BODY_FORCE = Topic(
     (CONTROLLER,),
     rate="caller's",
 )
+DEVICE_POSE_COMMAND = Topic(
+    "device/servo_cp",
+    POSE,
+    "any",
+    "pose, in `world`, to which the scene's `device.servo` pulls the device; refused while "
+    "`servo_cf` is obeyed",
+    (DEVICE,),
+    rate="caller's",
+)
+DEVICE_POSE_SETPOINT = Topic(
+    "device/setpoint_cp",
+    POSE,
+    DEVICE,
+    "pose, in `world`, to which the device is pulled",
+    rate="servo",
+)
+DEVICE_HOLD = Topic(
+    "device/hold",
+    "std_msgs/msg/Empty",
+    "any",
+    "holds the device where it is, by the scene's `device.servo`, until another command; refused "
+    "while `servo_cf` is obeyed",
+    (DEVICE,),
+    rate="caller's",
+)
+DEVICE_FREE = Topic(
+    "device/free",
+    "std_msgs/msg/Empty",
+    "any",
+    "ends `servo_cp` and `hold`: the device is free",
+    (DEVICE,),
+    rate="caller's",
+)
 DEVICE_OPERATING_STATE = Topic(
     "device/operating_state",
     crtk_type("OperatingState"),
@@ -325,6 +358,10 @@ TOPICS: tuple[Topic, ...] = (
     DEVICE_BODY_COMMAND,
     DEVICE_BODY_FORCE,
     DEVICE_GAIN,
+    DEVICE_POSE_COMMAND,
+    DEVICE_POSE_SETPOINT,
+    DEVICE_HOLD,
+    DEVICE_FREE,
     DEVICE_OPERATING_STATE,
     DEVICE_STATE_COMMAND,
     DEVICE_ENERGY,
