@@ -18,7 +18,7 @@ from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.readiness import ADDRESS, Readiness
+from hapticmech_ros.readiness import ADDRESS, SHOWN, Readiness, Report
 
 # A node answers a signal within its longest wait; what does not end by then is killed.
 STOP_TIMEOUT_S = 5.0
@@ -77,6 +77,8 @@ class Graph:
         hold: operational points, each held by a device of its own; none: the scene's first one.
             Of several, each has its device, analyser and controller in a namespace of its name.
         arguments: further ROS arguments for all nodes.
+        shown: whether the nodes' last reports are shown by whoever asks for :meth:`endings`, and so
+            not printed by the nodes.
     """
 
     def __init__(
@@ -89,8 +91,11 @@ class Graph:
         nodes: Collection[str] = tuple(NODES),
         hold: Sequence[str] = (),
         arguments: Sequence[str] = (),
+        shown: bool = False,
     ) -> None:
         self._environment = dict(os.environ if environment is None else environment)
+        if shown:
+            self._environment[SHOWN] = "1"
         self._readiness = Readiness()
         self._environment[ADDRESS] = self._readiness.address
         self._commands: dict[str, list[str]] = {}
@@ -115,6 +120,16 @@ class Graph:
         """Return whether all processes are up: their nodes are active, unless started by others."""
         pids = self._readiness.pids()
         return all(process.pid in pids for process in self.processes.values())
+
+    def reports(self) -> dict[str, Report]:
+        """Return how each node was when it said so last, by its full name."""
+        if self._readiness.is_open:
+            self._readiness.pids()
+        return dict(self._readiness.reports)
+
+    def endings(self) -> dict[str, Report]:
+        """Return what each node said as it ended, by its full name."""
+        return dict(self._readiness.endings)
 
     def ended(self) -> list[str]:
         """Return the names of the processes that are no more."""
@@ -153,8 +168,11 @@ class Graph:
 
     def stop(self) -> dict[str, int]:
         """End every process, SIGINT first, and return exit codes by name."""
-        self._readiness.close()
-        return stop_processes(self.processes)
+        codes = stop_processes(self.processes)
+        if self._readiness.is_open:
+            self._readiness.pids()
+            self._readiness.close()
+        return codes
 
     def __enter__(self) -> Graph:
         return self

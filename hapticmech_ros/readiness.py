@@ -1,18 +1,46 @@
-"""Processes tell who started them that they are up, as services tell systemd: sd_notify(3)."""
+"""Processes tell who started them that they are up, and how they are: sd_notify(3), as services do.
+
+What a node is doing is its ``STATUS``, which ``systemctl status`` shows, and with figures an ``X_``
+variable of this package, which systemd passes over.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import socket
 import struct
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 
 ADDRESS = "NOTIFY_SOCKET"
 READY = b"READY=1"
+# Set for nodes whose last report is shown by whoever started them, and not printed by them.
+SHOWN = "HAPTICMECH_ROS_REPORTS_SHOWN"
+_REPORT = b"X_HAPTICMECH_REPORT="
 # s, for which a process waits where others have just said so too: ten messages fill a socket.
 _PATIENCE_S = 0.5
-_LARGEST = 4096
+_LARGEST = 1 << 16
 _CREDENTIALS = struct.Struct("3i")
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """How a node is.
+
+    Attributes:
+        node: its full name.
+        well: whether it does what it is for.
+        sentence: what it does.
+        figures: of diagnostics.
+        last: whether it ends now.
+    """
+
+    node: str
+    well: bool
+    sentence: str
+    figures: dict[str, str]
+    last: bool = False
 
 
 def say_ready(environment: Mapping[str, str] = os.environ) -> None:
@@ -22,24 +50,42 @@ def say_ready(environment: Mapping[str, str] = os.environ) -> None:
         environment: in which ``NOTIFY_SOCKET`` is the address of a Unix datagram socket, of the
             abstract ones with ``@`` in place of the zero byte.
     """
+    _say(READY, environment, _PATIENCE_S)
+
+
+def say_report(report: Report, environment: Mapping[str, str] = os.environ) -> None:
+    """Say how a node is to whoever wants to know; nothing is waited for.
+
+    Args:
+        report: of the node.
+        environment: as of :func:`say_ready`.
+    """
+    status = f"STATUS={report.node}: {report.sentence}".encode()
+    said = json.dumps(asdict(report), ensure_ascii=False).encode()
+    _say(status + b"\n" + _REPORT + said, environment, 0.0)
+
+
+def _say(text: bytes, environment: Mapping[str, str], patience_s: float) -> None:
     address = environment.get(ADDRESS, "")
     if address[:1] not in ("/", "@"):
         return
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sender:
-        sender.settimeout(_PATIENCE_S)
+        sender.settimeout(patience_s)
         try:
             sender.connect("\0" + address[1:] if address[0] == "@" else address)
-            sender.send(READY)
+            sender.send(text)
         except OSError:
-            # Whoever wanted to know has gone, or does not listen.
+            # Whoever wanted to know has gone, does not listen, or has more than it has read.
             return
 
 
 class Readiness:
-    """Hears which processes are up.
+    """Hears which processes are up, and how their nodes are.
 
     Attributes:
         address: for ``NOTIFY_SOCKET`` of these processes.
+        reports: the last one of each node, by its name.
+        endings: the last one of each node that said that it ends.
     """
 
     def __init__(self) -> None:
@@ -50,6 +96,8 @@ class Readiness:
         self._socket.bind("")
         self.address = "@" + self._socket.getsockname()[1:].decode()
         self._ready: set[int] = set()
+        self.reports: dict[str, Report] = {}
+        self.endings: dict[str, Report] = {}
 
     def pids(self) -> frozenset[int]:
         """Return the processes that have said so, by what the system says of the sender."""
@@ -60,10 +108,26 @@ class Readiness:
                 )
             except BlockingIOError:
                 return frozenset(self._ready)
-            if READY in text.splitlines():
-                for level, kind, data in ancillary:
-                    if (level, kind) == (socket.SOL_SOCKET, socket.SCM_CREDENTIALS):
-                        self._ready.add(_CREDENTIALS.unpack(data[: _CREDENTIALS.size])[0])
+            for line in text.split(b"\n"):
+                if line == READY:
+                    for level, kind, data in ancillary:
+                        if (level, kind) == (socket.SOL_SOCKET, socket.SCM_CREDENTIALS):
+                            self._ready.add(_CREDENTIALS.unpack(data[: _CREDENTIALS.size])[0])
+                elif line.startswith(_REPORT):
+                    self._take(line.removeprefix(_REPORT))
+
+    def _take(self, said: bytes) -> None:
+        try:
+            report = Report(**json.loads(said))
+        except (TypeError, ValueError):
+            return  # nobody's that this package started
+        known = self.endings if report.last else self.reports
+        known[report.node] = report
+
+    @property
+    def is_open(self) -> bool:
+        """Whether anything is heard."""
+        return self._socket.fileno() >= 0
 
     def close(self) -> None:
         """Hear no more."""

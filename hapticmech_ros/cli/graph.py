@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +17,7 @@ import typer
 
 from hapticmech_ros.cli.console import ComposedOption, SceneArgument, TransportOption, console
 from hapticmech_ros.cli.durations import seconds_of
+from hapticmech_ros.cli.graph_reports import live_line, nothing_rendered, show_ends
 from hapticmech_ros.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
@@ -132,10 +134,14 @@ def run(
         recorder = AuxiliaryProcess("the recorder", process, loss, partial(typer.echo, err=True))
     whole = True
     try:
-        with Graph(
-            scene, composed, namespace, parameters, None, nodes, held, arguments
-        ) as graph:  # fmt: skip
+        with ExitStack() as stack:
+            graph = stack.enter_context(
+                Graph(
+                    scene, composed, namespace, parameters, None, nodes, held, arguments, shown=True
+                )
+            )
             console.print(f"running {scene}; Ctrl-C ends it")
+            line = stack.enter_context(live_line())
             left, ends = CHECK_PERIOD_S, None
             while left > 0.0 and not stop.wait(min(CHECK_PERIOD_S, left)):
                 if respawn:
@@ -145,6 +151,7 @@ def run(
                     graph.check()
                 if recorder is not None:
                     recorder.look()
+                line.show(graph.reports())
                 if ends is None and graph.is_ready():
                     say_ready()
                     ends = time.monotonic() + (duration or float("inf"))
@@ -153,7 +160,11 @@ def run(
     finally:
         if recorder is not None:
             whole = recorder.end()
-    if not whole:
+    show_ends(graph.reports(), graph.endings())
+    unrendered = "" if use_sim_time else nothing_rendered(graph.reports(), graph.endings())
+    if unrendered:
+        typer.echo(unrendered, err=True)
+    if unrendered or not whole:
         raise typer.Exit(1)
 
 

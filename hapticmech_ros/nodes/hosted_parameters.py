@@ -1,6 +1,8 @@
 """A node's parameters: declared with descriptors, validated as a whole, applied as a whole.
 
-Callbacks of parameters and ticks run in one thread: a change comes between two ticks.
+Callbacks of parameters and ticks run in one thread: a change comes between two ticks. Whole numbers
+are taken where numbers are wanted; a value that a parameter has already is no change, so that a
+node takes its own ``ros2 param dump``.
 """
 
 from __future__ import annotations
@@ -60,11 +62,15 @@ class HostedParameters:
         self._configured = configured
         self._vetted = checked
         self._adopted = adopted
+        overrides = node._parameter_overrides
+        for name, given in overrides.items():
+            overrides[name] = self._as_number(given)
         try:
             self.values = validated(model, {name: self._declare(name) for name in self._names})
         except ParameterError as error:
             raise ParameterError(f"{node.get_name()}: {error}") from None
         self._name_unknown()
+        node.add_pre_set_parameters_callback(self._as_numbers)
         node.add_on_set_parameters_callback(self._vet)
         node.add_post_set_parameters_callback(self._adopt)
 
@@ -79,6 +85,23 @@ class HostedParameters:
             return self._node.declare_parameter(name, default, descriptor).value
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             raise ParameterError(str(error)) from None
+
+    def _as_number(self, given: Parameter) -> Parameter:
+        """Return a parameter with a whole number as the number that is wanted there."""
+        field = self._model.model_fields.get(given.name)
+        if field is None or type(field.default) is not float or type(given.value) is not int:
+            return given
+        return Parameter(given.name, value=float(given.value))
+
+    def _as_numbers(self, changes: list[Parameter]) -> list[Parameter]:
+        return [self._as_number(given) for given in changes]
+
+    def _is_new(self, given: Parameter) -> bool:
+        """Return whether a parameter would be another than now."""
+        if given.name == SIM_TIME:
+            return bool(given.value != self._node.get_parameter(SIM_TIME).value)
+        known = given.name in self._model.model_fields
+        return not known or given.value != getattr(self.values, given.name)
 
     def _name_unknown(self) -> None:
         """Name what somebody gave and nobody has: most often a slip of the pen."""
@@ -97,11 +120,16 @@ class HostedParameters:
         # rclpy takes this for declared.
         if not all(p.name for p in changes):
             return SetParametersResult(successful=False, reason="'': must have a name")
-        locked = [p.name for p in changes if locked_by(self.values, p.name)]
+        new = [p.name for p in changes if self._is_new(p)]
+        locked = [name for name in new if locked_by(self.values, name)]
         if locked:
             reason = f"{', '.join(locked)}: stays as it is, since the node was started with {LOCK}"
             return SetParametersResult(successful=False, reason=reason)
-        fixed = [p.name for p in changes if self._configured() and self._is_fixed(p.name)]
+        given = [name for name in new if self._changes(name) == "never"]
+        if given:
+            reason = f"{', '.join(given)}: can only be given at the start"
+            return SetParametersResult(successful=False, reason=reason)
+        fixed = [name for name in new if self._configured() and self._is_fixed(name)]
         if fixed:
             reason = f"{', '.join(fixed)}: can change only while the node is unconfigured"
             return SetParametersResult(successful=False, reason=reason)
@@ -111,9 +139,12 @@ class HostedParameters:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
+    def _changes(self, name: str) -> str:
+        """Return when a parameter may change; nothing: it is rclpy's own."""
+        return changes_of(self._model, name) if name in self._model.model_fields else ""
+
     def _is_fixed(self, name: str) -> bool:
-        known = name in self._model.model_fields
-        return name == SIM_TIME or (known and changes_of(self._model, name) == "unconfigured")
+        return name == SIM_TIME or self._changes(name) == "unconfigured"
 
     def _adopt(self, changes: Sequence[Parameter]) -> None:
         before, self.values = self.values, self._proposed(changes)
@@ -128,12 +159,14 @@ def descriptor_of(model: type[NodeParameters], name: str) -> ParameterDescriptor
         rules.append(f"one of {', '.join(choices)}")
     if changes == "unconfigured":
         rules.append("can change only while the node is unconfigured")
+    elif changes == "never":
+        # Not as read-only: rclpy refuses to set that to the value which it has.
+        rules.append("can only be given at the start")
     bounds = range_of(model, name)
     whole = isinstance(model.model_fields[name].default, int)
     return ParameterDescriptor(
         description=model.model_fields[name].description or "",
         additional_constraints="; ".join(rules),
-        read_only=changes == "never",
         dynamic_typing=not is_typed(model, name),
         floating_point_range=[FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
         if bounds and not whole

@@ -28,6 +28,7 @@ from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.realtime import Realtime
+from hapticmech_ros.readiness import Report, say_report
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.stamps import nearest_stamp
 from hapticmech_ros.wire.topics import DIAGNOSTICS
@@ -170,6 +171,10 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self.refused += 1
         self.last_refusal = f"{topic}: {error}"
         super().refuse(topic, error)
+
+    def tell_report(self, last: bool = False) -> None:
+        """Tell whoever started this process how the node is."""
+        say_report(Report(self.get_fully_qualified_name(), *self._status(), last))
 
     def final_report(self) -> str:
         """Return what is printed when the node ends."""
@@ -400,3 +405,4 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         message = DiagnosticArray(status=[status])
         set_stamp(message.header.stamp, nearest_stamp(self.now_ns()))
         self._diagnostics.publish(message)
+        say_report(Report(self.get_fully_qualified_name(), well, sentence, figures))

@@ -14,7 +14,7 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Evaluation
 from hapticmech_ros.mechanism.grasp import grasp_written
 from hapticmech_ros.mechanism.model import se3
-from hapticmech_ros.mechanism.tolerances import DRIFT
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.closure_services import offer_closures
 from hapticmech_ros.nodes.contact_port import ContactPort
@@ -240,7 +240,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         fault = self._fault() or self._operating.withheld
         if not fault and now - self._inaccurate_ns < NANOSECONDS:
             fault = self._inaccuracy()
-        if not fault and drift > DRIFT:
+        if not fault and drift > SCHEMES[self.scene.simulation.integrator].drift:
             fault = f"energy has drifted by {drift:.1%} of what was exchanged: shorten the period"
         well = not fault
         return well, fault or f"closed loops: {closed}", figures

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 from itertools import pairwise
@@ -22,7 +23,7 @@ from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import StopRequest, print_report, run_until, wake_up_in_time
 from hapticmech_ros.nodes.realtime import QuickStart, Realtime, Request
-from hapticmech_ros.readiness import say_ready
+from hapticmech_ros.readiness import SHOWN, say_ready
 
 if TYPE_CHECKING:
     from hapticmech_ros.nodes.actor import Actor
@@ -84,7 +85,9 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
         say_ready()
         run_until(stop, nodes, exchange)
         for node in nodes:
-            print_report(node)
+            node.tell_report(last=True)
+            if SHOWN not in os.environ:
+                print_report(node)
             node.end()
         for node in nodes:
             node.acknowledged()

@@ -57,7 +57,7 @@ def test_parameter_file_names_all_parameters_and_their_defaults(node: str) -> No
     model = actor_type(node).parameters_type
     given = document[f"/**/{node}"]["ros__parameters"]
     assert given == {name: field.default for name, field in model.model_fields.items()}
-    # A number without a decimal point would be an integer, which ROS refuses.
+    # A number without a decimal point would be an integer to other tools.
     assert all(
         type(given[name]) is type(field.default) for name, field in model.model_fields.items()
     )
@@ -129,13 +129,12 @@ def test_a_change_against_the_rules_changes_nothing(domain: int, peer: Peer) -> 
             ("hand_timeout", -1.0, ("hand_timeout", "-1", "0.0")),
             ("message_age_limit", math.inf, ("message_age_limit", "inf", "3600")),
             ("view_rate", "fast", ("DOUBLE", "STRING")),
-            ("view_rate", 50, ("DOUBLE", "INTEGER")),
             ("scene", "two_link", ("scene", "unconfigured")),
             ("operational_point", "handle", ("operational_point", "unconfigured")),
             ("hand", "commanded", ("hand", "unconfigured")),
             ("use_sim_time", True, ("use_sim_time", "unconfigured")),
-            ("lockstep", True, ("lockstep", "read-only")),
-            ("autostart", False, ("autostart", "read-only")),
+            ("lockstep", True, ("lockstep", "at the start")),
+            ("autostart", False, ("autostart", "at the start")),
             ("no_such_parameter", 1.0, ("undeclared",)),
         ):
             _refused(peer.set_parameters(DEVICE, **{name: value}), *reasons)
@@ -151,6 +150,28 @@ def test_a_change_against_the_rules_changes_nothing(domain: int, peer: Peer) -> 
         assert peer.set_atomically(DEVICE, scene="two_link", hand="commanded").successful
         assert peer.transition(DEVICE, "configure", "activate")
         assert peer.parameters_of(DEVICE, "scene", "hand") == ["two_link", "commanded"]
+
+
+@pytest.mark.parametrize("node", list(NODES))
+def test_a_node_takes_its_own_dump_and_whole_numbers(
+    node: str, domain: int, peer: Peer, tmp_path: Path
+) -> None:
+    """As `ros2 param dump` writes it and `param load` sets it; rclpy's own parameters apart."""
+    names = list(actor_type(node).parameters_type.model_fields)
+    with running(node, domain, view_rate=40):
+        dumped = dict(zip(names, peer.parameters_of(node, *names), strict=True))
+        assert dumped["view_rate"] == 40.0
+        assert type(dumped["view_rate"]) is float
+        result = peer.set_parameters(node, **dumped)
+        assert result.successful, result.reason
+        assert peer.set_parameters(node, view_rate=20).successful
+        assert peer.parameters_of(node, "view_rate") == [20.0]
+    # The same as a file at the start, with a whole number in it.
+    path = tmp_path / "dump.yaml"
+    dumped["view_rate"] = 40
+    path.write_text(yaml.safe_dump({f"/{node}": {"ros__parameters": dumped}}))
+    with running(node, domain, arguments=("--params-file", str(path))):
+        assert peer.parameters_of(node, "view_rate") == [40.0]
 
 
 def test_files_set_parameters_and_slips_are_named(

@@ -104,9 +104,18 @@ def test_a_bag_that_is_recorded_to_the_end_is_a_success(
     domain: int, peer: Peer, tmp_path: Path
 ) -> None:
     bag = tmp_path / "bag"
-    states = peer.listen("device/state", Float64MultiArray)
+    statuses = peer.statuses()
     with run(domain, bag) as process:
-        peer.until(lambda: states and (bag / "metadata.yaml").exists(), "a recording", 3 * WAIT_S)
+        # Of what was never rendered the end is no success.
+        peer.until(
+            lambda: (
+                "haptic_device" in statuses
+                and ord(statuses["haptic_device"].level) == 0
+                and (bag / "metadata.yaml").exists()
+            ),
+            "a recording of what is rendered",
+            3 * WAIT_S,
+        )
         process.send_signal(signal.SIGINT)
         assert process.wait(WAIT_S) == 0
     assert not any("incomplete" in line for line in told(bag))
