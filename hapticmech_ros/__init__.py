@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     )
     from hapticmech_ros.mechanism import Mechanism
     from hapticmech_ros.operational import OperationalAnalysis, analyse
-    from hapticmech_ros.scene import Scene, load_scene
+    from hapticmech_ros.scene import Scene, changed_scene, load_scene
     from hapticmech_ros.session import Sample, Session
     from hapticmech_ros.simulation import MechanismState, Simulator
 
@@ -35,6 +35,7 @@ _HOMES = {
     "Session": "session",
     "Simulator": "simulation",
     "analyse": "operational",
+    "changed_scene": "scene",
     "load_scene": "scene",
 }
 
@@ -52,6 +53,7 @@ __all__ = [
     "Session",
     "Simulator",
     "analyse",
+    "changed_scene",
     "load_scene",
 ]
 

@@ -16,7 +16,7 @@ from hapticmech_ros.bag.reader import BagReader, BagTopic
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.files import exists
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.topics import TOPICS
+from hapticmech_ros.wire.topics import TOPICS, topic_of
 
 # A topic counts as periodic if so many of its periods are that near to the median.
 PERIODIC_SHARE, PERIODIC_WITHIN = 0.9, 0.25
@@ -73,13 +73,26 @@ class BagCheck:
     absent: tuple[str, ...]
 
     @property
+    def is_empty(self) -> bool:
+        """Whether it has no messages, or, of this package's graph, none of the control rate."""
+        counts = {topic.name: topic.count for topic in self.topics}
+        known = {name: topic_of(name) for name in counts}
+        control = [name for name, topic in known.items() if topic and topic.rate == "control"]
+        return not any(counts[name] for name in control or counts)
+
+    @property
     def is_sound(self) -> bool:
-        """Whether everything in it can be read."""
-        return not self.damage
+        """Whether there is something in it, and everything can be read."""
+        return not self.damage and not self.is_empty
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything for JSON."""
-        return {**asdict(self), "path": str(self.path), "sound": self.is_sound}
+        return {
+            **asdict(self),
+            "path": str(self.path),
+            "empty": self.is_empty,
+            "sound": self.is_sound,
+        }
 
 
 @dataclass(slots=True)
@@ -186,7 +199,7 @@ def _notes(topic: BagTopic) -> tuple[str, ...]:
 
 
 # Rates of topics that not every scene has.
-OPTIONAL = ("contact", "body")
+OPTIONAL = frozenset(("contact", "body", "servo"))
 
 
 def absent(names: list[str]) -> tuple[str, ...]:

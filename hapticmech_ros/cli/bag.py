@@ -175,7 +175,7 @@ def check(
 ) -> None:
     """Check that one bag is whole, or that a second one holds the same as the first.
 
-    Ends with exit code 1 if the bag is damaged, or the second one deviates too much.
+    Ends with exit code 1 if the bag is damaged or empty, or the second one deviates too much.
     """
     from hapticmech_ros.bag.check import check as check_bag
     from hapticmech_ros.bag.compare import compare

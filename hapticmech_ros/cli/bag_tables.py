@@ -66,6 +66,8 @@ def show_check(checked: BagCheck) -> None:
         _say(f"not recorded: {name}", "yellow")
     for trouble in checked.damage:
         _say(f"damaged: {trouble}", "red")
+    if checked.is_empty and not checked.damage:
+        _say(f"{checked.path} is empty: no samples were recorded", "yellow")
     if checked.is_sound:
         _say(f"{checked.path} is sound", "green")
 

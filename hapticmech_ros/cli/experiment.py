@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -14,14 +16,17 @@ from hapticmech_ros.cli.console import (
     SceneArgument,
     console,
     progress,
+    words,
 )
+from hapticmech_ros.errors import InvalidInputError
 
 DurationOption = Annotated[
     float | None, typer.Option(help="s after the hand starts", min=0.1, show_default="the scene's")
 ]
 
 
-PUSH = "say so in the scene, or --set 'hand={kind: constant_wrench, force: [0.5, 0, 0]}'"
+# N: of the paper's experiment.
+DEFAULT_PUSH = (0.5, 0.0, 0.0)
 
 
 def demo(
@@ -50,23 +55,59 @@ def experiment(
     scene: SceneArgument = "five_bar",
     out: OutOption = Path("experiment"),
     duration: DurationOption = None,
+    push: Annotated[
+        str,
+        typer.Option(
+            metavar="X,Y,Z",
+            help="N, constant force of the hand, world axes",
+            show_default="as in the scene; 0.5,0,0 if its hand does nothing",
+        ),
+    ] = "",
     changes: ChangesOption = None,
 ) -> None:
     """Run the same experiment in one process, without ROS."""
-    from hapticmech_ros.experiment.from_session import run_session
-    from hapticmech_ros.experiment.run import write_results
+    from hapticmech_ros.experiment.from_session import UnfinishedRunError, run_session
+    from hapticmech_ros.experiment.run import write_results, write_unfinished
     from hapticmech_ros.scene import load_scene
 
     loaded = load_scene(scene, changes=changes or ())
+    hand = loaded.hand
+    idle = hand.kind == "constant_wrench" and not any((*hand.force, *hand.torque))
+    force = _force(push) if push else None
+    if force is None and idle and not hand.tremor:
+        force = DEFAULT_PUSH
+        text = "the scene's hand does nothing: it pushes with 0.5 N along x here; --push X,Y,Z"
+        console.print(text, highlight=False, markup=False, soft_wrap=True)
+    if force is not None:
+        given = {"kind": "constant_wrench", "start_delay": hand.start_delay, "force": force}
+        loaded = load_scene(scene, changes=[*(changes or ()), f"hand={json.dumps(given)}"])
     with progress() as bar:
         task = bar.add_task("simulating", total=1.0)
-        record = run_session(loaded, duration, lambda share: bar.update(task, completed=share))
+        try:
+            record = run_session(loaded, duration, lambda share: bar.update(task, completed=share))
+        except UnfinishedRunError as failure:
+            write_unfinished(failure, loaded, out)
+            console.print(f"until then: {out.resolve()}", highlight=False, soft_wrap=True)
+            raise
         bar.update(task, description="writing results")
         summary = write_results(record, loaded, out)
     _print_results(summary, out)
-    hand = loaded.hand
-    if hand.kind == "constant_wrench" and not any((*hand.force, *hand.torque)) and not hand.tremor:
-        console.print(f"nobody pushed: {PUSH}", highlight=False, markup=False, soft_wrap=True)
+
+
+def _force(text: str) -> tuple[float, ...]:
+    """Return the force, N, that a text is.
+
+    Raises:
+        InvalidInputError: it is not three finite numbers.
+    """
+    try:
+        found = tuple(float(word) for word in words(text))
+    except ValueError:
+        found = ()
+    if len(found) != 3 or not all(math.isfinite(value) for value in found):
+        rule = "must be three numbers with commas between: 0.5,0,0"
+        raise InvalidInputError("--push", text, rule)
+    return found
 
 
 def _print_results(summary: dict[str, object], out: Path) -> None:

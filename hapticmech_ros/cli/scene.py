@@ -9,12 +9,14 @@ import typer
 
 from hapticmech_ros.cli.console import ChangesOption, SceneArgument, console
 
-app = typer.Typer(help="Scenes: check, list, show, plan, copy, schema.", no_args_is_help=True)
+app = typer.Typer(
+    help="Scenes: check, list, show, assemble, plan, copy, schema.", no_args_is_help=True
+)
 
 
 @app.callback()
 def _options() -> None:
-    """Scenes: check, list, show, plan, copy, schema."""
+    """Scenes: check, list, show, assemble, plan, copy, schema."""
 
 
 @app.command()
@@ -102,6 +104,53 @@ def show(
 
 
 @app.command()
+def assemble(
+    scene: SceneArgument,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="copy of SCENE that starts closed, to make")
+    ] = None,
+    starts: Annotated[int, typer.Option(min=1, help="how many starts to try at most")] = 200,
+    processes: Annotated[
+        int | None, typer.Option(min=1, help="default: one for each core", show_default=False)
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="PNG file of the configuration found, or least open")
+    ] = None,
+    changes: ChangesOption = None,
+) -> None:
+    """Find configurations in which the loops of SCENE are closed."""
+    from hapticmech_ros.cli.console import progress
+    from hapticmech_ros.cli.scene_tables import show_assemblies
+    from hapticmech_ros.offline.assembly_search import initial_state, search_assemblies
+    from hapticmech_ros.scene import load_scene
+    from hapticmech_ros.scene.copying import copy_scene
+
+    loaded = load_scene(scene, changes=changes or ())
+    with progress() as bar:
+        task = bar.add_task("starts", total=starts)
+        found = search_assemblies(
+            loaded,
+            starts,
+            processes,
+            show=lambda done, closed: bar.update(
+                task, completed=done, description=f"starts, {closed} closed"
+            ),
+        )
+    show_assemblies(loaded, found)
+    if picture is not None:
+        from hapticmech_ros.view.still import draw_configuration
+
+        draw_configuration(loaded, found.open_q, picture)
+        console.print(f"{picture}", highlight=False, markup=False, soft_wrap=True)
+    if not found.found:
+        raise typer.Exit(1)
+    if out is not None:
+        start = initial_state(loaded, found.found[0].q)
+        copy_scene(scene, out, [*(changes or ()), f"initial_state={start}"])
+        console.print(f"{out}", highlight=False, markup=False, soft_wrap=True)
+
+
+@app.command()
 def copy(
     scene: SceneArgument,
     out: Annotated[Path, typer.Argument(help="YAML file to make")],
@@ -115,10 +164,20 @@ def copy(
 
 
 @app.command()
-def schema() -> None:
+def schema(
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="every key as tables, as in docs/scene-keys.md")
+    ] = False,
+) -> None:
     """Print the JSON Schema of scene files, for editors."""
     import json
 
+    from hapticmech_ros.scene.key_reference import examples, key_reference
+    from hapticmech_ros.scene.loader import load_scene, shipped_scenes
     from hapticmech_ros.scene.schema import scene_schema
 
+    if markdown:
+        scenes = [load_scene(name) for name in shipped_scenes()]
+        print(key_reference(scene_schema(), examples(scenes)), end="")
+        return
     print(json.dumps(scene_schema(), indent=2, ensure_ascii=False))

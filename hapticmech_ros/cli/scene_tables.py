@@ -11,11 +11,15 @@ from rich.table import Table
 
 from hapticmech_ros.cli.console import console
 from hapticmech_ros.formats import LeftOut
+from hapticmech_ros.mechanism.tolerances import NEAR_SINGULAR
+from hapticmech_ros.offline.assembly_search import AssemblySearch, LoopResidual, initial_state
 from hapticmech_ros.plan.scene_check import SceneCheck
 from hapticmech_ros.plan.scene_plan import ClosurePlan, ScenePlan
 from hapticmech_ros.plan.step_accuracy import StepAccuracy
+from hapticmech_ros.scene import Scene
 
 SHAPES_SHOWN = 60
+ASSEMBLIES_SHOWN = 5
 NUMBERS = {"rows", "times", "bytes"}
 
 
@@ -74,6 +78,39 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
         console.print(text, highlight=False, markup=False, soft_wrap=True)
     for warning in check.warnings:
         console.print(f"[yellow]warning:[/] {escape(warning)}", highlight=False, soft_wrap=True)
+
+
+def show_assemblies(scene: Scene, found: AssemblySearch) -> None:
+    """Print how far loops are open as written, and the configurations that close them."""
+    table = _table("loops", "name", "kind", "open as written", "at best")
+    for written, best in zip(found.written, found.residuals, strict=True):
+        table.add_row(written.name, written.kind, _open_by(written), _open_by(best))
+    console.print(table)
+    tried = f"{found.closed} of {found.starts} starts closed"
+    if not found.found:
+        console.print(
+            f"[red]no configuration closes all loops[/]: {tried}. Check lengths and frames of the "
+            "loops that are open at best, or try more --starts",
+            highlight=False,
+            soft_wrap=True,
+        )
+        return
+    console.print(f"{tried}; the nearest to the start as written first:", highlight=False)
+    for one in found.found[:ASSEMBLIES_SHOWN]:
+        notes = [f"joints moved by up to {one.moved:.3g} (rad, or m per length)"]
+        if one.beyond:
+            notes.append(f"beyond their stops: {', '.join(one.beyond)}")
+        if one.least < NEAR_SINGULAR:
+            notes.append(f"next to a singular position: relative σ {one.least:.1e}")
+        console.print(f"- {'; '.join(notes)}", highlight=False, markup=False, soft_wrap=True)
+    text = f"initial_state: {initial_state(scene, found.found[0].q)}"
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def _open_by(loop: LoopResidual) -> str:
+    """Return how far a loop is open, with units."""
+    parts = [] if loop.distance is None else [f"{loop.distance:.3g} m"]
+    return ", ".join(parts + ([] if loop.angle is None else [f"{loop.angle:.3g} rad"]))
 
 
 def _accuracy(found: StepAccuracy) -> Iterator[tuple[str, str]]:

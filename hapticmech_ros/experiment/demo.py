@@ -108,7 +108,7 @@ def record_graph(
         events = told_by(recorder)
         _expect(events, "ready")
         show("starting the graph", None)
-        with Graph(scene_name, composed, "", parameters, environment) as graph:
+        with Graph(scene_name, composed, "", parameters, environment, shown=True) as graph:
             for event in events:
                 if event["event"] == "progress":
                     graph.check()

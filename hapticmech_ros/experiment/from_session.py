@@ -8,11 +8,33 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.experiment.record import ExperimentRecord, first_push
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample, Session
+
+
+class UnfinishedRunError(HapticMechError):
+    """A run that an error ended.
+
+    Attributes:
+        record: of the run until then; None if there was no tick.
+        time: of the session when it happened, s.
+        positions, velocities: of the last state, by joint, as a scene's ``initial_state`` has them.
+    """
+
+    def __init__(
+        self,
+        error: HapticMechError,
+        record: ExperimentRecord | None,
+        time: float,
+        positions: dict[str, list[float]],
+        velocities: dict[str, list[float]],
+    ) -> None:
+        self.record, self.time = record, time
+        self.positions, self.velocities = positions, velocities
+        super().__init__(f"at {time:g} s: {error}")
 
 
 def run_session(
@@ -34,7 +56,8 @@ def run_session(
 
     Raises:
         InvalidInputError: duration not positive, unknown point.
-        ClosureError: a closed loop could not be kept closed.
+        ClosureError: the loops cannot be closed at the start.
+        UnfinishedRunError: an error ended the run, such as a loop that came apart.
     """
     lasting = scene.experiment.duration if duration is None else float(duration)
     if not (np.isfinite(lasting) and lasting > 0.0):
@@ -43,7 +66,10 @@ def run_session(
     ticks = round((scene.hand.start_delay + lasting) / session.period) + 1
     recorder = SessionRecorder(session, point)
     for tick in range(ticks):
-        recorder.add(session.tick())
+        try:
+            recorder.add(session.tick())
+        except HapticMechError as error:
+            raise recorder.unfinished(error) from error
         done = tick + 1
         if progress is not None and (done % max(ticks // 100, 1) == 0 or done == ticks):
             progress(done / ticks)
@@ -89,6 +115,17 @@ class SessionRecorder:
         }
         for name, value in values.items():
             self._rows.setdefault(name, []).append(value)
+
+    def unfinished(self, error: HapticMechError) -> UnfinishedRunError:
+        """Return the error of a run that another one ended, with what there was until then."""
+        mechanism, state = self._session.simulator.mechanism, self._session.mechanism
+        positions, velocities = {}, {}
+        for joint in mechanism.tree.joint_names:
+            in_q, in_v = mechanism.joint_slices(joint)
+            positions[joint] = state.q[in_q].tolist()
+            velocities[joint] = state.v[in_v].tolist()
+        record = self.record() if self._rows else None
+        return UnfinishedRunError(error, record, self._session.time, positions, velocities)
 
     def record(self) -> ExperimentRecord:
         """Return the record of the collected samples.

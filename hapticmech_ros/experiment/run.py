@@ -9,12 +9,37 @@ from pathlib import Path
 from typing import Any
 
 from hapticmech_ros.experiment.figures import write_figures
+from hapticmech_ros.experiment.from_session import UnfinishedRunError
 from hapticmech_ros.experiment.health import GraphHealth
 from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.experiment.summary import summarise
 from hapticmech_ros.scene.document import Scene
 
-SUMMARY = "summary.json"
+SUMMARY, FAILURE = "summary.json", "failure.json"
+# Figures need some samples.
+LEAST_SAMPLES = 10
+
+
+def write_unfinished(
+    failure: UnfinishedRunError, scene: Scene, out_dir: str | os.PathLike[str]
+) -> None:
+    """Write what an error left of a run: ``failure.json``, and the results until then.
+
+    Args:
+        failure: what happened.
+        scene: of the run.
+        out_dir: folder; files of the same names in it are replaced.
+    """
+    folder = Path(out_dir)
+    folder.mkdir(parents=True, exist_ok=True)
+    found = {
+        "error": str(failure),
+        "time_s": failure.time,
+        "last_state": {"q": failure.positions, "v": failure.velocities},
+    }
+    (folder / FAILURE).write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+    if failure.record is not None and failure.record.times.size >= LEAST_SAMPLES:
+        write_results(failure.record, scene, folder)
 
 
 def write_results(

@@ -15,7 +15,18 @@ FileName = Annotated[str, StringConstraints(strict=True, min_length=1)]
 class JointChange(Part):
     """What a scene says of a joint of its file; what it leaves out stays as it is.
 
-    ``limits: null`` takes the stops away. The fields are those of a scene's joint.
+    ``limits: null`` takes the stops away.
+
+    Attributes:
+        damping: as of a scene's joint; left out: as in the file.
+        armature: likewise.
+        stiffness: likewise.
+        rest: likewise.
+        friction: likewise.
+        friction_speed: likewise.
+        effort: likewise.
+        limits: likewise.
+        locked: likewise.
     """
 
     damping: NonNegative = 0.0

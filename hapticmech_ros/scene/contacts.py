@@ -30,21 +30,37 @@ FilePath = Annotated[str, StringConstraints(strict=True, min_length=1)]
 
 
 class Sphere(Part):
-    """Ball about the origin of its frame; radius in m."""
+    """Ball about the origin of its frame.
+
+    Attributes:
+        kind: of geometry.
+        radius: m.
+    """
 
     kind: Literal["sphere"]
     radius: Length
 
 
 class Box(Part):
-    """Box about the origin of its frame; size is its lengths along x, y and z, m."""
+    """Box about the origin of its frame.
+
+    Attributes:
+        kind: of geometry.
+        size: m, its lengths along x, y and z.
+    """
 
     kind: Literal["box"]
     size: Size3
 
 
 class Cylinder(Part):
-    """Cylinder along z, its middle at the origin of its frame; radius and length in m."""
+    """Cylinder along z, its middle at the origin of its frame.
+
+    Attributes:
+        kind: of geometry.
+        radius: m.
+        length: m.
+    """
 
     kind: Literal["cylinder"]
     radius: Length
@@ -52,7 +68,13 @@ class Cylinder(Part):
 
 
 class Capsule(Part):
-    """Cylinder along z with a half-ball on each end; length in m is that of the cylinder alone."""
+    """Cylinder along z with a half-ball on each end.
+
+    Attributes:
+        kind: of geometry.
+        radius: m.
+        length: m, of the cylinder alone.
+    """
 
     kind: Literal["capsule"]
     radius: Length
@@ -60,7 +82,11 @@ class Capsule(Part):
 
 
 class HalfSpace(Part):
-    """All that is below the plane z = 0 of its frame: a floor or a wall."""
+    """All that is below the plane z = 0 of its frame: a floor or a wall.
+
+    Attributes:
+        kind: of geometry.
+    """
 
     kind: Literal["half_space"]
 
@@ -69,6 +95,7 @@ class Mesh(Part):
     """Convex hull of the vertices in a file.
 
     Attributes:
+        kind: of geometry.
         file: path, absolute or from the scene's file.
         scale: of the file's coordinates along x, y and z; below zero it mirrors.
     """
@@ -84,7 +111,14 @@ Geometry = Annotated[
 
 
 class Shape(Part):
-    """A rigid shape carried by a link, or fixed in ``world``; it has no mass of its own."""
+    """A rigid shape; it has no mass of its own.
+
+    Attributes:
+        name: of the shape, unique in the scene.
+        link: that carries it, or ``world``.
+        origin: of its frame in the link's.
+        geometry: what it is.
+    """
 
     name: Name
     link: Name
@@ -96,6 +130,9 @@ class ContactPair(Part):
     """Two shapes that may touch, and what then acts at each point of contact.
 
     Attributes:
+        name: of the pair, unique in the scene.
+        a: one shape.
+        b: the other.
         law: what the push along the normal is made of.
         stiffness: N/m, of each point.
         damping: N s/m, of each point, while it pushes; never less than stiffness times the step.

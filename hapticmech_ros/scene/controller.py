@@ -21,10 +21,12 @@ class JointConstraintGains(Part):
     mass: pure translation of the link meets ``stiffness`` N/m and ``damping`` N s/m.
 
     Attributes:
-        stiffness, damping: N/m and N s/m; where a scene gives none, by the rule of
+        stiffness: N/m; where a scene gives none, by the rule of
             :mod:`~hapticmech_ros.scene.gain_rule`.
-        force_limit, torque_limit: N and N m, of the controller's wrench.
-        feedforward: beta, the share of what the hand pushes along n that is cancelled ahead.
+        damping: N s/m; likewise.
+        force_limit: N, of the controller's wrench.
+        torque_limit: N m, likewise.
+        feedforward: β, the share of what the hand pushes along n that is cancelled ahead.
         local: whether the device corrects each command by what it has moved along constrained
             directions since the sample that the command answers; see docs/feel.md.
     """
@@ -41,7 +43,10 @@ class PositionChannelGains(Part):
     """Local position controllers C_m = C_s of the four-channel architecture: spring and damper.
 
     Attributes:
-        stiffness, damping, angular_stiffness, angular_damping: N/m, N s/m, N m/rad, N m s/rad.
+        stiffness: N/m.
+        damping: N s/m.
+        angular_stiffness: N m/rad.
+        angular_damping: N m s/rad.
         to_mechanism: C1, share of it that pulls the mechanism after the device.
         to_device: C4, share of it that pulls the device after the mechanism.
     """
@@ -91,6 +96,10 @@ class Controller(Part):
     """Gains of the three controllers of Fig. 3, and how they come in.
 
     Attributes:
+        joint_constraint: of what stands for rigid joints.
+        position_channel: of the four-channel controller's position channels.
+        force_channel: of its force channels.
+        passivity: of the device's energy.
         engagement_ramp: s, over which dampers, then springs come in when rendering starts. It is up
             to six times as long where a moving device would have to be braked with more than
             ``engagement_force``.

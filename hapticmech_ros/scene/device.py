@@ -72,6 +72,41 @@ class Safety(Part):
     command_timeout: Annotated[Real, Field(ge=0.012, le=1.0)] = 0.1
 
 
+# Of a spring that is sampled and held, and the device's mass: the most of ω T, the angle by which
+# they oscillate in a period T. With a damping ratio ζ it is stable for ω T < 4 ζ and ζ ω T < 1;
+# this leaves room for the lag of a velocity filter.
+SERVO_ANGLE = 0.25
+
+
+def most_servo_stiffness(inertia: float, period: float, limit: float, slew: float) -> float:
+    """Return the largest stiffness of a commanded pose, N/m of a mass or N m/rad of an inertia.
+
+    A force that oscillates between its limits at ω changes by up to ``limit`` ω a second: where it
+    may not change as fast, it lags, and a push makes it oscillate for ever.
+
+    Args:
+        inertia: kg, or kg m².
+        period: of samples, s.
+        limit: of the force, N, or the torque, N m.
+        slew: fastest change of that, N/s or N m/s.
+    """
+    return min(SERVO_ANGLE / period, slew / limit) ** 2 * inertia
+
+
+class Servo(Part):
+    """Impedance between the device and a pose that CRTK's ``servo_cp`` or ``hold`` commands.
+
+    Attributes:
+        stiffness: N/m; left out: 200, or less if period, mass and slew limit allow no more.
+        angular_stiffness: N m/rad; left out: 0.1, or less, likewise.
+        damping_ratio: of the device alone on that stiffness; 1 is critical damping.
+    """
+
+    stiffness: Positive | None = None
+    angular_stiffness: Positive | None = None
+    damping_ratio: Annotated[Real, Field(ge=0.4, le=2.0)] = 0.7
+
+
 class Device(Part):
     """Impedance-type haptic device, as a rigid body driven by hand and actuators.
 
@@ -101,6 +136,7 @@ class Device(Part):
             ``device/state``; the simulated device has those of ``world``.
         workspace: end stops.
         compensation: by the device's driver.
+        servo: of commanded poses.
         safety: bounds of what a node's parameters may choose.
         substeps: integration steps per sample period.
     """
@@ -125,6 +161,7 @@ class Device(Part):
     servo_axes: Literal["world", "body"] = "world"
     workspace: Workspace = Workspace()
     compensation: Compensation = Compensation()
+    servo: Servo = Servo()
     safety: Safety = Safety()
     substeps: Annotated[int, Field(strict=True, ge=1, le=100)] = 4
 

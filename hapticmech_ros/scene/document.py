@@ -34,7 +34,32 @@ TaskSpace = Literal["planar", "spatial"]
 
 
 class Scene(Part):
-    """One virtual mechanism, the device that renders it, the hand that moves it, and the gains."""
+    """One virtual mechanism, the device that renders it, the hand that moves it, and the gains.
+
+    Attributes:
+        format: of the file.
+        name: of the scene.
+        description: for people.
+        task_space: ``planar``: all moves in the world's x-y plane, and the device renders only
+            forces in it and torques about z.
+        gravity: m/s², world axes.
+        links: rigid bodies with their joints, in any order.
+        closures: that close loops.
+        couplings: gears between joints.
+        springs: between points.
+        shapes: that may touch.
+        contacts: pairs of shapes that do.
+        operational_points: where it can be held; the first one is held unless another is chosen.
+        initial_state: positions and velocities at the start.
+        simulation: step and integrator.
+        perception: which directions count as rigid.
+        device: that renders.
+        hand: that holds the device.
+        controller: gains.
+        connection: between device and controller.
+        experiment: of ``hapticmech experiment`` and ``demo``.
+        limits: of numbers in messages.
+    """
 
     format: Literal["hapticmech-scene/1"]
     name: Name
@@ -57,6 +82,13 @@ class Scene(Part):
     connection: Connection = Connection()
     experiment: Experiment = Experiment()
     limits: Limits = Limits()
+
+    def __repr__(self) -> str:
+        points = ", ".join(point.name for point in self.operational_points)
+        return (
+            f"Scene {self.name}: {len(self.links)} links, {len(self.closures)} closures, held at "
+            f"{points}"
+        )
 
     @model_validator(mode="after")
     def _gains_by_rule(self) -> Scene:

@@ -47,7 +47,13 @@ class AnyHand(Part):
 
 
 class ConstantWrenchHand(AnyHand):
-    """Hand that pushes with a constant wrench, world axes, at the point held (N, N m)."""
+    """Hand that pushes with a constant wrench, world axes, at the point held.
+
+    Attributes:
+        kind: of hand.
+        force: N.
+        torque: N m.
+    """
 
     kind: Literal["constant_wrench"]
     force: Vector3 = (0.0, 0.0, 0.0)
@@ -58,6 +64,7 @@ class ScriptedHand(AnyHand):
     """Hand that pushes with a wrench over time from a file, world axes, at the point held.
 
     Attributes:
+        kind: of hand.
         file: CSV, relative to the scene file: a heading ``time,fx,fy,fz,tx,ty,tz``, then a row per
             time (s after the start), N and N m. Nothing before the first row's time; the last
             row's wrench from its time on.
@@ -70,7 +77,13 @@ class ScriptedHand(AnyHand):
 
 
 class Waypoint(Part):
-    """Target of the hand from where it took hold: displacement (m) and rotation vector (rad)."""
+    """Target of the hand, from where it took hold.
+
+    Attributes:
+        time: s after the start, at which it is reached; times increase.
+        xyz: m, displacement, world axes.
+        rotation: rad, rotation vector, world axes.
+    """
 
     time: NonNegative
     xyz: Vector3 = (0.0, 0.0, 0.0)
@@ -78,7 +91,15 @@ class Waypoint(Part):
 
 
 class TargetHand(AnyHand):
-    """Hand as a spring and damper between the point held and a target that visits waypoints."""
+    """Hand as a spring and damper between the point held and a target that visits waypoints.
+
+    Attributes:
+        stiffness: N/m.
+        damping: N s/m.
+        angular_stiffness: N m/rad.
+        angular_damping: N m s/rad.
+        waypoints: of the target, which moves between them with minimum jerk.
+    """
 
     stiffness: Positive = 300.0
     damping: NonNegative = 5.0
@@ -88,7 +109,11 @@ class TargetHand(AnyHand):
 
 
 class SpringDamperHand(TargetHand):
-    """Hand without mass: a spring and damper to the moving target."""
+    """Hand without mass: a spring and damper to the moving target.
+
+    Attributes:
+        kind: of hand.
+    """
 
     kind: Literal["spring_damper"]
 
@@ -99,6 +124,7 @@ class ArmHand(TargetHand):
     F_h, between device and hand, is the spring's and damper's wrench less mass times acceleration.
 
     Attributes:
+        kind: of hand.
         impedance: measured arms whose mass, stiffness and damping the other keys then start from;
             see docs/devices.md.
         mass: kg, of hand and arm as felt at the point held.

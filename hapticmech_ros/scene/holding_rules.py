@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from hapticmech_ros.errors import InvalidInputError, SceneProblem
+from hapticmech_ros.scene.device import SERVO_ANGLE, most_servo_stiffness
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.hand import AnyHand, ArmHand, ConstantWrenchHand, TargetHand
 from hapticmech_ros.scene.part import Vector3
@@ -15,6 +16,7 @@ from hapticmech_ros.scene.script import read_script
 def broken_holding_rules(scene: Scene) -> Iterator[SceneProblem]:
     """Yield every rule of device and hand that ``scene`` breaks."""
     yield from _sampling(scene)
+    yield from _servo(scene)
     yield from _waypoints(scene)
     yield from _grips(scene.hand)
     yield from _tremor(scene.hand)
@@ -49,6 +51,22 @@ def _sampling(scene: Scene) -> Iterator[SceneProblem]:
         if angular_damping * step > device.inertia + inertia:
             key = f"{source}.angular_damping"
             yield SceneProblem(key, angular_damping, rule.format("inertia"))
+
+
+def _servo(scene: Scene) -> Iterator[SceneProblem]:
+    device, period = scene.device, scene.simulation.period
+    for key, stiffness, what, side in (
+        ("stiffness", device.servo.stiffness, "mass", "force"),
+        ("angular_stiffness", device.servo.angular_stiffness, "inertia", "torque"),
+    ):
+        limit, slew = getattr(device, f"{side}_limit"), getattr(device.safety, f"{side}_slew")
+        highest = most_servo_stiffness(getattr(device, what), period, limit, slew)
+        if stiffness is not None and stiffness > highest:
+            rule = (
+                f"must be at most {highest:.3g}, device.{what} times the square of"
+                f" {SERVO_ANGLE:g} / period or of {side}_slew / {side}_limit"
+            )
+            yield SceneProblem(f"device.servo.{key}", stiffness, rule)
 
 
 def _waypoints(scene: Scene) -> Iterator[SceneProblem]:

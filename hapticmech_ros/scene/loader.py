@@ -106,6 +106,20 @@ def shipped_scenes() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
 
 
+def changed_scene(scene: Scene, *changes: str) -> Scene:
+    """Return a scene like another one, with some keys set, validated anew.
+
+    Args:
+        scene: that stays as it is. Gains that a rule had filled in are kept.
+        changes: ``key=value`` each; see :func:`~hapticmech_ros.scene.changes.with_changes`.
+
+    Raises:
+        SceneError: a key that is none, or a rule that is broken.
+    """
+    document = with_changes(document_of(scene), changes, scene.name)
+    return scene_from_document(document, source=scene.name)
+
+
 def document_of(scene: Scene) -> dict[str, Any]:
     """Return ``scene`` as plain dictionaries, lists and numbers (what a YAML file would say)."""
     return scene.model_dump(mode="json")

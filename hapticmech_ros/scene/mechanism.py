@@ -25,7 +25,12 @@ IntegratorName = Literal["rk4", "rk2", "semi_implicit_euler", "linearly_implicit
 
 
 class Origin(Part):
-    """A frame in its parent frame (URDF's ``origin``): xyz in m, rpy in rad."""
+    """A frame in its parent frame (URDF's ``origin``).
+
+    Attributes:
+        xyz: m, of the frame's origin.
+        rpy: rad, fixed-axis roll, pitch, yaw.
+    """
 
     xyz: Vector3 = (0.0, 0.0, 0.0)
     rpy: Vector3 = (0.0, 0.0, 0.0)
@@ -35,7 +40,8 @@ class JointLimits(Part):
     """Stops of a joint, each a spring and damper that pushes inwards only.
 
     Attributes:
-        lower, upper: rad or m.
+        lower: rad or m, below which the stop pushes.
+        upper: rad or m, above which it does.
         stiffness: N m/rad or N/m.
         damping: N m s/rad or N s/m at a penetration of ``depth``; less before, as Hunt and Crossley
             have it, so that the stop neither sticks nor jumps.
@@ -53,6 +59,8 @@ class Joint(Part):
     """Joint that carries a link.
 
     Attributes:
+        name: of the joint, unique in the scene.
+        type: what it allows.
         axis: unit vector in the joint frame, for ``revolute`` and ``prismatic``.
         origin: joint frame in the frame of the parent link.
         damping: viscous damping per degree of freedom, N m s/rad or N s/m.
@@ -84,7 +92,16 @@ class Joint(Part):
 
 
 class Inertia(Part):
-    """Rotational inertia about the centre of mass in the axes of the link frame, kg m^2."""
+    """Rotational inertia about the centre of mass in the axes of the link frame.
+
+    Attributes:
+        ixx: kg m².
+        iyy: kg m².
+        izz: kg m².
+        ixy: kg m², minus the integral of x y over the mass, as in URDF.
+        ixz: kg m², likewise.
+        iyz: kg m², likewise.
+    """
 
     ixx: NonNegative
     iyy: NonNegative
@@ -95,7 +112,13 @@ class Inertia(Part):
 
 
 class Inertial(Part):
-    """Mass in kg, centre of mass in the link frame in m, inertia about the centre of mass."""
+    """What a link weighs.
+
+    Attributes:
+        mass: kg.
+        com: m, centre of mass in the link frame.
+        inertia: about the centre of mass.
+    """
 
     mass: NonNegative
     com: Vector3 = (0.0, 0.0, 0.0)
@@ -103,7 +126,14 @@ class Inertial(Part):
 
 
 class Link(Part):
-    """Rigid body, carried by ``joint`` from ``parent`` (another link or ``world``)."""
+    """Rigid body.
+
+    Attributes:
+        name: of the link, unique in the scene.
+        parent: the link that carries it, or ``world``.
+        joint: between the two.
+        inertial: mass and inertia.
+    """
 
     name: Name
     parent: Name = "world"
@@ -112,7 +142,12 @@ class Link(Part):
 
 
 class LinkFrame(Part):
-    """A frame fixed in a link, or in ``world``."""
+    """A frame fixed in a link, or in ``world``.
+
+    Attributes:
+        link: that it is fixed in, or ``world``.
+        origin: in the link's frame.
+    """
 
     link: Name
     origin: Origin = Origin()
@@ -126,7 +161,11 @@ class Closure(Part):
     ``rod``: origins keep a distance (1 row).
 
     Attributes:
-        length: m, of a rod.
+        name: of the closure, unique in the scene.
+        kind: what it keeps together.
+        a: one frame.
+        b: the other.
+        length: m, of a rod; of no other kind.
         active: whether the loop is closed when the simulation starts.
         latch_distance: m; an open closure closes by itself once its residual is below this.
     """
@@ -144,6 +183,9 @@ class Coupling(Part):
     """A gear between two joints: position of ``joint`` = ratio · position of ``leader`` + offset.
 
     Attributes:
+        name: of the coupling, unique in the scene.
+        joint: that follows; revolute or prismatic.
+        leader: that it follows.
         ratio: of rad or m to rad or m, not zero.
         offset: rad or m.
     """
@@ -159,6 +201,9 @@ class Spring(Part):
     """Spring and damper along the line between the origins of two frames.
 
     Attributes:
+        name: of the spring, unique in the scene.
+        a: one end.
+        b: the other.
         stiffness: N/m.
         damping: N s/m.
         rest_length: m, at which the spring is slack.
@@ -173,14 +218,26 @@ class Spring(Part):
 
 
 class Metric(Part):
-    """Inertia that measures directions where a link has none: mass (kg), radius of gyration (m)."""
+    """Inertia that measures directions where a link has none.
+
+    Attributes:
+        mass: kg.
+        length: m, radius of gyration.
+    """
 
     mass: Positive
     length: Positive
 
 
 class OperationalPoint(Part):
-    """Where the user holds the mechanism. ``metric`` replaces the link's own inertia as metric."""
+    """Where the user holds the mechanism.
+
+    Attributes:
+        name: of the point, unique in the scene; part of its topics' names.
+        link: that is held.
+        origin: of the point's frame in the link's.
+        metric: in place of the link's own inertia, which is the metric otherwise.
+    """
 
     name: Name
     link: Name
@@ -193,6 +250,10 @@ class InitialState(Part):
 
     A revolute or prismatic joint takes one number, the others take Pinocchio's configuration:
     ``spherical`` x, y, z, w; ``free`` position, then x, y, z, w; ``planar`` x, y, cos, sin.
+
+    Attributes:
+        q: rad or m, positions by joint.
+        v: rad/s or m/s, velocities by joint.
     """
 
     q: dict[Name, Coordinates] = Field(default_factory=dict)

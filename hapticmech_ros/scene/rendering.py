@@ -13,7 +13,12 @@ class Perception(Part):
     """Which directions count as rigid, in s = sqrt(mu) (docs/notation.md).
 
     Control weighs directions smoothly from 1 at ``s_on`` to 0 at ``s_off``; the reported count
-    switches on below ``s_on`` and off above ``s_off``, each after ``dwell`` seconds.
+    switches on below ``s_on`` and off above ``s_off``, each after ``dwell``.
+
+    Attributes:
+        s_on: below which a direction is rigid.
+        s_off: above which it is free; above ``s_on``.
+        dwell: s.
     """
 
     s_on: Annotated[Positive, Field(lt=1.0)] = 0.02
@@ -22,6 +27,10 @@ class Perception(Part):
 
 
 class Experiment(Part):
-    """How long the experiment lasts after the hand starts, in s."""
+    """The scene's experiment.
+
+    Attributes:
+        duration: s, after the hand starts.
+    """
 
     duration: Positive = 5.0

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from hapticmech_ros.formats.model_part import ModelPart
+from hapticmech_ros.scene.angles import allow_text
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.key_reference import describe
 
 
 def scene_schema() -> dict[str, Any]:
@@ -23,4 +25,9 @@ def scene_schema() -> dict[str, Any]:
         {"required": [*required, "links"], "not": {"required": ["model"]}},
         {"required": [*with_model, "model"], "not": {"required": ["links"]}},
     ]
+    allow_text(found)
+    describe(found)
+    found["properties"]["model"]["description"] = (
+        "in place of ``links``: the file that they come from"
+    )
     return found

@@ -10,6 +10,7 @@ from pydantic_core import ErrorDetails
 
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
 from hapticmech_ros.foreign_text import parsed
+from hapticmech_ros.scene.angles import with_angles
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.part import LARGEST
 from hapticmech_ros.scene.rules import broken_rules
@@ -42,7 +43,7 @@ def scene_from_document(document: object, source: str = "<document>") -> Scene:
     if not isinstance(document, Mapping):
         raise SceneError(source, [SceneProblem("<root>", document, "a scene is a mapping of keys")])
     try:
-        scene = Scene.model_validate(document)
+        scene = Scene.model_validate(with_angles(document))
     except ValidationError as error:
         problems = [
             SceneProblem(_key_path(item["loc"]), _value(item), rule_of(item))

@@ -48,6 +48,9 @@ class Session(SessionLoop):
         InvalidInputError: a delay below 0, or no such operational point.
     """
 
+    def __repr__(self) -> str:
+        return f"Session of {self.scene.name} at {self.time:g} s"
+
     @property
     def clutch(self) -> Clutch | None:
         """The clutch; None before the first tick."""

@@ -55,6 +55,25 @@ def test_check_of_one_bag(tmp_path: Path, wrench_bytes: Bytes) -> None:
     assert "hapticmech bag repair" in text
 
 
+@pytest.mark.parametrize("name", ["/f", "/device/state"])
+def test_a_bag_without_samples_is_empty_and_not_sound(
+    name: str, tmp_path: Path, wrench_bytes: Bytes
+) -> None:
+    """Of this package's graph, what is latched is no sample."""
+    path = tmp_path / "bag"
+    with BagWriter(path) as bag:
+        bag.add_topic(name, WRENCH)
+        if name != "/f":
+            bag.add_topic("/mechanism/closures", WRENCH)
+            bag.write("/mechanism/closures", MS, wrench_bytes(MS, 1.0))
+    code, text = run("check", path, "--json", tmp_path / "report.json")
+    assert code == 1
+    assert "is empty" in text
+    assert "sound" not in text
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert (report["empty"], report["sound"]) == (True, False)
+
+
 def test_check_of_two_bags(tmp_path: Path, wrench_bytes: Bytes) -> None:
     a = write(tmp_path / "a", wrench_bytes)
     b = write(tmp_path / "b", wrench_bytes, offset=0.25)

@@ -1,10 +1,16 @@
 """The record of a session."""
 
+import json
+
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from hapticmech_ros import load_scene
+from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment import SessionRecorder, run_session
+from hapticmech_ros.experiment.from_session import UnfinishedRunError
 from hapticmech_ros.session import Session
 
 
@@ -76,3 +82,42 @@ def test_a_hand_that_never_pushes_starts_after_its_delay(scene):
     idle = scene.hand.model_copy(update={"force": (0.0, 0.0, 0.0), "torque": (0.0, 0.0, 0.0)})
     record = run_session(scene.model_copy(update={"hand": idle}), 0.01)
     assert record.times[0] == pytest.approx(-0.25, abs=1e-12)
+
+
+# A spring that is too stiff for the step, and nothing that watches it.
+TOO_STIFF = (
+    "links[0].joint.stiffness=1e5",
+    "simulation.accuracy={tolerance: 0.0}",
+    "simulation.integrator=rk4",
+)
+
+
+def test_a_run_that_an_error_ends_leaves_what_there_was(tmp_path):
+    arguments = ["experiment", "two_link", "--out", str(tmp_path / "out")]
+    for change in TOO_STIFF:
+        arguments += ["--set", change]
+    with pytest.raises(UnfinishedRunError, match=r"^at [0-9.]+ s: ") as caught:
+        CliRunner().invoke(app, arguments, catch_exceptions=False)
+    written = json.loads((tmp_path / "out" / "failure.json").read_text())
+    assert written["error"] == str(caught.value)
+    assert written["time_s"] == caught.value.time > 0.0
+    scene = load_scene("two_link", changes=TOO_STIFF)
+    assert set(written["last_state"]["q"]) == {link.joint.name for link in scene.links}
+    record = caught.value.record
+    assert record is not None
+    assert record.times.size == round(caught.value.time / scene.simulation.period)
+    # The last state is where the record ends.
+    last = np.concatenate(list(written["last_state"]["q"].values()))
+    assert np.isfinite(last).all()
+
+
+def test_a_record_until_an_error_is_that_of_a_run_without_it(scene):
+    session = Session(scene)
+    recorder = SessionRecorder(session)
+    for _ in range(20):
+        recorder.add(session.tick())
+    failure = recorder.unfinished(InvalidInputError("something", 1, "must be 2"))
+    np.testing.assert_array_equal(failure.record.joint_positions, recorder.record().joint_positions)
+    assert failure.time == pytest.approx(20 * session.period)
+    q = np.concatenate(list(failure.positions.values()))
+    np.testing.assert_array_equal(q, session.mechanism.q)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
-from hapticmech_ros.errors import SceneError
+from hapticmech_ros.errors import InvalidInputError, SceneError
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.changes import with_changes
 
@@ -106,10 +107,22 @@ def test_a_copy_finds_the_model_elsewhere(tmp_path):
     assert document_of(load_scene(copy)) == expected
 
 
-def test_an_experiment_takes_them_and_says_that_nobody_pushed(tmp_path):
+@pytest.mark.parametrize(
+    ("options", "force"), [((), 0.5), (("--push", "0,0,0"), 0.0), (("--push", "0.2, 0,0"), 0.2)]
+)
+def test_an_experiment_pushes_where_the_scene_does_not_and_says_so(tmp_path, options, force):
+    idle = ("--set", "hand={kind: constant_wrench, start_delay: 0.0}")
     done = run(
         *("experiment", "five_bar", "--duration", "0.2", "--out", str(tmp_path / "out")),
-        *("--set", "hand={kind: constant_wrench}"),
+        *(*idle, *options),
     )
-    assert done.exit_code == 0
-    assert "nobody pushed" in done.stdout
+    assert done.exit_code == 0, done.output
+    assert ("the scene's hand does nothing" in done.output) == (not options)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert (summary["energy"]["exchanged_j"] > 1e-12) == (force > 0.0)
+
+
+def test_a_push_that_is_none_is_refused(tmp_path):
+    for text in ("1,2", "a,b,c", "nan,0,0"):
+        with pytest.raises(InvalidInputError, match="three numbers"):
+            run("experiment", "five_bar", "--push", text, "--out", str(tmp_path / "out"))

@@ -1,15 +1,24 @@
 """The JSON Schema of scene files: what validation takes, and ``model`` beside it."""
 
 import json
+import re
+from pathlib import Path
+from typing import get_args
 
+import pytest
 from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
+from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats.model_part import ModelPart
 from hapticmech_ros.scene import Scene, shipped_scenes
+from hapticmech_ros.scene.key_reference import examples, meanings, parts
+from hapticmech_ros.scene.mechanism import JointType
 from hapticmech_ros.scene.schema import scene_schema
 from hapticmech_ros.scene.validation import written_document
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def refs(value):
@@ -56,3 +65,55 @@ def test_the_command_prints_it():
     found = CliRunner().invoke(app, ["scene", "schema"])
     assert found.exit_code == 0, found.output
     assert json.loads(found.output) == json.loads(json.dumps(scene_schema()))
+
+
+def test_every_key_of_every_part_has_a_meaning_that_editors_show():
+    schema = scene_schema()
+    described = {"Scene": schema, **schema["$defs"]}
+    for name, part in parts().items():
+        assert set(meanings(part)) == set(part.model_fields), name
+    for name, definition in described.items():
+        assert definition["description"], name
+        for key, value in definition["properties"].items():
+            assert value.get("description"), f"{name}.{key}"
+
+
+def test_the_page_of_keys_is_the_models():
+    page = (ROOT / "docs" / "scene-keys.md").read_text(encoding="utf-8")
+    found = CliRunner().invoke(app, ["scene", "schema", "--markdown"])
+    assert found.exit_code == 0, found.output
+    assert found.stdout in page
+    # Each part once, and nothing that leads nowhere.
+    titles = re.findall(r"^## (\w+)$", found.stdout, re.MULTILINE)
+    assert len(set(titles)) == len(titles)
+    assert set(re.findall(r"\(#(\w+)\)", found.stdout)) == {t.lower() for t in titles} - {
+        "scene"
+    } | {"angles"}
+
+
+def test_examples_of_the_page_are_values_that_scenes_take():
+    scenes = [load_scene(name) for name in shipped_scenes()]
+    found = examples(scenes)
+    assert len(found) > 60
+    joints = {scene.name: [link.joint for link in scene.links] for scene in scenes}
+    names = {joint.name for one in joints.values() for joint in one}
+    assert found["Joint", "name"] in names
+    assert found["Joint", "type"] in get_args(JointType)
+    assert (("Scene", "links")) not in found
+
+
+def test_rules_of_the_page_are_those_that_refuse():
+    """The bound that the page tells of a number is the one at which it is refused."""
+    gains = "controller.joint_constraint={}"
+    for change in ("simulation.period=0.1", "perception.s_off=5e-2"):
+        load_scene("two_link", changes=[change, gains])
+    for change in ("simulation.period=0.1001", "perception.s_off=1.0", "simulation.substeps=0"):
+        with pytest.raises(SceneError, match=re.escape(change.split("=")[0])):
+            load_scene("two_link", changes=[change, gains])
+    page = (ROOT / "docs" / "scene-keys.md").read_text(encoding="utf-8")
+    for row in (
+        "| `period` | number > 0 and ≤ 0.1 |",
+        "| `s_off` | number > 0 and < 1 |",
+        "| `substeps` | whole number ≥ 1 and ≤ 1000 |",
+    ):
+        assert row in page

@@ -1,0 +1,209 @@
+"""Every key of a scene file: kind, rule, unit and meaning, from the models that check them.
+
+Meanings are those of the models' docstrings, which stand beside the fields.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from hapticmech_ros.scene.angles import PATTERN
+from hapticmech_ros.scene.part import LARGEST, Part
+
+_LINE = re.compile(r"(\w+): (.*)")
+_ROLE = re.compile(r":\w+:`~?([^`]*)`")
+_REFERENCE = "#/$defs/"
+# Longer examples are not shown.
+LONGEST_EXAMPLE = 40
+Examples = Mapping[tuple[str, str], str]
+
+
+def meanings(part: type[Part]) -> dict[str, str]:
+    """Return what each key of a part means, by key: of ``Attributes`` in its docstring."""
+    found: dict[str, str] = {}
+    for base in reversed(part.__mro__):
+        if issubclass(base, Part) and base is not Part:
+            found.update(_attributes(base.__doc__ or ""))
+    return {key: found[key] for key in part.model_fields if key in found}
+
+
+def summary(part: type[Part]) -> str:
+    """Return what stands in a part's docstring before its attributes, as paragraphs."""
+    text = inspect.cleandoc(part.__doc__ or "").split("Attributes:\n")[0]
+    paragraphs = re.split(r"\n\s*\n", text.strip())
+    return "\n\n".join(_plain(" ".join(one.split())) for one in paragraphs)
+
+
+def parts() -> dict[str, type[Part]]:
+    """Return all parts that scene files are made of, by name."""
+    return {part.__name__: part for part in _below(Part)}
+
+
+def describe(schema: dict[str, Any]) -> None:
+    """Put the meaning of each key into a JSON Schema of parts, for editors to show."""
+    known = parts()
+    for name, definition in (*schema.get("$defs", {}).items(), (schema.get("title"), schema)):
+        if name in known:
+            definition["description"] = summary(known[name])
+            for key, meaning in meanings(known[name]).items():
+                definition["properties"][key]["description"] = meaning
+
+
+def examples(scenes: Iterable[Part]) -> dict[tuple[str, str], str]:
+    """Return a value that is written in some scene, as YAML, by part and key."""
+    found: dict[tuple[str, str], str] = {}
+    for scene in scenes:
+        _collect(scene, found)
+    return found
+
+
+def _collect(value: object, found: dict[tuple[str, str], str]) -> None:
+    if isinstance(value, Part):
+        for key in type(value).model_fields:
+            inner = getattr(value, key)
+            _collect(inner, found)
+            if key in value.model_fields_set and not _has_parts(inner):
+                shown = json.dumps(inner) if isinstance(inner, tuple | dict) else str(inner)
+                plain = shown.lower() if isinstance(inner, bool) else shown
+                if inner is not None and len(plain) <= LONGEST_EXAMPLE:
+                    found.setdefault((type(value).__name__, key), plain)
+    elif isinstance(value, tuple):
+        for one in value:
+            _collect(one, found)
+
+
+def _has_parts(value: object) -> bool:
+    inside = value if isinstance(value, tuple) else (value,)
+    return any(isinstance(one, Part) for one in inside)
+
+
+def key_reference(schema: Mapping[str, Any], written: Examples) -> str:
+    """Return the keys of scene files as Markdown, a table for each part, as the schema has them.
+
+    Args:
+        schema: of scene files, with meanings.
+        written: examples, by part and key.
+    """
+    whole = {**schema, "required": schema["oneOf"][0]["required"]}
+    sections = [_section(str(schema["title"]), whole, written)]
+    reached, at = _references(schema), 0
+    while at < len(reached):
+        definition = schema["$defs"][reached[at]]
+        sections.append(_section(reached[at], definition, written))
+        reached += [name for name in _references(definition) if name not in reached]
+        at += 1
+    return "\n".join(sections)
+
+
+def _section(name: str, definition: Mapping[str, Any], written: Examples) -> str:
+    required = definition.get("required", [])
+    lines = [
+        f"## {name}\n\n{definition['description']}\n",
+        "| key | value | default | example | meaning |",
+        "|---|---|---|---|---|",
+    ]
+    for key, value in definition.get("properties", {}).items():
+        default = "required" if key in required else _default(value)
+        example = f"`{written[name, key]}`" if (name, key) in written else ""
+        meaning = _plain(str(value.get("description", "")))
+        cells = f"`{key}`", _kind(value), default, example, meaning
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _kind(value: Mapping[str, Any]) -> str:
+    """Return what may be written for a key, in words."""
+    choices = value.get("anyOf") or value.get("oneOf")
+    if choices:
+        return " or ".join(_kind(one) for one in choices)
+    if "$ref" in value:
+        name = value["$ref"].removeprefix(_REFERENCE)
+        return f"[{name}](#{name.lower()})"
+    if "const" in value:
+        return f"`{value['const']}`"
+    if "enum" in value:
+        return ", ".join(f"`{one}`" for one in value["enum"])
+    kind = value.get("type")
+    if kind in ("number", "integer"):
+        return _number(value)
+    if kind == "array":
+        return _list(value)
+    if kind == "object":
+        (inner,) = value.get("patternProperties", {"": value.get("additionalProperties")}).values()
+        return f"mapping of names to {_kind(inner)}"
+    names = {"boolean": "`true` or `false`", "null": "`null`", "string": "text"}
+    if value.get("pattern") == PATTERN:
+        return "[angle](#angles)"
+    return "name" if "pattern" in value else names[str(kind)]
+
+
+def _number(value: Mapping[str, Any]) -> str:
+    bounds = []
+    for key, sign in (
+        ("exclusiveMinimum", ">"),
+        ("minimum", "≥"),
+        ("exclusiveMaximum", "<"),
+        ("maximum", "≤"),
+    ):
+        bound = value.get(key)
+        if bound is not None and abs(bound) < LARGEST:
+            bounds.append(f"{sign} {bound:g}")
+    word = "whole number" if value["type"] == "integer" else "number"
+    return " ".join([word, " and ".join(bounds)]).strip()
+
+
+def _list(value: Mapping[str, Any]) -> str:
+    fixed = value.get("prefixItems")
+    if fixed:
+        return f"list of {len(fixed)}: {_kind(fixed[0])}"
+    least = " (at least one)" if value.get("minItems") else ""
+    return f"list{least}: {_kind(value['items'])}"
+
+
+def _default(value: Mapping[str, Any]) -> str:
+    default = value.get("default")
+    if isinstance(default, Mapping):
+        return "its defaults"
+    if default is None or default in ("", []):
+        return "none"
+    return f"`{str(default).lower() if isinstance(default, bool) else default}`"
+
+
+def _references(value: object) -> list[str]:
+    """Return the names of the parts that a schema's properties refer to, each once, in order."""
+    found: list[str] = []
+    if isinstance(value, Mapping):
+        if "$ref" in value:
+            found.append(str(value["$ref"]).removeprefix(_REFERENCE))
+        for key, inner in value.items():
+            # The discriminator names the same parts again.
+            if key not in ("$defs", "discriminator"):
+                found += [name for name in _references(inner) if name not in found]
+    elif isinstance(value, list):
+        for inner in value:
+            found += [name for name in _references(inner) if name not in found]
+    return found
+
+
+def _attributes(docstring: str) -> Iterator[tuple[str, str]]:
+    """Yield key and meaning of each entry below ``Attributes:``."""
+    _, _, entries = inspect.cleandoc(docstring).partition("Attributes:\n")
+    for entry in re.split(r"\n(?=    \w)", entries.rstrip()):
+        found = _LINE.fullmatch(" ".join(entry.split()))
+        if found is not None:
+            yield found[1], _plain(found[2])
+
+
+def _plain(text: str) -> str:
+    """Return a docstring's text as Markdown."""
+    return _ROLE.sub(r"`\1`", text).replace("``", "`")
+
+
+def _below(part: type[Part]) -> Iterator[type[Part]]:
+    for inner in part.__subclasses__():
+        yield inner
+        yield from _below(inner)
