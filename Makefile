@@ -5,6 +5,7 @@
 #   make lint    lint and types only
 #   make bench   accuracy, ablation, speed, memory and graphs, for hours, into bench/; ONE=speed: one
 #   make campaign   every fault against the graph, for hours, into reliability/; QUICK=1: minutes
+#   make docs    the documentation as a site, into site/
 #   make clean   remove .venv and everything else that was made here
 #
 # Another interpreter: make test PYTHON=python3.12
@@ -49,7 +50,7 @@ SOURCES := package.xml $(shell find $(PACKAGE) config launch resource \
 
 .PHONY: help
 help:
-	@sed -n '3,10s/^# *//p' Makefile
+	@sed -n '3,11s/^# *//p' Makefile
 
 .PHONY: demo
 demo: .venv/package
@@ -79,9 +80,13 @@ bench: .venv/bench-requirements .venv/package
 campaign: .venv/package
 	$(BIN)/python -m benchmarks.reliability $(if $(QUICK),--quick) --out reliability $(PARTS)
 
+.PHONY: docs
+docs: .venv/docs-requirements .venv/package
+	$(BIN)/python -m sphinx -W --keep-going -q . site
+
 .PHONY: clean
 clean:
-	rm -rf .venv build dist demo bench feel reliability install log $(PACKAGE).egg-info
+	rm -rf .venv build dist demo bench feel reliability site install log $(PACKAGE).egg-info
 	rm -rf .coverage .mypy_cache .pytest_cache .ruff_cache
 	find . -name .git -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
@@ -98,6 +103,10 @@ clean:
 
 .venv/bench-requirements: .venv/requirements
 	$(PIP) install --quiet '.[ros,bench]'
+	@touch $@
+
+.venv/docs-requirements: .venv/requirements
+	$(PIP) install --quiet '.[ros,docs]'
 	@touch $@
 
 .venv/test-requirements: .venv/requirements

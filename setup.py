@@ -16,6 +16,8 @@ EXECUTABLES = [
     "composed",
 ]
 
+DOCS = ["myst-parser>=4", "sphinx>=8"]
+
 HERE = Path(__file__).resolve().parent
 MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
 
@@ -105,6 +107,8 @@ setup(
             "iceoryx2>=0.10",
             "mujoco>=4",
         ],
+        # The documentation as a site.
+        "docs": DOCS,
         # Tests of what is read from files read these robots, 130 MB of them, where they are.
         "robots": ["example-robot-data>=6"],
         # ROS 2 from PyPI. Never beside a sourced ROS 2 installation, which has all of this.
@@ -117,6 +121,8 @@ setup(
             "colcon-common-extensions",
             "mcap",
             "mcap-ros2-support",
+            # The documents are built as a site.
+            *DOCS,
             # Tests check that our motions equal its.
             "mujoco>=4",
             "mypy>=1.10",

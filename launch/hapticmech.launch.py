@@ -1,12 +1,13 @@
 """The graph of nodes, for ROS 2 installations with launch.
 
 ros2 launch hapticmech_ros hapticmech.launch.py scene:=five_bar composed:=true rviz:=true
+
+Several points to hold, and lockstep, are what `hapticmech run` starts: it is one process then.
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, ExecuteProcess
-from launch.conditions import IfCondition, UnlessCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -14,62 +15,109 @@ from launch_ros.substitutions import FindPackageShare
 PACKAGE = "hapticmech_ros"
 NODES = ("haptic_device", "mechanism_simulator", "nullspace_analyser", "teleoperation_controller")
 ARGUMENTS = (
-    ("scene", "five_bar", "shipped scene, or path of a YAML file"),
+    ("scene", "five_bar", "shipped scene, or path of a YAML, URDF, MJCF or SDF file"),
     ("control_rate", "0.0", "samples per second, Hz; 0.0: the scene's own"),
     ("network_delay", "0.0", "one way between device and controller, designed for, s"),
     ("operational_point", "", "where the user holds; empty: the scene's first point"),
+    ("hold", "", "several points, separated by commas: a device each, in its namespace"),
     ("namespace", "", "put nodes and topics under this name"),
     ("composed", "false", "all four nodes in one process"),
+    ("params_file", "", "ROS parameter file for all nodes; empty: none"),
+    ("frame_prefix", "auto", "prefix of the viewer's frames; auto: the namespace and a slash"),
+    ("transport", "auto", "auto: between processes of this host directly; or middleware"),
     ("view", "true", "markers, frames and robot_description as well"),
     ("rviz", "false", "open RViz on them"),
     ("record", "", "folder of a bag to record everything into; empty: none"),
+    ("storage", "mcap", "of the bag: mcap or sqlite3"),
     ("use_sim_time", "false", "follow /clock"),
+    ("lockstep", "false", "advance by messages, as fast as possible, with repeatable bits"),
+    ("duration", "0.0", "lockstep: seconds to simulate; 0.0: until Ctrl-C"),
     ("respawn", "false", "start a node again that has ended by itself"),
 )
+YES, NO = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 RESPAWN_DELAY_S = 0.5
 
 
-def generate_launch_description():
-    given = {name: LaunchConfiguration(name) for name, _, _ in ARGUMENTS}
+def is_on(given, name):
+    """Return whether an argument says yes; what says neither is an error."""
+    word = given[name].strip().lower()
+    if word not in (*YES, *NO):
+        raise ValueError(f"{name}:={given[name]}: must be true or false")
+    return word in YES
+
+
+def own_nodes(given):
+    """Yield the nodes of one operational point, and who watches them."""
     parameters = {
         "scene": ParameterValue(given["scene"], value_type=str),
         "operational_point": ParameterValue(given["operational_point"], value_type=str),
-        "control_rate": ParameterValue(given["control_rate"], value_type=float),
-        "network_delay": ParameterValue(given["network_delay"], value_type=float),
-        "use_sim_time": ParameterValue(given["use_sim_time"], value_type=bool),
+        "transport": ParameterValue(given["transport"], value_type=str),
+        "control_rate": float(given["control_rate"]),
+        "network_delay": float(given["network_delay"]),
+        "use_sim_time": is_on(given, "use_sim_time"),
     }
-
-    def node(executable, condition):
-        return Node(
+    files = [given["params_file"]] if given["params_file"] else []
+    executables = ["composed"] if is_on(given, "composed") else list(NODES)
+    if is_on(given, "view"):
+        executables.append("scene_viewer")
+    for executable in executables:
+        own = {}
+        if executable == "scene_viewer":
+            own["frame_prefix"] = ParameterValue(given["frame_prefix"], value_type=str)
+        yield Node(
             package=PACKAGE,
             executable=executable,
             namespace=given["namespace"],
-            parameters=[parameters],
+            parameters=[{**parameters, **own}, *files],
             output="screen",
-            respawn=given["respawn"],
+            respawn=is_on(given, "respawn"),
             respawn_delay=RESPAWN_DELAY_S,
-            condition=condition,
         )
+    if given["record"]:
+        command = ["hapticmech", "bag", "record", "--all", "--out", given["record"]]
+        command += ["--storage", given["storage"], "--transport", given["transport"]]
+        yield ExecuteProcess(cmd=command, output="screen")
 
-    separate, together = UnlessCondition(given["composed"]), IfCondition(given["composed"])
-    layout = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "rviz", "hapticmech.rviz"])
-    return LaunchDescription(
-        [
-            *(DeclareLaunchArgument(n, default_value=d, description=t) for n, d, t in ARGUMENTS),
-            # First: if it is not installed, nothing has been started yet.
-            Node(
-                package="rviz2",
-                executable="rviz2",
-                arguments=["-d", layout],
-                condition=IfCondition(given["rviz"]),
-            ),
-            *(node(name, separate) for name in NODES),
-            node("composed", together),
-            node("scene_viewer", IfCondition(given["view"])),
-            ExecuteProcess(
-                cmd=["hapticmech", "bag", "record", "--all", "--out", given["record"]],
-                output="screen",
-                condition=IfCondition(PythonExpression(["'", given["record"], "' != ''"])),
-            ),
-        ]
-    )
+
+def command_of(given):
+    """Return the `hapticmech run` that does what is given."""
+    command = ["hapticmech", "run", given["scene"], "--transport", given["transport"]]
+    points = [name.strip() for name in given["hold"].split(",") if name.strip()]
+    for point in points or [given["operational_point"]]:
+        command += ["--hold", point] if point else []
+    for name in ("namespace", "params_file", "record"):
+        command += [f"--{name.replace('_', '-')}", given[name]] if given[name] else []
+    if given["record"]:
+        command += ["--storage", given["storage"]]
+    if float(given["control_rate"]):
+        command += ["--control-rate", given["control_rate"]]
+    if float(given["network_delay"]):
+        command += ["--network-delay", f"{given['network_delay']}s"]
+    if is_on(given, "lockstep"):
+        # It runs no viewer, by a clock of its own.
+        command += ["--lockstep", "--duration", given["duration"]]
+    else:
+        for name in ("view", "use_sim_time", "respawn"):
+            command += [f"--{name.replace('_', '-')}"] if is_on(given, name) else []
+        command += ["--set", f"scene_viewer.frame_prefix={given['frame_prefix']}"]
+    return command + (["--composed"] if is_on(given, "composed") else [])
+
+
+def start(context):
+    given = {name: LaunchConfiguration(name).perform(context) for name, _, _ in ARGUMENTS}
+    started = []
+    # First: if it is not installed, nothing has been started yet.
+    if is_on(given, "rviz"):
+        share = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "rviz"])
+        layout = PathJoinSubstitution([share, "hapticmech.rviz"])
+        started.append(Node(package="rviz2", executable="rviz2", arguments=["-d", layout]))
+    if "," in given["hold"] or is_on(given, "lockstep"):
+        return [*started, ExecuteProcess(cmd=command_of(given), output="screen")]
+    if given["hold"] and not given["operational_point"]:
+        given["operational_point"] = given["hold"].strip()
+    return [*started, *own_nodes(given)]
+
+
+def generate_launch_description():
+    arguments = (DeclareLaunchArgument(n, default_value=d, description=t) for n, d, t in ARGUMENTS)
+    return LaunchDescription([*arguments, OpaqueFunction(function=start)])
