@@ -72,7 +72,8 @@ TYPES: dict[str, Any] = {
 # Of states and of commands that change them: CRTK's own types, or what stands for them here.
 STATES = (table.DEVICE_OPERATING_STATE, table.POINT_OPERATING_STATE)
 COMMANDS = (table.DEVICE_STATE_COMMAND, table.POINT_STATE_COMMAND)
-TYPES |= {topic.type: message_class(topic.type) for topic in (*STATES, *COMMANDS)}
+WORDS = (*STATES, *COMMANDS, table.DEVICE_HOLD, table.DEVICE_FREE)
+TYPES |= {topic.type: message_class(topic.type) for topic in WORDS}
 
 
 class StampedArray:
@@ -157,6 +158,7 @@ class Examples:
         flags, names = state.active, [closure.name for closure in mechanism.closures]
         self._others: dict[Topic, Example] = {
             table.DEVICE_POSE: _pose(device.pose),
+            table.DEVICE_POSE_SETPOINT: _pose(device.pose),
             table.DEVICE_TWIST: _twist(device.twist),
             table.DEVICE_JOINTS: _joints(
                 ("x", "y", "z", "rx", "ry", "rz"), np.zeros(6), device.twist, output.device

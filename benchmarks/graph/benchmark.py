@@ -15,7 +15,7 @@ from benchmarks.goals import Verdict, goal_sheet
 from benchmarks.graph.checks import Expected, expected
 from benchmarks.graph.comparison import Comparison, compare
 from benchmarks.graph.goals import verdicts
-from benchmarks.graph.plan import Layout, Plan, scene_at_rate
+from benchmarks.graph.plan import VIEW_HZ, Layout, Plan, scene_at_rate
 from benchmarks.graph.report import configuration_sheets, drawn
 from benchmarks.graph.run import SETTLES_S, Run, graph_environment, measure, probe_command
 from benchmarks.machine import MachineResults, machine
@@ -112,6 +112,9 @@ def graph(
     transport: Annotated[
         str, typer.Option(help="auto (the lane where it can be), middleware or both")
     ] = "auto",
+    view_rates: Annotated[
+        str, typer.Option(help="of the topics for people, Hz: 1000 is CRTK at the control rate")
+    ] = f"{VIEW_HZ:g}",
     out: OutOption = Path("bench"),
     json_only: JsonOption = False,
 ) -> None:
@@ -121,7 +124,8 @@ def graph(
     layouts = cast("tuple[Layout, ...]", words(layout))
     rates_hz = tuple(numbers("--rates", rates, float))
     transports = cast("tuple[Transport, ...]", words(transport))
-    plan = Plan(scene, rates_hz, layouts, recorded, seconds, repeats, transports)
+    views_hz = tuple(numbers("--view-rates", view_rates, float))
+    plan = Plan(scene, rates_hz, layouts, recorded, seconds, repeats, transports, views_hz)
     carry_out(lambda show: run_benchmark(plan, out, show), out, json_only)
 
 

@@ -21,6 +21,9 @@ LAYOUTS: tuple[Layout, ...] = ("separate", "composed")
 KINDS: tuple[Kind, ...] = ("real", "bare")
 TRANSPORTS: tuple[Transport, ...] = ("auto", "middleware")
 RATE_LIMITS_HZ = (10.0, 10_000.0)
+# The nodes' own view_rate, and what it may be.
+VIEW_HZ = 100.0
+VIEW_LIMITS_HZ = (1.0, 1000.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,7 @@ class Configuration:
         transport: of the real graph's nodes; the bare graph has the middleware alone.
         settings: further parameters of the real graph's nodes, by ``node.parameter``, or
             ``parameter`` for all of them.
+        view_hz: rate of the topics for people, CRTK's among them, of both graphs.
     """
 
     rate_hz: float
@@ -41,11 +45,13 @@ class Configuration:
     recorded: bool
     transport: Transport = "auto"
     settings: tuple[tuple[str, object], ...] = ()
+    view_hz: float = VIEW_HZ
 
     def __str__(self) -> str:
         recording = "recording" if self.recorded else "no recording"
         way = "" if self.transport == "auto" else f", {self.transport}"
-        return f"{self.rate_hz:g} Hz, {self.layout}, {recording}{way}"
+        views = "" if self.view_hz == VIEW_HZ else f", views at {self.view_hz:g} Hz"
+        return f"{self.rate_hz:g} Hz, {self.layout}, {recording}{way}{views}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +75,7 @@ class Plan:
         seconds: length of a run's window.
         repeats: how often each graph is run in each configuration.
         transports: of the real graph.
+        views_hz: rates of the topics for people.
 
     Raises:
         InvalidInputError: nothing to run, or a number out of its range.
@@ -81,12 +88,16 @@ class Plan:
     seconds: float = 20.0
     repeats: int = 2
     transports: tuple[Transport, ...] = ("auto",)
+    views_hz: tuple[float, ...] = (VIEW_HZ,)
 
     def __post_init__(self) -> None:
-        low, high = RATE_LIMITS_HZ
-        for rate in self.rates_hz:
-            if not low <= rate <= high:
-                raise InvalidInputError("rate, Hz", rate, f"must be {low:g} to {high:g}")
+        for what, rates, (low, high) in (
+            ("rate, Hz", self.rates_hz, RATE_LIMITS_HZ),
+            ("view rate, Hz", self.views_hz, VIEW_LIMITS_HZ),
+        ):
+            for rate in rates:
+                if not low <= rate <= high:
+                    raise InvalidInputError(what, rate, f"must be {low:g} to {high:g}")
         for layout in self.layouts:
             if layout not in LAYOUTS:
                 raise InvalidInputError("layout", layout, f"must be one of {', '.join(LAYOUTS)}")
@@ -94,8 +105,9 @@ class Plan:
             if transport not in TRANSPORTS:
                 rule = f"must be one of {', '.join(TRANSPORTS)}"
                 raise InvalidInputError("transport", transport, rule)
-        if not (self.rates_hz and self.layouts and self.recorded and self.transports):
-            rule = "must have a rate, a layout, a transport, and record or not"
+        given = (self.rates_hz, self.layouts, self.recorded, self.transports, self.views_hz)
+        if not all(given):
+            rule = "must have a rate, a layout, a transport, a view rate, and record or not"
             raise InvalidInputError("plan", self, rule)
         if not (math.isfinite(self.seconds) and self.seconds >= 1.0):
             raise InvalidInputError("seconds", self.seconds, "must be 1 or more")
@@ -105,11 +117,12 @@ class Plan:
     def configurations(self) -> tuple[Configuration, ...]:
         """Return every configuration once."""
         return tuple(
-            Configuration(rate, layout, recorded, transport)
+            Configuration(rate, layout, recorded, transport, view_hz=view)
             for layout in self.layouts
             for recorded in self.recorded
             for rate in self.rates_hz
             for transport in self.transports
+            for view in self.views_hz
         )
 
     def steps(self) -> Iterator[Step]:

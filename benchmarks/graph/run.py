@@ -19,7 +19,7 @@ from benchmarks.children import (
     wait_until,
 )
 from benchmarks.graph.checks import ENGAGED, Check, Expected, check_recording, check_run
-from benchmarks.graph.plan import Step
+from benchmarks.graph.plan import VIEW_HZ, Step
 from benchmarks.graph.recorded import Recorded, recorded
 from benchmarks.graph.statuses import (
     ANSWERS,
@@ -212,10 +212,12 @@ def _evaluated(step: Step, watched: _Watched, bag: Path, point: str, session: Ex
 class BareGraph(Graph):
     """The bare graph's nodes in the real one's layout; see bare_node.py."""
 
-    def __init__(self, scene: str, composed: bool, environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, scene: str, composed: bool, environment: Mapping[str, str], view_hz: float = VIEW_HZ
+    ) -> None:
         self.processes = {}
         self._readiness = Readiness()
-        arguments = ros_arguments({"scene": scene})
+        arguments = ros_arguments({"scene": scene, "view_rate": view_hz})
         try:
             for group in [",".join(NODES)] if composed else list(NODES):
                 command = [sys.executable, "-m", BARE, group, *arguments]
@@ -227,10 +229,12 @@ class BareGraph(Graph):
 
 def start_graph(step: Step, scene: str, environment: Mapping[str, str]) -> Graph:
     """Start the graph of a step on a scene that has the step's rate."""
-    composed = step.configuration.layout == "composed"
+    chosen = step.configuration
+    composed = chosen.layout == "composed"
     if step.kind == "bare":
-        return BareGraph(scene, composed, environment)
-    parameters = {"transport": step.configuration.transport, **dict(step.configuration.settings)}
+        return BareGraph(scene, composed, environment, chosen.view_hz)
+    parameters: dict[str, object] = {"transport": chosen.transport, "view_rate": chosen.view_hz}
+    parameters.update(chosen.settings)
     return Graph(scene, composed, parameters=parameters, environment=environment)
 
 

@@ -32,6 +32,14 @@ def test_transports_are_configurations_of_their_own() -> None:
     ]
 
 
+def test_view_rates_are_configurations_of_their_own() -> None:
+    plan = Plan("five_bar", (1000.0,), ("separate",), (True,), views_hz=(100.0, 1000.0))
+    assert [str(one) for one in plan.configurations()] == [
+        "1000 Hz, separate, recording",
+        "1000 Hz, separate, recording, views at 1000 Hz",
+    ]
+
+
 @pytest.mark.parametrize(
     ("changes", "rule"),
     [
@@ -40,6 +48,8 @@ def test_transports_are_configurations_of_their_own() -> None:
         ({"rates_hz": (float("nan"),)}, "rate"),
         ({"layouts": ("scattered",)}, "separate, composed"),
         ({"recorded": ()}, "record or not"),
+        ({"views_hz": ()}, "a view rate"),
+        ({"views_hz": (5000.0,)}, "view rate"),
         ({"transports": ()}, "a transport"),
         ({"transports": ("pigeon",)}, "auto, middleware"),
         ({"seconds": 0.5}, "1 or more"),
