@@ -9,7 +9,7 @@ from benchmarks.speed.fronts import cost, front, ratios
 from benchmarks.speed.mujoco_peer import NAME as MUJOCO
 from benchmarks.speed.own_peer import NAME as OWN
 from benchmarks.speed.result import RunResult
-from benchmarks.speed.scaling import FAMILIES, TITLES, Growth
+from benchmarks.speed.scaling import TITLES, Growth
 from benchmarks.speed.tick import MJ_STEP, READABLE, SEE, TickTime
 
 TICK_LIMIT, NUMPY_LIMIT = 2.5, 1.0 / 6.0
@@ -82,8 +82,8 @@ def _large(results: Sequence[RunResult]) -> Verdict:
 
 def _exponents(grown: Sequence[Growth]) -> list[Verdict]:
     found = []
-    for family in FAMILIES:
-        goal = f"{TITLES[family]}: a step's time grows with N to {EXPONENT_LIMIT:g} at most"
+    for family, title in TITLES.items():
+        goal = f"{title}: a step's time grows with N to {EXPONENT_LIMIT:g} at most"
         ours = [one for one in grown if one.family == family and one.peer == OWN]
         exponent = ours[0].exponent if ours else None
         if exponent is None:

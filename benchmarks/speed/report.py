@@ -65,7 +65,8 @@ def sheets(
         yield _costs(results)
         yield _runs(results)
     if grown:
-        yield _growth(grown)
+        for sizes in dict.fromkeys(one.sizes for one in grown):
+            yield _growth([one for one in grown if one.sizes == sizes])
     if ticks:
         yield _ticks(ticks)
     if goals:

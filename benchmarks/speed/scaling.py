@@ -1,8 +1,8 @@
-"""What a step costs over size: rows of parallelograms, and chains."""
+"""What a step costs over size: rows of parallelograms, chains, and platforms on many legs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from benchmarks.accuracy.cases import Output
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from benchmarks.speed.contender import Contender, Method, Peer, initial_state
 from benchmarks.speed.equality import Check, check
+from benchmarks.speed.platform import stewart_platform
 from benchmarks.speed.problems import Problem
 from benchmarks.speed.reference import parallelograms, reference
 from benchmarks.speed.result import FAILURES, timed, warm_up
@@ -19,9 +20,12 @@ from hapticmech_ros.analysis.study import Show, silent
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene, scene_from_document
 
-SIZES = (10, 20, 40, 80)
-FAMILIES = ("windows", "chain")
-TITLES = {"windows": "A02, N parallelograms", "chain": "chain of N rods"}
+SIZES = {"windows": (10, 20, 40, 80), "chain": (10, 20, 40, 80), "platform": (6, 12, 24, 48)}
+TITLES = {
+    "windows": "A02, N parallelograms",
+    "chain": "chain of N rods",
+    "platform": "platform on N legs",
+}
 # s, until which all are compared, and step of the timing.
 COMPARED, STEP = 0.1, 1e-3
 # Integrators whose steps do the same work are compared: four evaluations of the dynamics, and the
@@ -37,7 +41,7 @@ class Growth:
     """CPU time of a step over size.
 
     Attributes:
-        family: ``windows`` or ``chain``.
+        family: one of ``SIZES``.
         peer, method: names.
         sizes: N.
         cpu_s_per_step: s, median at each size; None where the check was not passed.
@@ -61,7 +65,8 @@ class Growth:
 def sized(family: str, size: int) -> Problem:
     """Return a mechanism of size N with its reference at 0.1 s."""
     times = (COMPARED,)
-    point, scene = ("b0", n_four_bar(size)) if family == "windows" else ("tip", chain(size))
+    point, build = _FAMILIES[family]
+    scene = build(size)
     output = Output("point", point, (0, 1), times, (), 0.0)
     if family == "windows":
         readings = parallelograms(size, times)
@@ -74,7 +79,7 @@ def sized(family: str, size: int) -> Problem:
 
 def growth(
     peers: Sequence[Peer],
-    sizes: Sequence[int] = SIZES,
+    sizes: Mapping[str, Sequence[int]] = SIZES,
     repeats: int = 5,
     budget_s: float = 0.2,
     show: Show = silent,
@@ -83,8 +88,8 @@ def growth(
     racers = [(p, m) for p in peers for m in p.methods if m.name in RULES]
     found: dict[tuple[str, str, str], list[float | None]] = {}
     checks: list[Check] = []
-    for family in FAMILIES:
-        for size in sizes:
+    for family, numbers in sizes.items():
+        for size in numbers:
             show(f"{TITLES[family]}: N = {size}")
             problem = sized(family, size)
             seen = [check(problem, peer, method) for peer, method in racers]
@@ -94,7 +99,7 @@ def growth(
             for peer, method in racers:
                 key = (family, peer.name, method.name)
                 found.setdefault(key, []).append(times.get((peer.name, method.name)))
-    grown = tuple(Growth(*key, tuple(sizes), tuple(cpu)) for key, cpu in found.items())
+    grown = tuple(Growth(*key, tuple(sizes[key[0]]), tuple(cpu)) for key, cpu in found.items())
     return grown, tuple(checks)
 
 
@@ -165,3 +170,11 @@ def _document(links: int) -> dict[str, Any]:
         "initial_state": {"q": {f"hinge{k}": 0.1 * (-1.0) ** k for k in range(links)}},
         "hand": {"kind": "constant_wrench"},
     }
+
+
+# Point that is compared, and mechanism of a size.
+_FAMILIES: dict[str, tuple[str, Callable[[int], Scene]]] = {
+    "windows": ("b0", n_four_bar),
+    "chain": ("tip", chain),
+    "platform": ("rim", stewart_platform),
+}

@@ -19,7 +19,7 @@ Kind = TypeVar("Kind", bound=type)
 Array = np.ndarray
 # Numbers of a structure that come before the places of its parts; a place is three of them: where
 # the part starts, its rows and its columns.
-SIZES = 7
+SIZES = 8
 
 
 # What kernels use, in a process that builds the library; see ``numba_types.teach_structure``.

@@ -188,6 +188,7 @@ class Mechanism(MultibodyModel):
                 int(rows[-1]),
                 DENSE,
                 width=0,
+                border=0,
                 independent=-1,
                 carriers=self._carriers[frames],
                 joints=np.array([self._joint_numbers(i) for i in range(model.njoints)]),

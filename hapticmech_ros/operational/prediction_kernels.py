@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local, shaped
 from hapticmech_ros.mechanism.kernels.data import Data, unpack
@@ -14,7 +12,7 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate, correcti
 from hapticmech_ros.mechanism.kernels.model import SPARSE, Model
 from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
 from hapticmech_ros.mechanism.kernels.small_matrices import dot_with_row
-from hapticmech_ros.mechanism.kernels.step_layout import ERROR, RANK
+from hapticmech_ros.mechanism.kernels.step_layout import ERROR, LEAST, RANK
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 
 # Off the closures by φ, at a relative singular value σ, free rates turn by φ/σ²: by no more than
@@ -24,18 +22,13 @@ TRUSTED = 0.01
 
 @inner
 def _least(model: Model, data: Data) -> float:
-    """Return σ_r / σ_1; of R's diagonal, where the factorisation is sparse."""
+    """Return σ_r / σ_1; an estimate from above, where the factorisation is sparse."""
     rank = int(data.tail[RANK])
     if rank == 0:
         return 1.0
-    if model.path != SPARSE:
-        return float(data.sigma[rank - 1] / data.sigma[0])
-    smallest, largest = np.inf, 0.0
-    for row in range(model.m):
-        if data.row_places[row, 1] >= 0.0:
-            pivot = abs(1.0 / data.row_places[row, 2])
-            smallest, largest = min(smallest, pivot), max(largest, pivot)
-    return smallest / largest
+    if model.path == SPARSE:
+        return float(data.tail[LEAST])
+    return float(data.sigma[rank - 1] / data.sigma[0])
 
 
 @inner

@@ -44,7 +44,9 @@ def _path(run: Running) -> Choice:
     mechanism = run.mechanism
     active_set, nv = mechanism.active_set(run.state.active), mechanism.nv
     if active_set.is_sparse:
-        why = f"{nv} rates, bandwidth {active_set.model.width}; dense where the rank is uncertain"
+        model = active_set.model
+        shared = f", {model.border} shared by many closures" if model.border else ""
+        why = f"{nv} rates{shared}, bandwidth {model.width}; dense where the rank is uncertain"
         return Choice("factorisation", "sparse, linear in size", why)
     if mechanism.needs_matrix:
         return Choice("factorisation", "dense", "the integrator needs D as a matrix")
@@ -54,8 +56,10 @@ def _path(run: Running) -> Choice:
 
 def _closure_rows(run: Running) -> Choice:
     m = run.rows.rows
-    if run.mechanism.active_set(run.state.active).is_sparse and m:
-        return Choice("closure factorisation", "banded QR", "see factorisation")
+    active_set = run.mechanism.active_set(run.state.active)
+    if active_set.is_sparse and m:
+        kind = "bordered banded QR" if active_set.model.border else "banded QR"
+        return Choice("closure factorisation", kind, "see factorisation")
     if m == 0:
         return Choice("closure factorisation", "none", "no closure is active")
     if m <= FEW_ROWS:

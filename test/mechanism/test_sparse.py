@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.accuracy.n_four_bar import n_four_bar
+from benchmarks.speed.platform import stewart_platform
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
@@ -51,6 +52,61 @@ def long_chain(number):
     return replace(pair, q=turns, v=np.cos(turns))
 
 
+def walker(*knees):
+    """Return a body that stands on legs of three hinges each, one for each knee angle."""
+    moments = dict.fromkeys(("ixx", "iyy", "izz"), 0.01)
+    links = [{"name": "body", "inertial": {"mass": 5.0, "inertia": moments}}]
+    links[0]["joint"] = {"name": "body", "type": "free"}
+    closures, upper, lower, lift = [], 0.2, 0.25, 0.3
+    axes = {"yaw": [0.0, 0.0, 1.0], "hip": [0.0, 1.0, 0.0], "knee": [0.0, 1.0, 0.0]}
+    height = 0.4
+    for leg, knee in enumerate(knees):
+        reach = upper * np.cos(lift) + lower * np.cos(lift + knee)
+        depth = upper * np.sin(lift) + lower * np.sin(lift + knee)
+        parent, place = "body", [0.1, 0.0, 0.0]
+        turn = 2.0 * np.pi * leg / len(knees)
+        for part, axis in axes.items():
+            origin = {"xyz": place, "rpy": [0.0, 0.0, 0.0]}
+            if part == "yaw":
+                origin = {"xyz": [0.1 * np.cos(turn), 0.1 * np.sin(turn), 0.0]}
+                origin["rpy"] = [0.0, 0.0, turn]
+            joint = {"name": f"{part}{leg}", "type": "revolute", "axis": axis, "origin": origin}
+            inertia = dict.fromkeys(("ixx", "iyy", "izz"), 1e-3)
+            inertial = {"mass": 0.3, "com": [0.1, 0.0, 0.0], "inertia": inertia}
+            link = {"name": f"{part}{leg}", "parent": parent, "joint": joint, "inertial": inertial}
+            links.append(link)
+            parent, place = f"{part}{leg}", [upper if part == "hip" else 0.0, 0.0, 0.0]
+        out = 0.1 + reach
+        foot = {"xyz": [out * np.cos(turn), out * np.sin(turn), height - depth]}
+        tip = {"link": parent, "origin": {"xyz": [lower, 0.0, 0.0]}}
+        ground = {"link": "world", "origin": foot}
+        closures.append({"name": f"foot{leg}", "kind": "spherical", "a": tip, "b": ground})
+    q = {"body": [0.0, 0.0, height, 0.0, 0.0, 0.0, 1.0]}
+    for leg, knee in enumerate(knees):
+        q |= {f"hip{leg}": lift, f"knee{leg}": knee}
+    return scene_from_document(
+        {
+            "format": "hapticmech-scene/1",
+            "name": "walker",
+            "description": "A body on legs",
+            "links": links,
+            "closures": closures,
+            "operational_points": [{"name": "top", "link": "body"}],
+            "initial_state": {"q": q},
+            "hand": {"kind": "constant_wrench"},
+        }
+    )
+
+
+def bordered():
+    """Yield closures of which many share the same rates, on the closures and off them."""
+    scenes = [stewart_platform(legs) for legs in (6, 8, 24)]
+    for scene in (*scenes, load_scene("stewart_platform"), walker(*[1.0] * 4), walker(*[0.8] * 10)):
+        for away in (0.0, 0.02):
+            yield pair_of(scene, 3, away)
+    yield pair_of(load_scene("shared_payload"), 2, 0.01)
+
+
 def small_ones():
     yield pair_of(load_scene("five_bar"), 0, 0.0)
     yield pair_of(load_scene("spatial_arm"), 1, 0.3)
@@ -65,7 +121,8 @@ def small_ones():
 PAIRS = [windows(number) for number in (1, 2, 5, 15, 40)]
 PAIRS += [windows(number, "revolute") for number in (2, 15)]
 PAIRS += [long_chain(number) for number in (3, 40)]
-PAIRS += list(small_ones())
+BORDERED = list(bordered())
+PAIRS += BORDERED + list(small_ones())
 
 
 def sparse(pair):
@@ -82,6 +139,7 @@ def test_the_cases_hold_what_is_promised():
     assert types == {"revolute", "prismatic", "spherical", "free", "planar"}
     ranks = [factored(pair.mechanism.tree, sparse(pair), pair.q).rank for pair in PAIRS]
     assert sum(0 < r < sparse(p).m for r, p in zip(ranks, PAIRS, strict=True)) > 10
+    assert sum(sparse(pair).model.border > 0 for pair in PAIRS) > 10
 
 
 @pytest.mark.parametrize("pair", PAIRS)
@@ -188,6 +246,26 @@ def test_next_to_a_singular_position_it_gives_up(angle):
     closing = pair.mechanism.closing_terms(level, pair.mechanism.initially_active)
     assert isinstance(closing, Closing)
     assert not closing.active_set.is_sparse
+
+
+@pytest.mark.parametrize("pair", BORDERED)
+def test_shared_rates_are_left_to_the_border(pair):
+    """So that the band is as wide as one leg, whatever their number."""
+    active_set = sparse(pair)
+    assert active_set.model.border in (6, 12)
+    assert active_set.model.width < 12
+
+
+def test_a_leg_in_line_is_for_the_dense_one():
+    """Its own three rates do not give its foot every velocity; with the body's all rows count."""
+    pair, straight = (pair_of(walker(knee, 1.0, 1.0, 1.0)) for knee in (1.0, 0.0))
+    active_set = sparse(pair)
+    assert active_set.model.border == 6
+    packed = np.empty(active_set.size)
+    assert factor_closures(*active_set.constants, straight.q, packed) == NOT_DECIDED
+    closing = factored(pair.mechanism.tree, active_set, straight.q)
+    assert not closing.active_set.is_sparse
+    assert closing.rank == 12
 
 
 def test_small_and_implicit_ones_are_dense():

@@ -6,6 +6,8 @@ sparse linear least squares problems using Givens rotations, 1980). A column of 
 rounding is left follows from those before it, and is left out: a redundant row. Where it is not
 clear whether it does, where there are not as many of them as there always are, or where the rows
 are nearly dependent altogether, the answer is NOT_DECIDED, and the dense factorisation has to say.
+
+Places that many columns reach may be left out of the band: see :mod:`.border_kernels`.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.kernels.articulated_kernels import pair_to_metric
+from hapticmech_ros.mechanism.kernels.border_kernels import factor_border, keep_free
 from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.step_layout import LEAST, RESOLVED_RANK
@@ -41,7 +44,7 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
     """
     places, band, column = data.row_places, data.band, model.turned
     sequence, pairs, units, width = model.sequence, data.pairs, model.units, model.width
-    free, hit, rank, longest, largest = 0, 0, 0, 0.0, 0.0
+    edge, free, hit, rank, longest, largest = model.nv - model.border, 0, 0, 0, 0.0, 0.0
     for j in range(model.m):
         at = sequence[j]
         row, low, last, a, b = at[0], at[1], at[2], at[3], at[4]
@@ -58,9 +61,13 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
             return NOT_DECIDED
         for place in range(begin, last + 1):
             column[place] = 0.0
+        for place in range(edge, model.nv):
+            column[place] = 0.0
         pair_to_metric(model, data, a, b, pairs[row], 1.0 / units[row], column)
         square = 0.0
         for place in range(begin, last + 1):
+            square += column[place] * column[place]
+        for place in range(edge, model.nv):
             square += column[place] * column[place]
         if square > longest:
             longest, largest = square, np.sqrt(square)
@@ -76,7 +83,7 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
         places[j, BEGIN], places[j, FIRST] = begin, hit
         for place in range(begin, last + 1):
             band[j, place - begin] = column[place]
-        if left <= max(RESOLVED, tolerance) * largest:
+        if left <= max(RESOLVED, tolerance) * largest and model.border == 0:
             if tolerance <= SOLVER_RANK_TOLERANCE and left > RESOLVED * largest:
                 return NOT_DECIDED
             places[j, PIVOT], places[j, LAST], places[j, INVERSE] = -1.0, -1.0, 0.0
@@ -90,8 +97,11 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
             band[j, place - begin] = column[place] * share
         band[j, free - begin] = (head - goal) * share
         places[j, PIVOT], places[j, LAST], places[j, INVERSE] = free, last, 1.0 / goal
+        _share(places, band, data.shares, j, column[edge : model.nv])
         free += 1
         rank += 1
+    if model.border > 0 and not factor_border(data):
+        return NOT_DECIDED
     if model.independent >= 0 and rank != model.independent:
         return NOT_DECIDED
     least = _least(model, data, rank) / largest if rank > 0 else 1.0
@@ -99,6 +109,17 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
         return NOT_DECIDED
     data.tail[LEAST], data.tail[RESOLVED_RANK] = least, rank
     return rank
+
+
+@inner
+def _share(places: Array, band: Array, shares: Array, j: int, own: Array) -> None:
+    """Fill column 1 + j of ``shares`` with -S's row, given what column j of A has at the border."""
+    begin = int(places[j, BEGIN])
+    for k in range(own.size):
+        total = -own[k]
+        for i in range(int(places[j, FIRST]), j):
+            total -= band[j, int(places[i, PIVOT]) - begin] * shares[k, 1 + i]
+        shares[k, 1 + j] = total * places[j, INVERSE]
 
 
 @leaf
@@ -137,8 +158,16 @@ def turn_back(model: Model, data: Data, turned: Array, vector: Array) -> None:
 
 @inner
 def clear_pivots(model: Model, data: Data, turned: Array) -> None:
-    """Put zero where the closures' directions are in a turned vector."""
+    """Leave of a turned vector what the closures leave free: zero where their directions are."""
     places = data.row_places
+    if model.border > 0:
+        across = model.across
+        for j in range(across.size):
+            across[j] = turned[int(places[j, PIVOT])]
+        keep_free(model, data, across, turned)
+        for j in range(across.size):
+            turned[int(places[j, PIVOT])] = across[j]
+        return
     for j in range(places.shape[0]):
         pivot = int(places[j, PIVOT])
         if pivot >= 0:
@@ -147,16 +176,23 @@ def clear_pivots(model: Model, data: Data, turned: Array) -> None:
 
 @inner
 def solve_rows(model: Model, data: Data, needed: Array, scale: float, turned: Array) -> None:
-    """Fill the pivots of ``turned`` (nv,) with R⁻ᵀ of ``scale`` times needed (m,) / row length."""
+    """Change a turned vector (nv,) least so that Aᵀ of it is ``scale`` times needed (m,) / unit."""
     places, band, sequence = data.row_places, data.band, model.sequence
-    units = model.units
+    units, across = model.units, model.across
     for j in range(places.shape[0]):
         pivot = int(places[j, PIVOT])
         if pivot < 0:
             continue
         row = sequence[j, 0]
         total = scale * needed[row] / units[row]
+        before = turned[pivot]
         turned[pivot] = (total - _above(places, band, j, turned)) * places[j, INVERSE]
+        if model.border > 0:
+            across[j] = before - turned[pivot]
+    if model.border > 0:
+        keep_free(model, data, across, turned)
+        for j in range(across.size):
+            turned[int(places[j, PIVOT])] += across[j]
 
 
 @leaf
@@ -184,6 +220,8 @@ def _least(model: Model, data: Data, rank: int) -> float:
             if pivot >= 0:
                 total = before[j] * share - _above(places, band, j, turned)
                 turned[pivot] = total * places[j, INVERSE]
+        if model.border > 0:
+            _weaken(model, data, turned)
         square = 0.0
         for j in range(m - 1, -1, -1):
             pivot = int(places[j, PIVOT])
@@ -198,3 +236,16 @@ def _least(model: Model, data: Data, rank: int) -> float:
                     turned[above] -= band[j, above - begin] * before[j]
         size = np.sqrt(square)
     return float(1.0 / np.sqrt(size))
+
+
+@inner
+def _weaken(model: Model, data: Data, turned: Array) -> None:
+    """Replace the pivots z of a turned vector by (1 + S Sᵀ)⁻¹ z: AᵀA is Rᵀ (1 + S Sᵀ) R."""
+    places, across = data.row_places, model.across
+    for k in range(model.nv - model.border, model.nv):
+        turned[k] = 0.0
+    for j in range(across.size):
+        across[j] = turned[int(places[j, PIVOT])]
+    keep_free(model, data, across, turned)
+    for j in range(across.size):
+        turned[int(places[j, PIVOT])] -= across[j]

@@ -33,6 +33,8 @@ class Data(Structure):
         row_places: (m, 5) per closure row where its band begins, its pivot or -1, the inverse of
             R's diagonal, the band's last row, and the first row before it that reaches into it;
             sparse.
+        shares: (border, 1 + m) per rate of the border its reflection: on itself, and on the rows'
+            pivots, by ``sequence``; sparse.
         tail: (4,) the array's end, see ``step_layout.TERMS_TAIL``.
     """
 
@@ -52,7 +54,8 @@ class Data(Structure):
     pivots = Part(27, 2)
     band = Part(28, 2)
     row_places = Part(29, 2)
-    tail = Part(30, 1)
+    shares = Part(30, 2)
+    tail = Part(31, 1)
 
 
 # Their names.
@@ -61,7 +64,7 @@ PARTS = tuple(name for name, part in vars(Data).items() if isinstance(part, Part
 
 def data_size(model: Model) -> int:
     """Return the length of a packed array."""
-    return int(model.numbers[6])
+    return int(model.numbers[7])
 
 
 def views_of(packed: Array, model: Model) -> Data:

@@ -1,6 +1,11 @@
-"""Which path a set of closures takes: dense, or sparse in an order that keeps its band narrow."""
+"""Which path a set of closures takes: dense, or sparse in an order that keeps its band narrow.
+
+Rates that many closures share, such as those of a platform on its legs, are left to a border.
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +19,7 @@ from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
 from hapticmech_ros.mechanism.kernels.model import SPARSE, Constants
 
 # Products that take as long as: a sweep over one rate; one inside a band; one of an SVD, which goes
-# over all pairs of rows several times; one of a dense QR.
+# over all pairs of rows several times; one of a dense QR, also that of a border.
 _SWEEP, _IN_BAND, _IN_SVD, _IN_QR = 200.0, 4.0, 20.0, 4.0
 # Redundant rows are left out of a sparse factorisation, and not averaged with the others: off the
 # closures, inside a step, that is another mechanism by the order of the distance. Only where a
@@ -42,8 +47,7 @@ def sparse_or_dense(dense: ActiveSet, position: Array) -> ActiveSet:
     found = sparse(dense, position)
     if found is None or (found.redundant and n < MANY_RATES):
         return dense
-    in_band = _IN_BAND * float(np.square(_extents(found.known)).sum())
-    fewer = _SWEEP * n + in_band < n**3 / 6.0 + m * n * n / 2.0 + rows + chain
+    fewer = _SWEEP * n + _rows_cost(found.known) < n**3 / 6.0 + m * n * n / 2.0 + rows + chain
     return found if fewer else dense
 
 
@@ -56,15 +60,28 @@ def sparse(dense: ActiveSet, position: Array) -> ActiveSet | None:
     """
     model = dense.known
     reaches = _reaches(model)
-    order = _order(model, reaches)
-    trial = ActiveSet(_in_order(model, reaches, order, model.nv, -1), dense)
-    packed = np.empty(trial.size)
-    rank = factor_closures(*trial.constants, np.array(position, dtype=float), packed)
-    if rank < 0:
-        return None
-    width = _width(trial, packed) + _SLACK if model.m else 0
-    ordered = _in_order(model, reaches, order, width, rank)
-    return ActiveSet(ordered, dense, redundant=rank < model.m)
+    start = np.array(position, dtype=float)
+    for order in _orders(model, reaches):
+        trial = ActiveSet(_in_order(model, reaches, order, model.nv, -1), dense)
+        packed = np.empty(trial.size)
+        rank = factor_closures(*trial.constants, start, packed)
+        if rank >= 0:
+            width = _width(trial, packed) + _SLACK if model.m else 0
+            ordered = _in_order(model, reaches, order, width, rank)
+            return ActiveSet(ordered, dense, redundant=rank < model.m)
+    return None
+
+
+class _Order(NamedTuple):
+    """An order of rates.
+
+    Attributes:
+        places: (nv,) the place of each rate.
+        border: how many of the last ones are left out of the band.
+    """
+
+    places: Array
+    border: int
 
 
 def _depths(model: Constants) -> Array:
@@ -78,9 +95,15 @@ def _depths(model: Constants) -> Array:
     return depths
 
 
-def _extents(model: Constants) -> Array:
-    """Return (m,) how many places each row reaches over, by ``sequence``."""
-    return np.asarray(model.sequence[:, 2] - model.sequence[:, 1] + 1, dtype=float)
+def _rows_cost(model: Constants) -> float:
+    """Return how many products a sparse factorisation of the closure rows takes."""
+    extents = model.sequence[:, 2] - model.sequence[:, 1] + 1.0
+    return _cost(extents, model.border)
+
+
+def _cost(extents: Array, border: int) -> float:
+    """Return the same for rows that reach over (m,) so many places of the band."""
+    return float(_IN_BAND * np.square(extents).sum() + _IN_QR * len(extents) * border**2)
 
 
 def _reaches(model: Constants) -> Array:
@@ -102,42 +125,67 @@ def _joints_of(model: Constants, row: int) -> tuple[int, int]:
     return int(a), int(b)
 
 
-def _order(model: Constants, reaches: Array) -> Array:
-    """Return (nv,) the place of each rate: as they are, or by Cuthill and McKee."""
+def _orders(model: Constants, reaches: Array) -> list[_Order]:
+    """Return orders that keep the band narrow, that of the least cost first."""
     natural = np.arange(model.nv)
     if not model.m:
-        return natural
+        return [_Order(natural, 0)]
+    loops = np.searchsorted(model.closures[:, 3], np.arange(model.m), side="right") - 1
+    users = np.array([reaches[loops == loop].any(axis=0) for loop in range(len(model.closures))])
+    shared = users.sum(axis=0)
+    found = {0: _Order(natural, 0)}
+    for least in (len(users) + 1, *sorted(set(shared[shared > 1].tolist()))):
+        inner = shared < least
+        border = int(model.nv - inner.sum())
+        # A row at the border alone would have no pivot in the band.
+        if not border or reaches[:, inner].any(axis=1).all():
+            found[-border - 1] = _narrow(reaches, inner)
+    return sorted(found.values(), key=lambda order: _cost(_extents(reaches, order), order.border))
+
+
+def _narrow(reaches: Array, inner: Array) -> _Order:
+    """Return an order by Cuthill and McKee of (nv,) rates in the band; the others follow them."""
     # Here, so that a mechanism of few rates does not wait for SciPy.
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-    pattern = reaches.astype(np.int64)
+    band, border = np.flatnonzero(inner), np.flatnonzero(~inner)
+    pattern = reaches[:, band].astype(np.int64)
     sequence = reverse_cuthill_mckee(csr_matrix(pattern.T @ pattern), symmetric_mode=True)
-    places = np.empty(model.nv, dtype=np.int64)
-    places[sequence] = natural
-    return min((natural, places), key=lambda order: _spread(reaches, order))
+    places = np.empty(len(inner), dtype=np.int64)
+    places[np.concatenate((band[sequence], border))] = np.arange(len(inner))
+    return _Order(places, len(border))
 
 
-def _spread(reaches: Array, order: Array) -> int:
-    """Return the sum of the squares of the rows' extents."""
-    spans = [order[row].max() - order[row].min() if row.any() else 0 for row in reaches]
-    return int(np.square(spans).sum())
+def _spans(reaches: Array, order: _Order) -> list[tuple[int, int]]:
+    """Return the first and last place in the band that each row reaches."""
+    edge = len(order.places) - order.border
+    spans = []
+    for row in reaches:
+        places = order.places[row]
+        places = places[places < edge]
+        spans.append((int(places.min()), int(places.max())) if places.size else (0, 0))
+    return spans
+
+
+def _extents(reaches: Array, order: _Order) -> Array:
+    """Return (m,) how many places of the band each row reaches over."""
+    return np.array([last - first + 1.0 for first, last in _spans(reaches, order)])
 
 
 def _in_order(
-    model: Constants, reaches: Array, order: Array, width: int, independent: int
+    model: Constants, reaches: Array, order: _Order, width: int, independent: int
 ) -> Constants:
     """Return the model of a sparse factorisation."""
-    spans = [
-        (int(order[row].min()), int(order[row].max())) if row.any() else (0, 0) for row in reaches
-    ]
+    spans = _spans(reaches, order)
     rows = sorted(range(model.m), key=lambda row: (*spans[row], row))
     sequence = [(row, *spans[row], *_joints_of(model, row)) for row in rows]
     return model._replace(
         path=SPARSE,
         width=width,
+        border=order.border,
         independent=independent,
-        order=order,
+        order=order.places,
         sequence=np.array(sequence, dtype=np.int64).reshape(-1, 5),
     )
 

@@ -37,6 +37,8 @@ class Constants(NamedTuple):
         m: number of closure rows.
         path: DENSE or SPARSE.
         width: of a sparse factorisation's band; 0 of a dense one.
+        border: number of rates that are in no band, the last ones in ``order``; see
+            ``border_kernels``.
         independent: rank that a sparse factorisation has to have, -1 for any.
         carriers: (f,) joint that carries each frame.
         joints: (j, 5) per joint its parent, its first rate, its number of rates, its kind (see
@@ -47,7 +49,7 @@ class Constants(NamedTuple):
         springs: (s, 2) frames a and b of each spring between points.
         order: (nv,) a sparse factorisation's order of rates; (0,) of a dense one.
         sequence: (m, 5) its order of closure rows: row, first and last place in ``order`` that it
-            reaches, joints a and b; (0, 5) of a dense one.
+            reaches before the border, joints a and b; (0, 5) of a dense one.
         damping: (nv,) viscous damping, N m s/rad or N s/m.
         lengths: (m,) length of each row in m, 1 for rows in rad: what residuals are compared with.
         units: (m,) what each row of W is divided by before it is factored; see
@@ -67,6 +69,7 @@ class Constants(NamedTuple):
     m: int
     path: int
     width: int
+    border: int
     independent: int
     carriers: Array
     joints: Array
@@ -110,7 +113,7 @@ _COLUMNS = {
     "spring_values": 4,
     "joint_values": JOINT_COLUMNS,
 }
-_PARTS = 62
+_PARTS = 64
 # Rows of ``Model.small``.
 _SMALL = 4
 
@@ -127,7 +130,7 @@ def pack(constants: Constants) -> tuple[Array, Array]:
     places += rooms
     constant = np.concatenate([*(part.ravel() for part in real), np.zeros(workspace)])
     places += [constant.size, constants.m, 1]
-    sizes = (*constants[:6], size)
+    sizes = (*constants[:7], size)
     return (
         np.concatenate([np.array((*sizes, *places)), *(part.ravel() for part in whole)]),
         np.concatenate((constant, constants.units)),
@@ -154,7 +157,8 @@ def _data_places(constants: Constants) -> tuple[list[int], int]:
     pivots, band = (0, 0) if dense else (nv, m)
     shapes = [(m, 1), (m, 12), (nv, 6), (frames, 12), (joints, 12), (joints, 12)]
     shapes += [(n, n), (rows, n), (k, n), (k, 1), (k, rows)]
-    shapes += [(pivots, _PIVOT), (band, constants.width), (band, _ROW), (TERMS_TAIL.size, 1)]
+    shapes += [(pivots, _PIVOT), (band, constants.width), (band, _ROW)]
+    shapes += [(constants.border, 1 + band), (TERMS_TAIL.size, 1)]
     return _stacked(shapes)
 
 
@@ -172,6 +176,7 @@ def _workspace_shapes(constants: Constants) -> list[tuple[int, int]]:
     """Return rows and columns of the parts to work in; see :class:`Model`."""
     nv, m, joints = constants.nv, constants.m, len(constants.joints)
     shapes = [(joints, 36), (joints, 12), (3, nv), (m, 1), (nv + m, 1), (nv, 1), (m, 1)]
+    shapes += [(m if constants.border else 0, 1)]
     of_dense = m if constants.path == DENSE else 0
     many, most = (m, min(m, nv)) if of_dense > FEW_ROWS else (0, 0)
     shapes += [(of_dense, nv), (of_dense, of_dense), (_SMALL, FRAME_COLUMNS)]
@@ -203,6 +208,7 @@ class Model(Structure):
         result: (nv + m,) v̇ and λ.
         turned: (nv,) a vector by places, of one function at a time.
         along: (m,) numbers along the closures' directions, likewise.
+        across: (m,) numbers at the pivots of a sparse factorisation with a border; else (0,).
         scaled: (m, nv) rows to be made orthogonal; dense.
         turn: (m, m) what that takes; dense.
         small: (4, 12) rows for a frame, a pair of wrenches, or less.
@@ -221,7 +227,8 @@ class Model(Structure):
     m = Size(2)
     path = Size(3)
     width = Size(4)
-    independent = Size(5)
+    border = Size(5)
+    independent = Size(6)
     carriers = Part(0, 1, whole=True)
     joints = Part(1, 2, whole=True)
     closures = Part(2, 2, whole=True)
@@ -238,20 +245,21 @@ class Model(Structure):
     spring_values = Part(13, 2)
     joint_values = Part(14, 2)
     gravity = Part(15, 1)
-    sweep = Part(45, 2)
-    motions = Part(46, 2)
-    forces = Part(47, 2)
-    bias = Part(48, 1)
-    result = Part(49, 1)
-    turned = Part(50, 1)
-    along = Part(51, 1)
-    scaled = Part(52, 2)
-    turn = Part(53, 2)
-    small = Part(54, 2)
-    columns = Part(55, 2)
-    reflectors = Part(56, 2)
-    directions = Part(57, 2)
-    inverse = Part(58, 2)
-    inverting = Part(59, 2)
-    sums = Part(60, 2)
-    units = Part(61, 1)
+    sweep = Part(46, 2)
+    motions = Part(47, 2)
+    forces = Part(48, 2)
+    bias = Part(49, 1)
+    result = Part(50, 1)
+    turned = Part(51, 1)
+    along = Part(52, 1)
+    across = Part(53, 1)
+    scaled = Part(54, 2)
+    turn = Part(55, 2)
+    small = Part(56, 2)
+    columns = Part(57, 2)
+    reflectors = Part(58, 2)
+    directions = Part(59, 2)
+    inverse = Part(60, 2)
+    inverting = Part(61, 2)
+    sums = Part(62, 2)
+    units = Part(63, 1)
