@@ -79,6 +79,29 @@ def test_arrays_and_numbers_are_looked_at_when_asked_to(made, monkeypatch):
             checked(*given)
 
 
+def added(numbers, whole):
+    return numbers.sum() + 10.0 * whole[0]
+
+
+def test_arguments_may_come_in_one_array(monkeypatch):
+    signature = "float64(float64[::1], int64[::1])"
+    kernel = Kernel("added", signature, added, gathered=True)
+    loaded = library._loaded(packed({"added": compiled(kernel, "host")}))
+    monkeypatch.setattr(library, "library", lambda: loaded)
+    gathered = np.empty(2, dtype=object)
+    gathered[0], gathered[1] = np.array([1.0, 2.0, 4.0]), np.array([3, 5])
+    found = library.function_of("added", signature, added, gathered=True)
+    assert found(gathered) == 37.0
+    gathered[1] = np.array([7])
+    assert found(gathered) == 77.0
+    monkeypatch.setenv("HAPTICMECH_ROS_KERNELS", "checked")
+    checked = library.function_of("added", signature, added, gathered=True)
+    assert checked(gathered) == 77.0
+    gathered[1] = np.array([7.0])
+    with pytest.raises(LibraryError, match="added: argument 1 must be"):
+        checked(gathered)
+
+
 def allocates(numbers):
     return np.empty(numbers.size)[0]
 

@@ -1,7 +1,13 @@
 """Compiled functions over small arrays: how they are declared, built, kept and loaded."""
 
 from hapticmech_ros.compilation.arrays import local, local_whole, put, shaped
-from hapticmech_ros.compilation.decorators import c_function, inner, kernel, leaf
+from hapticmech_ros.compilation.decorators import (
+    c_function,
+    gathering_kernel,
+    inner,
+    kernel,
+    leaf,
+)
 from hapticmech_ros.compilation.structures import SIZES, Part, Size, Structure, structure
 
 __all__ = [
@@ -10,6 +16,7 @@ __all__ = [
     "Size",
     "Structure",
     "c_function",
+    "gathering_kernel",
     "inner",
     "kernel",
     "leaf",

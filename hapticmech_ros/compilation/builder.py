@@ -187,7 +187,7 @@ def intermediate(kernel: Kernel) -> bytes:
         signature_of,
         translated,
     )
-    from hapticmech_ros.compilation.numba_types import array_of
+    from hapticmech_ros.compilation.numba_types import array_of, object_at
 
     types: Any = numba.types
     signature = signature_of(kernel.signature)
@@ -202,6 +202,10 @@ def intermediate(kernel: Kernel) -> bytes:
         else:
             given.append(name)
             kinds.append(typed)
+    if kernel.gathered:
+        known |= {f"find_{name}": object_at(index) for index, name in enumerate(names)}
+        given = [f"of_{name}(find_{name}(all))" for name in names]
+        names, kinds = ["all"], kinds[:1]
     source = f"def entry({', '.join(names)}):\n    return kernel({', '.join(given)})\n"
     exec(source, known)
     entry = numba.cfunc(signature.return_type(*kinds), **OPTIONS)(known["entry"])

@@ -29,6 +29,7 @@ _SOURCES = (
     "mechanism/kernels/manifold_kernels.py",
     "mechanism/kernels/articulated_kernels.py",
     "mechanism/kernels/band_kernels.py",
+    "mechanism/kernels/border_kernels.py",
     "mechanism/kernels/closure_kernels.py",
     "mechanism/kernels/coupling_kernels.py",
     "mechanism/kernels/dense_kernels.py",

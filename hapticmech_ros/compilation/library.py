@@ -73,7 +73,11 @@ class Library(NamedTuple):
 
 
 def function_of(
-    name: str, signature: str, function: Callable[..., object], waits: bool = False
+    name: str,
+    signature: str,
+    function: Callable[..., object],
+    waits: bool = False,
+    gathered: bool = False,
 ) -> Callable[..., Any]:
     """Return a kernel of the library as a function of NumPy arrays and numbers.
 
@@ -82,6 +86,7 @@ def function_of(
         signature: types of result and arguments, as Numba writes them.
         function: that was compiled, for its name and documentation.
         waits: whether other threads run Python meanwhile.
+        gathered: whether its arguments come in one array of objects.
 
     Raises:
         LibraryError: there is no library, or no such kernel in it.
@@ -93,11 +98,11 @@ def function_of(
     result, arguments = _parted(signature)
     kinds = [_SCALARS.get(argument, ctypes.py_object) for argument in arguments]
     prototype = ctypes.CFUNCTYPE if waits else ctypes.PYFUNCTYPE
-    called: Any = prototype(_SCALARS[result], *kinds)(found)
+    called: Any = prototype(_SCALARS[result], *kinds[: 1 if gathered else None])(found)
     # The memory that it is in goes with the library.
     called.library = loaded
     if os.environ.get("HAPTICMECH_ROS_KERNELS") == "checked":
-        called = _checked(name, arguments, called)
+        called = _checked(name, arguments, called, gathered)
     called.__name__, called.__doc__ = function.__name__, function.__doc__
     called.__wrapped__ = function
     return called  # type: ignore[no-any-return]
@@ -312,12 +317,13 @@ def _parted(signature: str) -> tuple[str, list[str]]:
     return found[1], _COMMA.split(found[2])
 
 
-def _checked(name: str, arguments: list[str], called: Any) -> Any:
-    """Return a kernel that looks at its arguments first."""
+def _checked(name: str, arguments: list[str], called: Any, gathered: bool = False) -> Any:
+    """Return a kernel that looks at its arguments first, given one by one or in one array."""
     wanted = [_ARRAY.fullmatch(argument) for argument in arguments]
 
     def check(*given: Any) -> Any:
-        for number, (value, found) in enumerate(zip(given, wanted, strict=True)):
+        values = given[0].tolist() if gathered else given
+        for number, (value, found) in enumerate(zip(values, wanted, strict=True)):
             if found is None or not found[2]:
                 continue
             whole = found[1] in ("int64", "i8")

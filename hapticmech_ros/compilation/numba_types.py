@@ -182,6 +182,11 @@ def array_of(typed: Any) -> Any:
     return translated(lambda address: make(start(address), (n(address), m(address))))
 
 
+def object_at(index: int) -> Any:
+    """Return a function that finds an object's address in NumPy's array of objects, by its own."""
+    return _reader(DATA_AT, types.int64, index)
+
+
 def _reader(at: int, kind: Any, index: int = -1) -> Any:
     """Return an intrinsic that reads a pointer from an object, or one of the numbers it points to.
 

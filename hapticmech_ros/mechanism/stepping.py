@@ -110,6 +110,9 @@ class Stepper:
         work = Work(numbers, self.work)
         # Found once: each look at the work makes a view.
         self.parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in PARTS})
+        self._account = parts.account
+        # What was set last, by ``prepare``.
+        self._prepared: tuple[int, float, float] | None = None
         self._run = np.zeros(RUN_PLAN.size, dtype=np.int64)
         self._run[STAGES], self._run[IMPLICIT] = len(scheme.weights), scheme.implicit
         self._pulled = pulled = plan.baumgarte_rate > 0.0
@@ -359,13 +362,17 @@ class Stepper:
         Args:
             heeded: see ``run_kernels``.
         """
-        parts = self.parts
+        self._account.fill(0.0)
+        wanted = heeded, self.step, self._tolerance
+        if wanted == self._prepared:
+            return
+        settings = self.parts.settings
         # States that are pulled are off the closures anyway: no step needs care.
         checked = heeded == EVERYTHING and not self._pulled
-        parts.settings[STEP] = self.step
-        parts.settings[HEEDED] = EVERYTHING if checked else UNCHECKED
-        parts.settings[TOLERANCE] = self._tolerance if checked else 0.0
-        parts.account[:] = 0.0
+        settings[STEP] = self.step
+        settings[HEEDED] = EVERYTHING if checked else UNCHECKED
+        settings[TOLERANCE] = self._tolerance if checked else 0.0
+        self._prepared = wanted
 
     def took(self, code: int, active_set: ActiveSet, active: Active, end: Array) -> Took:
         """Return what a kernel did.

@@ -101,10 +101,9 @@ class SessionData(Structure):
     began_state, began_q, began_v, began_totals = Part(28, 1), Part(29, 1), Part(30, 1), Part(31, 1)
     forth, back = Part(32, 2), Part(33, 2)
 
-    def sampled(self) -> SessionData:
-        """Return a copy of all but the messages on the way."""
-        end = self.numbers[vars(SessionData)["forth"].at]
-        return SessionData(self.numbers, self.data[:end].copy())
+    def sampled(self) -> Array:
+        """Return the part of the data that a sample has: all but the messages on the way."""
+        return self.data[: int(self.numbers[vars(SessionData)["forth"].at])]
 
 
 # Names of its parts.

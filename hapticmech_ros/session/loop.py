@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from operator import is_
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -47,20 +47,25 @@ from hapticmech_ros.session.tick_kernels import (
     ANSWERED,
     AT,
     CLOCK_SIZE,
+    CONTACTS,
     DEVICE,
     EVERY,
     HEAR,
+    INPUTS,
+    KERNEL_ARGUMENTS,
     KNOWN,
     MECHANISM,
     OBSERVATION_FAILED,
     OBSERVE,
     PHASES,
     RECORDED,
+    RECORDS,
     RENDER,
     SENSE,
     TICK,
     TICKS,
     WHY,
+    WORK,
     run_ticks,
 )
 from hapticmech_ros.simulation import MechanismState, Simulator
@@ -115,6 +120,7 @@ class SessionLoop:
         self._stepper = self.simulator.stepper
         self._contacts = self.simulator.contact_memory()
         self._data = self._allocated()
+        self._sampled = self._data.sampled()
         # Found once: each look at the data makes a view.
         self._parts = SimpleNamespace(**{name: getattr(self._data, name) for name in PARTS})
         mechanism = self.simulator.mechanism
@@ -122,6 +128,12 @@ class SessionLoop:
         self._chosen: ActiveSet | None = None
         self._constants: tuple[Array, Array] = np.zeros(0, dtype=np.int64), np.zeros(0)
         self._packed = np.zeros((4, 0))
+        self._may_latch = False
+        # Of the kernel, in its order; those that never change.
+        self._arguments = np.empty(KERNEL_ARGUMENTS, dtype=object)
+        contacts = _NO_CONTACTS if self._contacts is None else self._contacts.arrays
+        own = self._stepper.work, self._stepper.springs, self._data.numbers, self._data.data
+        self._give(WORK, (*own, None, None, _NOBODY, *contacts, self._clock))
         # The mechanism's state now, if it is known as such; and the last one that was.
         self._mechanism_state: MechanismState | None = state
         self._known = state
@@ -233,6 +245,8 @@ class SessionLoop:
         if active_set is not self._chosen:
             self._chosen, self._constants = active_set, active_set.constants
             self._packed = np.zeros((4, active_set.size))
+            self._give(0, (*self._constants, self._packed))
+        self._may_latch = self.simulator.may_latch(state)
         data.q[:] = state.q
         data.v[:] = state.v
         a = state.account
@@ -251,12 +265,17 @@ class SessionLoop:
             self._packed[0] = closing.packed
         self._mechanism_state = self._known = state
 
+    def _give(self, first: int, arguments: Sequence[Array | None]) -> None:
+        """Give the kernel arguments from the first one on."""
+        # One by one: NumPy would make one array of several.
+        for index, argument in enumerate(arguments, first):
+            self._arguments[index] = argument
+
     def _go(self, ticks: int, inputs: Array, rows: Array, every: int) -> None:
         """Do ticks, as many in a call of the kernel as nothing interrupts."""
         clock, control = self._clock, self._control
         clock[EVERY], clock[RECORDED] = every, 0
         plain = not control.answers_in_python and self._simulated
-        may_latch = self.simulator.may_latch
         done = 0
         while done < ticks:
             given = inputs[done:] if len(inputs) > 1 else inputs
@@ -266,10 +285,9 @@ class SessionLoop:
                 self._tick_in_parts(given[:1], rows)
                 done += 1
                 continue
-            self._set(self.time, clutch)
-            first = int(clock[TICK])
-            latching = may_latch(self._known)
-            alone = control.is_ramping or latching
+            self._set(clutch)
+            first, latching = int(clock[TICK]), self._may_latch
+            alone = latching or control.is_ramping
             code = self._call(ALL, given, rows, 1 if alone else ticks - done)
             if code == OBSERVATION_FAILED:
                 self._observe_otherwise()
@@ -282,42 +300,28 @@ class SessionLoop:
 
     def _call(self, phases: int, inputs: Array, rows: Array, ticks: int = 1) -> int:
         """Do phases of ticks by the kernel; return why it ended."""
-        clock, stepper = self._clock, self._stepper
-        contacts: tuple[Array, Array] = _NO_CONTACTS
-        if self._contacts is not None:
-            contacts = self._contacts.arrays
+        clock, arguments = self._clock, self._arguments
         clock[TICKS], clock[PHASES] = ticks, phases
-        stepper.prepare()
+        arguments[INPUTS], arguments[RECORDS] = inputs, rows
+        self._stepper.prepare()
         if phases & DEVICE:
             self._device_state = None
         if phases & MECHANISM:
             self._mechanism_state = None
-        return run_ticks(
-            *self._constants,
-            self._packed,
-            stepper.work,
-            stepper.springs,
-            self._data.numbers,
-            self._data.data,
-            inputs,
-            rows,
-            _NOBODY,
-            *contacts,
-            clock,
-        )
+        return run_ticks(arguments)  # type: ignore[no-any-return]
 
     def _tick_in_parts(self, inputs: Array, rows: Array) -> None:
         """Do a tick in which something is done in Python."""
-        time, control, simulated = self.time, self._control, self._simulated
+        control, simulated = self._control, self._simulated
         if not simulated:
             self._sense_otherwise(inputs[0])
         if self._call((SENSE if simulated else 0) | OBSERVE, inputs, rows):
             self._observe_otherwise()
         self._call(HEAR, inputs, rows)
-        clutch = self._engaged_clutch(time)
-        self._set(time, clutch)
+        clutch = self._engaged_clutch(self.time)
+        self._set(clutch)
         if control.answers_in_python and self._data.heard:
-            self._answer_otherwise(time, clutch)
+            self._answer_otherwise(self.time, clutch)
         self._clock[ANSWERED] = control.answers_in_python
         self._call(RENDER | (DEVICE if simulated else 0), inputs, rows)
         self._clock[ANSWERED] = 0
@@ -325,23 +329,23 @@ class SessionLoop:
             self._move_otherwise()
         if self._call(MECHANISM, inputs, rows):
             self._step_otherwise()
-        elif self.simulator.may_latch(self._known):
+        elif self._may_latch:
             self._latch()
 
-    def _set(self, time: float, clutch: Clutch) -> None:
-        """Give the kernel what fixes the controllers at a time (s)."""
-        data, control, known = self._parts, self._control, self._settled
-        lasting = not (clutch.is_closing or control.is_ramping)
-        # Other gains are another object.
-        given = clutch, control.gains, control.delay
-        if lasting and known is not None and all(map(is_, given, known)):
-            return
-        self._settled = None
+    def _set(self, clutch: Clutch) -> None:
+        """Give the kernel what fixes the controllers now."""
+        control, known = self._control, self._settled
+        if known is not None and not control.is_ramping:
+            # Other gains are another object, and so is another clutch.
+            same = known[0] is clutch and known[1] is control.gains and known[2] is control.delay
+            if same:
+                return
+        self._settled, data, time = None, self._parts, self.time
         data.settings[:] = control.settings_at(time, clutch)
         data.faded[:] = control.carried_at(time, clutch)
         data.locality[:] = self._side.locality(corrects=True, with_model=True)
-        if lasting and not control.is_ramping:
-            self._settled = given
+        if not (clutch.is_closing or control.is_ramping):
+            self._settled = clutch, control.gains, control.delay
 
     def _sense_otherwise(self, given: Array) -> None:
         """Take the sample of a device that is written in Python."""
@@ -396,6 +400,7 @@ class SessionLoop:
         data, state = self._parts, self.mechanism
         if self._contacts is not None and self._clock[WHY] == MORE_WORKSPACE:
             self._contacts.enlarge()
+            self._give(CONTACTS, self._contacts.arrays)
         wrenches = np.zeros((len(self.simulator.mechanism.point_names), 6))
         wrenches[self._analyser.index] = data.wrenches[ON_MECHANISM] + data.external
         self._begin(self.simulator.step(state, wrenches))

@@ -72,26 +72,33 @@ class Sample:
 
     Args:
         time: s since the session's start; the device is engaged at time 0.
-        data: of the session after the tick, as no tick will change it.
+        numbers: of the session's data, whole ones.
+        values: of the session's data after the tick, as no tick will change them.
         analyser: of the operational point.
         mechanism: its state at ``time``, or the last one that was known as such before, and the
             points of contact.
         device: its state at ``time``, if it is known as such.
     """
 
-    __slots__ = ("_data", "_device", "_layout", "_mechanism", "_rows", "_seen", "time")
+    __slots__ = ("_analyser", "_device", "_mechanism", "_numbers", "_seen", "_values", "time")
 
     def __init__(
         self,
         time: float,
-        data: SessionData,
+        numbers: Array,
+        values: Array,
         analyser: Analyser,
         mechanism: MechanismState | tuple[MechanismState, Touching | None],
         device: DeviceState | None,
     ) -> None:
-        self.time, self._data, self._mechanism, self._device = time, data, mechanism, device
-        self._layout, self._rows = analyser.layout, analyser.rows
+        # A session that is ticked makes one each time: what is not asked for is not made.
+        self.time, self._numbers, self._values = time, numbers, values
+        self._analyser, self._mechanism, self._device = analyser, mechanism, device
         self._seen: Observation | None = None
+
+    @property
+    def _data(self) -> SessionData:
+        return SessionData(self._numbers, self._values)
 
     @property
     def device(self) -> DeviceState:
@@ -113,8 +120,8 @@ class Sample:
     def seen(self) -> Observation:
         """The operational point there: its motion, Λ_h⁻¹ and what follows."""
         if self._seen is None:
-            nv = self._data.v.size
-            self._seen = Observation(self._data.observation, self._layout, self._rows, nv)
+            data, analyser = self._data, self._analyser
+            self._seen = Observation(data.observation, analyser.layout, analyser.rows, data.v.size)
         return self._seen
 
     @property

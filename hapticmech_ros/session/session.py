@@ -31,6 +31,9 @@ from hapticmech_ros.session.tick_kernels import RECORDED, TICK
 
 _FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
 _NO_RECORDS = np.zeros((0, 0))
+# Wrenches by others in a tick without any.
+_NOTHING = np.zeros((1, 12))
+_NOTHING.flags.writeable = False
 
 
 class Session(SessionLoop):
@@ -102,15 +105,18 @@ class Session(SessionLoop):
             InvalidInputError: the state is no longer finite, or a wrench of another shape or not
                 finite; nothing has moved then.
         """
-        inputs = np.zeros((1, 12))
+        inputs = _NOTHING
+        if external_wrench is not None or hand_wrench is not None:
+            inputs = np.zeros((1, 12))
         if external_wrench is not None:
             inputs[0, :6] = _wrench("external_wrench", external_wrench)
         if hand_wrench is not None:
             inputs[0, 6:] = _wrench("hand_wrench", hand_wrench)
         time, device, state = self.time, self._device_state, self._mechanism_state
-        known = state if state is not None else (self._known, self._touching())
+        known = (self._known, self._touching()) if state is None else state
         self._go(1, inputs, _NO_RECORDS, 0)
-        return Sample(time, self._data.sampled(), self._analyser, known, device)
+        values = self._sampled.copy()
+        return Sample(time, self._data.numbers, values, self._analyser, known, device)
 
     def run(
         self,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, kernel, local_whole, put
+from hapticmech_ros.compilation import gathering_kernel, inner, local_whole, put
 from hapticmech_ros.contact.layout import HELD, NOW, UNSOLVED, Contacts
 from hapticmech_ros.contact.memory_kernels import keep, restore
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period
@@ -76,6 +76,9 @@ TICKS, PHASES, TICK, KNOWN, WHY, EVERY, RECORDED, ANSWERED, AT = range(9)
 CLOCK_SIZE = 9
 # What ended a run before its end: the analysis, or the mechanism's step; that is left to do.
 OBSERVATION_FAILED, STEP_FAILED = 1, 2
+# Number of the kernel's arguments, and which are the step's work, the inputs, the records, and the
+# first one of the contacts.
+KERNEL_ARGUMENTS, WORK, INPUTS, RECORDS, CONTACTS = 13, 3, 7, 8, 10
 MODEL_SIZE = OPERATIONAL_MODEL.size
 RUN_PLAN_SIZE = RUN_PLAN.size
 # Among the whole numbers of a session.
@@ -316,7 +319,7 @@ def write_record(data: SessionData, time: float, row: Array) -> None:
     row[at], row[at + 1] = data.account[ACTUATORS], data.totals[CONSTRAINTS]
 
 
-@kernel(
+@gathering_kernel(
     "int64(int64[::1], float64[::1], float64[:,::1], float64[::1], float64[::1], int64[::1],"
     " float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], int64[::1], float64[::1],"
     " int64[::1])"
@@ -336,7 +339,7 @@ def run_ticks(
     contact_values: Array,
     clock: Array,
 ) -> int:
-    """Do ticks, or parts of one.
+    """Do ticks, or parts of one; called with an array (13,) of what follows.
 
     Args:
         numbers: (integers,) constants of the mechanism, whole ones.

@@ -44,8 +44,8 @@ def test_kernels_and_readable_implementation_agree(variant: Variant) -> None:
 def test_what_does_not_agree_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     right = session_module.run_ticks
 
-    def wrong(*arguments):  # type: ignore[no-untyped-def]
-        code = right(*arguments)
+    def wrong(arguments):  # type: ignore[no-untyped-def]
+        code = right(arguments)
         answers = SessionData(*arguments[5:7]).answers
         answers[-1, ANSWER.start("wrenches")] += 1e-6
         return code
