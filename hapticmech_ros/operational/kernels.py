@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, local, put, shaped
+from hapticmech_ros.compilation import inner, local, local_whole, put, shaped
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.data import Data
+from hapticmech_ros.mechanism.kernels.many_rows import triangularise
 from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate, free_part, to_metric
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.small_matrices import (
@@ -80,6 +81,41 @@ def _in_world(metric: Metric, rotation: Array, factors: Array) -> None:
 
 
 @inner
+def _spectrum(measured: Array, turn: Array, lengths: Array) -> bool:
+    """Make rows of the task space orthogonal: of many rates, those of their triangular factor.
+
+    Args:
+        measured: (t, nv) the rows; used up.
+        turn: (t, t) to fill with Vᵀ.
+        lengths: (6,) to fill with their singular values s.
+
+    Returns:
+        Whether the SVD converged.
+    """
+    t, nv = measured.shape
+    if nv <= t + 2:
+        converged = orthogonalise(measured, turn)
+        for i in range(t):
+            lengths[i] = np.sqrt(dot_rows(measured, i, i))
+        return converged
+    columns, reflectors = shaped(local(nv * t), (nv, t)), shaped(local(nv * t), (t, nv))
+    factor, sums, order = shaped(local(36), (t, t)), shaped(local(12), (2, t)), local_whole(t)
+    for c in range(nv):
+        for i in range(t):
+            columns[c, i] = measured[i, c]
+            if not np.isfinite(measured[i, c]):
+                return False
+    rank = triangularise(columns, t, 0.0, order, reflectors, sums)
+    for i in range(t):
+        for k in range(t):
+            factor[order[i], k] = columns[k, i] if k <= i and k < rank else 0.0
+    converged = orthogonalise(factor, turn)
+    for i in range(t):
+        lengths[i] = np.sqrt(dot_rows(factor, i, i))
+    return converged
+
+
+@inner
 def analyse_motion(
     model: Model,
     data: Data,
@@ -141,11 +177,12 @@ def analyse_motion(
         for i in range(t):
             for c in range(nv):
                 measured[j, c] += factors[0, i, j] * root[i, c]
-    if not orthogonalise(measured, turn):
+    lengths = local(6)
+    if not _spectrum(measured, turn, lengths):
         return False
     weights, directions = details[:t], shaped(details[t:], (2, t, t))
     for i in range(t):
-        s = np.sqrt(dot_rows(measured, i, i)) if i < nv else 0.0
+        s = lengths[i] if i < nv else 0.0
         x = min(max((metric.s_off - s) / (metric.s_off - metric.s_on), 0.0), 1.0)
         analysis[i] = s
         weights[i] = x * x * x * (10.0 - 15.0 * x + 6.0 * x * x)

@@ -102,7 +102,7 @@ class SessionData(Structure):
     forth, back = Part(32, 2), Part(33, 2)
 
     def sampled(self) -> Array:
-        """Return the part of the data that a sample has: all but the messages on the way."""
+        """Return (n,) the part of the data that a sample has: all but the messages on the way."""
         return self.data[: int(self.numbers[vars(SessionData)["forth"].at])]
 
 

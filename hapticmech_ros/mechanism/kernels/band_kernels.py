@@ -27,6 +27,8 @@ from hapticmech_ros.mechanism.tolerances import PASSING, RESOLVED, SOLVER_RANK_T
 BEGIN, PIVOT, INVERSE, LAST, FIRST = range(5)
 # A smallest singular value below this share of the largest row is for the dense factorisation.
 WELL_DETERMINED = PASSING
+# Above this share R's smallest one will do for A's, which is larger where there is a border.
+CLEAR = 0.1
 # How much the estimate of the smallest singular value may be too large.
 _DOUBT = 10.0
 NOT_DECIDED = -1_000_000
@@ -104,7 +106,9 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
         return NOT_DECIDED
     if model.independent >= 0 and rank != model.independent:
         return NOT_DECIDED
-    least = _least(model, data, rank) / largest if rank > 0 else 1.0
+    least = _least(model, data, rank, False) / largest if rank > 0 else 1.0
+    if model.border > 0 and not least > CLEAR:
+        least = _least(model, data, rank, True) / largest
     if not least > max(WELL_DETERMINED, _DOUBT * tolerance):
         return NOT_DECIDED
     data.tail[LEAST], data.tail[RESOLVED_RANK] = least, rank
@@ -113,13 +117,16 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
 
 @inner
 def _share(places: Array, band: Array, shares: Array, j: int, own: Array) -> None:
-    """Fill column 1 + j of ``shares`` with -S's row, given what column j of A has at the border."""
-    begin = int(places[j, BEGIN])
+    """Fill row j of ``shares`` with -S's, given what column j of A has at the border."""
+    begin, inverse = int(places[j, BEGIN]), places[j, INVERSE]
     for k in range(own.size):
-        total = -own[k]
-        for i in range(int(places[j, FIRST]), j):
-            total -= band[j, int(places[i, PIVOT]) - begin] * shares[k, 1 + i]
-        shares[k, 1 + j] = total * places[j, INVERSE]
+        shares[j, k] = -own[k]
+    for i in range(int(places[j, FIRST]), j):
+        above = band[j, int(places[i, PIVOT]) - begin]
+        for k in range(own.size):
+            shares[j, k] -= above * shares[i, k]
+    for k in range(own.size):
+        shares[j, k] *= inverse
 
 
 @leaf
@@ -207,8 +214,15 @@ def _above(places: Array, band: Array, j: int, turned: Array) -> float:
 
 
 @inner
-def _least(model: Model, data: Data, rank: int) -> float:
-    """Return an estimate from above of R's smallest singular value, by inverse iteration."""
+def _least(model: Model, data: Data, rank: int, bordered: bool) -> float:
+    """Return an estimate from above of R's smallest singular value, by inverse iteration; or A's.
+
+    Args:
+        model: the mechanism's.
+        data: factored.
+        rank: r.
+        bordered: whether it is to be that of A, with a border.
+    """
     places, band, m = data.row_places, data.band, model.m
     turned, before, size = model.turned, model.along, np.sqrt(float(rank))
     for j in range(m):
@@ -220,7 +234,7 @@ def _least(model: Model, data: Data, rank: int) -> float:
             if pivot >= 0:
                 total = before[j] * share - _above(places, band, j, turned)
                 turned[pivot] = total * places[j, INVERSE]
-        if model.border > 0:
+        if bordered:
             _weaken(model, data, turned)
         square = 0.0
         for j in range(m - 1, -1, -1):

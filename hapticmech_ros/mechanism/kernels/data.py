@@ -33,8 +33,8 @@ class Data(Structure):
         row_places: (m, 5) per closure row where its band begins, its pivot or -1, the inverse of
             R's diagonal, the band's last row, and the first row before it that reaches into it;
             sparse.
-        shares: (border, 1 + m) per rate of the border its reflection: on itself, and on the rows'
-            pivots, by ``sequence``; sparse.
+        shares: (m + border, border) what is free of the rows' pivots, by ``sequence``, and of the
+            border's rates: columns that are orthonormal; sparse.
         tail: (4,) the array's end, see ``step_layout.TERMS_TAIL``.
     """
 

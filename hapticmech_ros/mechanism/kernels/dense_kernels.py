@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, local_whole
+from hapticmech_ros.compilation import inner, local_whole, shaped
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
 from hapticmech_ros.mechanism.kernels.coupling_kernels import add_gear
 from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.many_rows import (
     FEW_ROWS,
+    SOME_ROWS,
     first_directions,
     pseudo_inverse_transposed,
     solve_lower_columns,
@@ -19,7 +20,12 @@ from hapticmech_ros.mechanism.kernels.many_rows import (
 )
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair
-from hapticmech_ros.mechanism.kernels.small_matrices import dot_rows, orthogonalise, solve_lower
+from hapticmech_ros.mechanism.kernels.small_matrices import (
+    EPSILON,
+    dot_rows,
+    orthogonalise,
+    solve_lower,
+)
 from hapticmech_ros.mechanism.kernels.step_layout import LEAST, RESOLVED_RANK
 from hapticmech_ros.mechanism.tolerances import RESOLVED
 
@@ -53,9 +59,15 @@ def factor_dense(model: Model, data: Data, tolerance: float) -> int:
 
 @inner
 def _resolve_few(model: Model, tolerance: float, data: Data) -> int:
-    """Fill basis, σ and rows by an SVD; return the rank, or NO_SVD."""
+    """Fill basis, σ and rows by an SVD; return the rank, or NO_SVD.
+
+    From some rows on a QR comes first: of its R Jacobi's rotations need half as many sweeps, along
+    shorter rows (Drmač and Veselić, New fast and accurate Jacobi SVD algorithm, 2008).
+    """
     jacobian, factor, units = data.jacobian, data.factor, model.units
     m, nv = jacobian.shape
+    if m >= SOME_ROWS:
+        return _resolve_some(model, tolerance, data)
     scaled, turn = model.scaled, model.turn
     for i in range(m):
         for c in range(nv):
@@ -63,7 +75,63 @@ def _resolve_few(model: Model, tolerance: float, data: Data) -> int:
         solve_lower(factor, scaled[i])
     if not orthogonalise(scaled, turn):
         return NO_SVD
-    return _keep(scaled, turn, units, tolerance, data)
+    basis, rows = data.basis, data.rows
+    rank = _kept(scaled, tolerance, data)
+    for i in range(rank):
+        for c in range(nv):
+            basis[i, c] = scaled[i, c] / data.sigma[i]
+        for j in range(m):
+            rows[i, j] = turn[i, j] / units[j]
+    return rank
+
+
+@inner
+def _resolve_some(model: Model, tolerance: float, data: Data) -> int:
+    """Do the same by a QR with pivoting, and an SVD of its R."""
+    basis, rows, units = data.basis, data.rows, model.units
+    m, nv = data.jacobian.shape
+    columns, directions, reflectors, sums = (
+        model.columns,
+        model.directions,
+        model.reflectors,
+        model.sums,
+    )
+    if not _columns_of(model, data):
+        return NO_SVD
+    order = local_whole(m)
+    count = triangularise(columns, min(m, nv), EPSILON, order, reflectors, sums)
+    first_directions(reflectors, count, nv, sums[0], directions)
+    upper = shaped(model.scaled, (count, m))
+    turn = shaped(model.turn, (count, count))
+    for i in range(count):
+        for j in range(m):
+            upper[i, j] = columns[i, j] if j >= i else 0.0
+    if not orthogonalise(upper, turn):
+        return NO_SVD
+    rank = _kept(upper, tolerance, data)
+    for i in range(rank):
+        for c in range(nv):
+            total = 0.0
+            for k in range(count):
+                total += turn[i, k] * directions[c, k]
+            basis[i, c] = total
+        for j in range(m):
+            rows[i, order[j]] = upper[i, j] / (data.sigma[i] * units[order[j]])
+    return rank
+
+
+@inner
+def _columns_of(model: Model, data: Data) -> bool:
+    """Fill ``model.columns`` (nv, m) with L⁻¹Wᵀ of scaled rows; return whether all is finite."""
+    jacobian, units, columns = data.jacobian, model.units, model.columns
+    m, nv = jacobian.shape
+    for c in range(nv):
+        for i in range(m):
+            columns[c, i] = jacobian[i, c] / units[i]
+            if not np.isfinite(columns[c, i]):
+                return False
+    solve_lower_columns(data.factor, columns)
+    return True
 
 
 @inner
@@ -73,16 +141,12 @@ def _resolve_many(model: Model, tolerance: float, data: Data) -> int:
     Return the rank; NO_SVD; or NOT_DECIDED where more than rounding has to be cut, off the
     closures or next to a singular position: only an SVD cuts no more than needs be.
     """
-    jacobian, basis, rows, sigmas = data.jacobian, data.basis, data.rows, data.sigma
-    m, nv = jacobian.shape
+    basis, rows, sigmas = data.basis, data.rows, data.sigma
+    m, nv = data.jacobian.shape
     most, units, sums = sigmas.size, model.units, model.sums
     scaled, directions, inverse = model.columns, model.directions, model.inverse
-    for c in range(nv):
-        for i in range(m):
-            scaled[c, i] = jacobian[i, c] / units[i]
-            if not np.isfinite(scaled[c, i]):
-                return NO_SVD
-    solve_lower_columns(data.factor, scaled)
+    if not _columns_of(model, data):
+        return NO_SVD
     order, reflectors = local_whole(m), model.reflectors
     resolved = triangularise(scaled, most, RESOLVED, order, reflectors, sums)
     if resolved > 0 and not abs(scaled[resolved - 1, resolved - 1]) > tolerance * abs(scaled[0, 0]):
@@ -103,21 +167,19 @@ def _resolve_many(model: Model, tolerance: float, data: Data) -> int:
 
 
 @inner
-def _keep(scaled: Array, turn: Array, units: Array, tolerance: float, data: Data) -> int:
-    """Keep the directions that carry force, and return their number."""
-    longest = np.sqrt(dot_rows(scaled, 0, 0))
-    rank, sigma, basis, rows, tail = 0, data.sigma, data.basis, data.rows, data.tail
-    for i in range(sigma.size):
-        length = np.sqrt(dot_rows(scaled, i, i))
+def _kept(orthogonal: Array, tolerance: float, data: Data) -> int:
+    """Fill σ, the lengths of orthogonal rows, of the directions that carry force; return how many.
+
+    Rows are in the order of their lengths.
+    """
+    longest = np.sqrt(dot_rows(orthogonal, 0, 0)) if orthogonal.shape[0] > 0 else 0.0
+    rank, sigma, tail = 0, data.sigma, data.tail
+    for i in range(min(sigma.size, orthogonal.shape[0])):
+        length = np.sqrt(dot_rows(orthogonal, i, i))
         if not length > RESOLVED * longest:
             break
         tail[LEAST], tail[RESOLVED_RANK] = length / longest, i + 1
-        if not length > tolerance * longest:
-            continue
-        sigma[i] = length
-        for c in range(scaled.shape[1]):
-            basis[i, c] = scaled[i, c] / length
-        for j in range(units.size):
-            rows[i, j] = turn[i, j] / units[j]
-        rank += 1
+        if length > tolerance * longest:
+            sigma[i] = length
+            rank += 1
     return rank

@@ -17,6 +17,8 @@ from hapticmech_ros.compilation import inner, local_whole, shaped
 # QR takes less time from some eight rows on. Up to this many the SVD is worth its time: what it
 # drops at a tolerance is the least that can be dropped.
 FEW_ROWS = 16
+# From so many on the SVD is that of R.
+SOME_ROWS = 4
 
 
 @inner

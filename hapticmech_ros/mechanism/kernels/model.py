@@ -14,7 +14,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import SIZES, Part, Size, Structure, structure
-from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.kernels.many_rows import SOME_ROWS
 from hapticmech_ros.mechanism.kernels.step_layout import STEP_ACCOUNT, STEP_SETTINGS, TERMS_TAIL
 
 # Path of a factorisation: see ``data.Data``.
@@ -158,7 +158,8 @@ def _data_places(constants: Constants) -> tuple[list[int], int]:
     shapes = [(m, 1), (m, 12), (nv, 6), (frames, 12), (joints, 12), (joints, 12)]
     shapes += [(n, n), (rows, n), (k, n), (k, 1), (k, rows)]
     shapes += [(pivots, _PIVOT), (band, constants.width), (band, _ROW)]
-    shapes += [(constants.border, 1 + band), (TERMS_TAIL.size, 1)]
+    border = constants.border
+    shapes += [(m + border if border else 0, border), (TERMS_TAIL.size, 1)]
     return _stacked(shapes)
 
 
@@ -178,7 +179,7 @@ def _workspace_shapes(constants: Constants) -> list[tuple[int, int]]:
     shapes = [(joints, 36), (joints, 12), (3, nv), (m, 1), (nv + m, 1), (nv, 1), (m, 1)]
     shapes += [(m if constants.border else 0, 1)]
     of_dense = m if constants.path == DENSE else 0
-    many, most = (m, min(m, nv)) if of_dense > FEW_ROWS else (0, 0)
+    many, most = (m, min(m, nv)) if of_dense >= SOME_ROWS else (0, 0)
     shapes += [(of_dense, nv), (of_dense, of_dense), (_SMALL, FRAME_COLUMNS)]
     shapes += [(nv if many else 0, many), (most, nv), (nv if many else 0, most), (most, many)]
     return [*shapes, (3, most * many), (2, max(many, nv) if many else 0)]
@@ -212,7 +213,7 @@ class Model(Structure):
         scaled: (m, nv) rows to be made orthogonal; dense.
         turn: (m, m) what that takes; dense.
         small: (4, 12) rows for a frame, a pair of wrenches, or less.
-        columns: (nv, m) closure rows as columns, to be made triangular; dense, of many rows.
+        columns: (nv, m) closure rows as columns, to be made triangular; dense, of some rows.
         reflectors: (k, nv) what that takes; likewise, as what follows.
         directions: (nv, k) columns of Q.
         inverse: (k, m) (Rᵀ)⁺.

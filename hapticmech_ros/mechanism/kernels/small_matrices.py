@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, leaf
+from hapticmech_ros.compilation import inner, leaf, local
 
 EPSILON = 2.220446049250313e-16
 SWEEPS = 60
@@ -31,13 +31,20 @@ def clear(matrix: Array, columns: int) -> None:
             matrix[i, j] = 0.0
 
 
-@leaf
+@inner
 def dot_rows(matrix: Array, i: int, j: int) -> float:
-    """Return the product of two rows, summed in order; a view of each would take longer."""
-    total = 0.0
-    for k in range(matrix.shape[1]):
-        total += matrix[i, k] * matrix[j, k]
-    return total
+    """Return the product of two rows, in four sums: one after the other takes longer."""
+    size = matrix.shape[1]
+    first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
+    whole = size - size % 4
+    for k in range(0, whole, 4):
+        first += matrix[i, k] * matrix[j, k]
+        second += matrix[i, k + 1] * matrix[j, k + 1]
+        third += matrix[i, k + 2] * matrix[j, k + 2]
+        fourth += matrix[i, k + 3] * matrix[j, k + 3]
+    for k in range(whole, size):
+        first += matrix[i, k] * matrix[j, k]
+    return (first + second) + (third + fourth)
 
 
 @leaf
@@ -51,8 +58,9 @@ def dot_with_row(matrix: Array, i: int, vector: Array) -> float:
 
 @leaf
 def dot6(a: Array, b: Array) -> float:
-    """Return the product of the first six entries."""
-    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
+    """Return the product of the first six entries, in pairs: one sum after another takes longer."""
+    first, second = a[0] * b[0] + a[1] * b[1], a[2] * b[2] + a[3] * b[3]
+    return float((first + second) + (a[4] * b[4] + a[5] * b[5]))
 
 
 @leaf
@@ -136,14 +144,14 @@ def orthogonalise(rows: Array, turn: Array) -> bool:
         Whether it converged; it does not where an entry is not finite.
     """
     count, size = rows.shape
-    largest = 0.0
+    largest, squares = 0.0, local(count)
     for i in range(count):
         for j in range(count):
             turn[i, j] = 1.0 if i == j else 0.0
-        square = dot_rows(rows, i, i)
-        if not np.isfinite(square):
+        squares[i] = dot_rows(rows, i, i)
+        if not np.isfinite(squares[i]):
             return False
-        largest = max(largest, square)
+        largest = max(largest, squares[i])
     # Rows this short are rounding of the longest one: there is nothing in them to make orthogonal.
     floor = EPSILON * EPSILON * largest
     tolerance = (EPSILON * max(size, 4)) ** 2
@@ -151,9 +159,11 @@ def orthogonalise(rows: Array, turn: Array) -> bool:
         turned = False
         for i in range(count - 1):
             for j in range(i + 1, count):
-                p, q = dot_rows(rows, i, i), dot_rows(rows, j, j)
+                p, q = squares[i], squares[j]
+                if p <= floor or q <= floor:
+                    continue
                 both = dot_rows(rows, i, j)
-                if p <= floor or q <= floor or both * both <= tolerance * p * q:
+                if both * both <= tolerance * p * q:
                     continue
                 turned = True
                 zeta = (q - p) / (2.0 * both)
@@ -164,6 +174,7 @@ def orthogonalise(rows: Array, turn: Array) -> bool:
                 sine = cosine * tangent
                 _rotate(rows, i, j, cosine, sine)
                 _rotate(turn, i, j, cosine, sine)
+                squares[i], squares[j] = dot_rows(rows, i, i), dot_rows(rows, j, j)
         if not turned:
             _longest_first(rows, turn)
             return True
