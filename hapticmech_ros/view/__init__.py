@@ -1,14 +1,14 @@
 """What people look at: shapes, frames, joint positions and URDF text. Knows no ROS and no clock."""
 
 from hapticmech_ros.view.frames import NamedTransform, fixed_frames, moving_frames
-from hapticmech_ros.view.joint_positions import JointPositions
+from hapticmech_ros.view.joint_states import JointStates
 from hapticmech_ros.view.picture import Picture, Snapshot
 from hapticmech_ros.view.placement import Placement, Placer
 from hapticmech_ros.view.shapes import Shape, vanished
 from hapticmech_ros.view.urdf import urdf_of
 
 __all__ = [
-    "JointPositions",
+    "JointStates",
     "NamedTransform",
     "Picture",
     "Placement",

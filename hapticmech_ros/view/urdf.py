@@ -21,7 +21,7 @@ from hapticmech_ros.mechanism.model import placement_of
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Joint, Link
 from hapticmech_ros.view import palette
-from hapticmech_ros.view.joint_positions import HINGES, hinge_name
+from hapticmech_ros.view.joint_states import HINGES, hinge_name
 from hapticmech_ros.view.mechanism_shapes import LINK_DIAMETER, joint_shape
 from hapticmech_ros.view.placement import Placer
 from hapticmech_ros.view.shapes import Shape, capsule, sphere

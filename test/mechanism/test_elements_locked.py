@@ -11,7 +11,7 @@ from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view.frames import moving_frames
-from hapticmech_ros.view.joint_positions import JointPositions
+from hapticmech_ros.view.joint_states import JointStates
 from hapticmech_ros.view.placement import Placer
 from hapticmech_ros.view.urdf import urdf_of
 from hapticmech_ros.wire.joints import coordinate_names
@@ -85,7 +85,7 @@ def test_views_take_a_locked_joint(seed, planar):
     for name, pose in placement.links.items():
         assert np.abs(pose.homogeneous - expected.links[name].homogeneous).max() < 1e-13
     assert coordinate_names(mechanism) == coordinate_names(other)
-    assert JointPositions(mechanism).names == JointPositions(other).names
+    assert JointStates(mechanism).names == JointStates(other).names
     moving = {frame.child for frame in moving_frames(mechanism.scene, placement)}
     assert f"link{LOCKED}" in moving
     assert '<joint name="joint1" type="fixed">' in urdf_of(mechanism)

@@ -85,7 +85,7 @@ class Stage:
 
     def show_all(self) -> None:
         self.outputs.show_frames(self.moving, NOW)
-        self.outputs.show_joints(self.q, NOW)
+        self.outputs.show_joints(self.q, self.q, NOW)
         self.outputs.show_wrenches(self.heard, NOW)
 
 

@@ -28,11 +28,12 @@ CONTACT = np.array([[0.4, -0.2, 0.0, 0.0, 0.0, 0.005]])
 FELT = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
 MECHANISM = Mechanism(load_scene("five_bar"))
 Q, _ = consistent_initial_state(MECHANISM)
+V = np.array((0.1, -0.2, 0.3, -0.4))
 
 
 def state(peer: Peer, closed: bool = True, now_ns: int | None = None) -> Float64MultiArray:
     now = peer.node.get_clock().now().nanoseconds if now_ns is None else now_ns
-    told = WireState(now, (closed,), Q, np.zeros(4), CONTACT, flat_grasps(MECHANISM.scene), (True,))
+    told = WireState(now, (closed,), Q, V, CONTACT, flat_grasps(MECHANISM.scene), (True,))
     return Float64MultiArray(data=StateLayout(MECHANISM).pack(told).tolist())
 
 
@@ -199,6 +200,7 @@ def test_model_joints_frames_and_wrenches(domain: int, peer: Peer) -> None:
     moving = {j.get("name") for j in robot.findall("joint") if j.get("type") != "fixed"}
     assert set(joints[-1].name) == moving
     assert list(joints[-1].position) == pytest.approx(Q, abs=1e-12)
+    assert list(joints[-1].velocity) == pytest.approx(V, abs=1e-12)
     parents = {frame.child_frame_id: frame.header.frame_id for frame in frames}
     assert set(parents) == wanted
     assert parents["left/handle"] == "left/link2"

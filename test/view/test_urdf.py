@@ -12,7 +12,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene import load_scene
 from hapticmech_ros.scene.loader import scene_from_document, shipped_scenes
 from hapticmech_ros.view import Placer, urdf_of
-from hapticmech_ros.view.joint_positions import HINGES, hinge_angles
+from hapticmech_ros.view.joint_states import HINGES, hinge_angles
 from oracles.generator import random_mechanism
 
 # Numbers are written exactly; what differs is how roll, pitch and yaw are turned into matrices:

@@ -28,7 +28,7 @@ from hapticmech_ros.nodes.viewer.view_messages import (
     wrench_in,
 )
 from hapticmech_ros.view import (
-    JointPositions,
+    JointStates,
     NamedTransform,
     Shape,
     fixed_frames,
@@ -76,7 +76,7 @@ class SceneOutputs:
         self._names = {
             name: prefixed(frame, prefix) for name, frame in frame_names(mechanism.scene).items()
         }
-        self._joints = JointPositions(mechanism)
+        self._joints = JointStates(mechanism)
         # None: whatever is shown was put there by others, or by an earlier life.
         self._shown: list[Key] | None = None
         self._publish_markers = actor.output(MARKERS, MarkerArray)
@@ -141,16 +141,18 @@ class SceneOutputs:
             transforms = self._transforms(moving, time_ns)
             self._publish_tf.publish(tf_message(self._tf_type, transforms))
 
-    def show_joints(self, q: Array, time_ns: int) -> None:
-        """Publish the positions of the joints of the URDF text.
+    def show_joints(self, q: Array, v: Array, time_ns: int) -> None:
+        """Publish positions and rates of the joints of the URDF text.
 
         Args:
             q: (nq,) configuration.
+            v: (nv,) rates, rad/s or m/s.
             time_ns: its stamp, ns.
         """
         if self._publish_joints.wanted:
             message = JointState(name=list(self._joints.names))
             message.position = self._joints.at(q).tolist()
+            message.velocity = self._joints.rates(q, v).tolist()
             set_stamp(message.header.stamp, time_ns)
             self._publish_joints.publish(message)
 

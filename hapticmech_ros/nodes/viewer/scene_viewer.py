@@ -115,7 +115,7 @@ class SceneViewer(ClockedActor[ViewerParameters]):
         self._last_ns = now
         placement = self._placer.at(state.q)
         outputs.show_frames(moving_frames(self.scene, placement, heard.device), time_ns)
-        outputs.show_joints(state.q, time_ns)
+        outputs.show_joints(state.q, state.v, time_ns)
         outputs.show_wrenches(heard, time_ns)
         if outputs.wants_markers():
             try:

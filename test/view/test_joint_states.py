@@ -1,4 +1,4 @@
-"""Positions of the URDF's joints stand for the configuration that they were made from."""
+"""Positions and rates of the URDF's joints stand for the state that they were made from."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import pytest
 
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene.validation import scene_from_document
-from hapticmech_ros.view import JointPositions
-from hapticmech_ros.view.joint_positions import hinge_angles
+from hapticmech_ros.view import JointStates
+from hapticmech_ros.view.joint_states import hinge_angles, hinge_rates
 from oracles.generator import blank, random_inertial, random_mechanism
 from oracles.kinematics import turn
 
@@ -33,10 +33,31 @@ def test_hinges_in_line_still_give_the_rotation(b):
     assert np.abs(composed(a, found, c) - rotation).max() < 1e-14
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_rates_are_those_of_the_angles(seed):
+    """By central differences of Pinocchio's integration: an error of the order of h²."""
+    mechanism = Mechanism(scene_from_document(random_mechanism(seed).document))
+    joints, rng, step = JointStates(mechanism), np.random.default_rng(seed), 1e-5
+    q = pin.randomConfiguration(mechanism.model, -np.ones(mechanism.nq), np.ones(mechanism.nq))
+    v = rng.normal(size=mechanism.nv)
+    ahead, behind = (joints.at(pin.integrate(mechanism.model, q, s * v)) for s in (step, -step))
+    turned = (ahead - behind + np.pi) % (2.0 * np.pi) - np.pi
+    found = joints.rates(q, v)
+    assert np.abs(turned / (2.0 * step) - found).max(initial=0.0) < 1e-5 * (1.0 + found @ found)
+
+
+@pytest.mark.parametrize("b", [-np.pi / 2, np.pi / 2])
+def test_hinges_in_line_turn_as_far_as_they_can(b):
+    rotation = composed(0.7, b, 0.0)
+    # The link's own z is then the first hinge's axis, or against it; y the second's.
+    first, second, third = hinge_rates(rotation, np.array((0.0, 0.3, 0.5)))
+    assert (first, second, third) == pytest.approx((0.5 * np.sign(b), 0.3, 0.0), abs=1e-15)
+
+
 def test_only_what_one_number_can_say_is_listed():
     for seed in range(12):
         mechanism = Mechanism(scene_from_document(random_mechanism(seed).document))
-        joints = JointPositions(mechanism)
+        joints = JointStates(mechanism)
         sizes = {"revolute": 1, "prismatic": 1, "spherical": 3}
         expected = sum(sizes.get(kind, 0) for kind in mechanism.tree.joint_types)
         assert len(joints.names) == expected == joints.at(pin.neutral(mechanism.model)).size
@@ -54,10 +75,13 @@ def test_positions_follow_their_names():
             }
         )
     document["operational_points"].append({"name": "tip", "link": "link2"})
-    joints = JointPositions(Mechanism(scene_from_document(document)))
+    joints = JointStates(Mechanism(scene_from_document(document)))
     q = np.array((0.3, 9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0, -0.2))
     found = dict(zip(joints.names, joints.at(q).tolist(), strict=True))
     assert found == {"joint0": 0.3, "joint2": -0.2}
+    v = np.arange(8.0)
+    rates = dict(zip(joints.names, joints.rates(q, v).tolist(), strict=True))
+    assert rates == {"joint0": 0.0, "joint2": 7.0}
 
 
 def _random_rotation(seed: int) -> np.ndarray:
