@@ -32,7 +32,7 @@ URDF_JOINTS = Topic(
     "joint_states",
     "sensor_msgs/msg/JointState",
     VIEWER,
-    "positions of the joints of `robot_description`, passive ones included",
+    "positions and velocities of the joints of `robot_description`, passive ones included",
     rate="marker",
 )
 SEEN_POINT_COMMAND = Topic(

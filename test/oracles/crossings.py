@@ -503,8 +503,8 @@ class Passed(NamedTuple):
         apart: largest difference of q from the motion, rad or m.
         untold: by how much the state's account is off by more than its ``surplus`` says, likewise.
         led: number of steps that were done with care, or again.
-        by_care: largest change of ``lost`` in one of these that the account calls accurate, and
-            that was not divided for an impact: such parts are the scene's rule's.
+        by_care: largest change of ``lost`` in one of these that the account calls accurate, and at
+            neither end of which anything touched: with contacts the parts are the scene's rule's.
     """
 
     lost: float
@@ -540,8 +540,8 @@ def passed(
         for state, q, v in zip(states, wanted, rates, strict=True)
     ]
     counts = np.diff([(s.account.refined, s.account.inaccurate) for s in states], axis=0)
-    whole_steps = [s.touching is None or s.touching.divided == 1 for s in states[1:]]
-    with_care = (counts[:, 0] > 0) & (counts[:, 1] == 0) & np.array(whole_steps)
+    away = np.array([s.touching is None or not s.touching.pairs.size for s in states])
+    with_care = (counts[:, 0] > 0) & (counts[:, 1] == 0) & away[1:] & away[:-1]
     by_care = np.abs(np.diff(lost)[with_care]).max(initial=0.0)
     apart = np.array([state.q for state in states]) - np.array(wanted)
     whole = energy(wanted[0], rates[0])
