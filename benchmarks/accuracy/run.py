@@ -48,7 +48,7 @@ class Setting:
     @property
     def own(self) -> bool:
         """Whether integrator and step are those of the case's scene."""
-        simulation = self.case.scene.simulation
+        simulation = Mechanism(self.case.scene).scene.simulation
         return (self.integrator, self.step) == (simulation.integrator, simulation.period)
 
     @property

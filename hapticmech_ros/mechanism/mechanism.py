@@ -59,7 +59,7 @@ class Mechanism(MultibodyModel):
             inertia = self.model.inertias[index]
             self._joint_rows[index] = joint_row(placement, axis, inertia, joint.armature)
         self._sets: dict[Active, ActiveSet] = {}
-        self.needs_matrix: bool = SCHEMES[scene.simulation.integrator].implicit
+        self.needs_matrix: bool = SCHEMES[self.scene.simulation.integrator].implicit
         self._authored, _ = authored_state(scene, self.tree)
         self._single = [self._choose([index]) for index in range(len(self.closures))]
 

@@ -165,7 +165,7 @@ def end_of(stepped: Stepped, start: Start) -> Start:
 
 
 def plan_of(simulation: Simulation) -> Plan:
-    """Return how a scene's simulation steps through a period."""
+    """Return how a scene's simulation steps through a period; its integrator is not ``auto``."""
     pulled = simulation.stabilisation == "baumgarte"
     rate = simulation.baumgarte_rate if pulled else 0.0
     accuracy = simulation.accuracy

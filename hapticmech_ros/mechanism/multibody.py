@@ -25,6 +25,7 @@ from hapticmech_ros.mechanism.closures import (
 from hapticmech_ros.mechanism.elements import Elements, bind_spring
 from hapticmech_ros.mechanism.inertia import ANGULAR, refuse_massless
 from hapticmech_ros.mechanism.model import TreeModel, authored_state, build_tree
+from hapticmech_ros.mechanism.stiffness import chosen_integrator
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 
@@ -36,6 +37,7 @@ class MultibodyModel:
         scene: what to model.
 
     Attributes:
+        scene: what is modelled, with the integrator that ``auto`` stands for.
         nv: number of degrees of freedom of the open tree.
         nq: length of the configuration vector.
         length: characteristic length, m; the unit of closures' point rows.
@@ -62,6 +64,10 @@ class MultibodyModel:
         self.length = self.tree.extent()
         refuse_massless(self.tree, self.length)
         self.elements = Elements(self.tree, springs, self.length)
+        if scene.simulation.integrator == "auto":
+            chosen = chosen_integrator(scene, self.tree, springs)
+            simulation = scene.simulation.model_copy(update={"integrator": chosen})
+            self.scene = scene.model_copy(update={"simulation": simulation})
         self._neutral: Array = np.asarray(pin.neutral(self.model))
         closed = [closure.active for closure in scene.closures]
         self.initially_active: Active = (*closed, *(True for _ in scene.couplings))

@@ -240,7 +240,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         fault = self._fault() or self._operating.withheld
         if not fault and now - self._inaccurate_ns < NANOSECONDS:
             fault = self._inaccuracy()
-        if not fault and drift > SCHEMES[self.scene.simulation.integrator].drift:
+        if not fault and drift > SCHEMES[self._mechanism.scene.simulation.integrator].drift:
             fault = f"energy has drifted by {drift:.1%} of what was exchanged: shorten the period"
         well = not fault
         return well, fault or f"closed loops: {closed}", figures

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.stiffness import stiff_elements
 from hapticmech_ros.plan.running import Running
 
 
@@ -26,10 +27,22 @@ class Choice:
 
 def choices(run: Running) -> Iterator[Choice]:
     """Yield all choices; one that is added to the solver must be added here."""
+    yield _integrator(run)
     yield _configuration(run)
     yield _path(run)
     yield _closure_rows(run)
     yield _stabilisation(run)
+
+
+def _integrator(run: Running) -> Choice:
+    taken = run.stepping.integrator
+    if run.scene.simulation.integrator != "auto":
+        return Choice("rule of a step", taken, "chosen by the scene")
+    mechanism = run.mechanism
+    stiff = next(stiff_elements(mechanism.scene, mechanism.tree, mechanism.elements.springs), None)
+    return Choice(
+        "rule of a step", taken, "nothing is too stiff for it" if stiff is None else str(stiff)
+    )
 
 
 def _configuration(run: Running) -> Choice:

@@ -75,7 +75,7 @@ def running(scene: Scene, point: str = "") -> Running:
     simulator = Simulator(scene)
     analyser = Analyser(simulator.mechanism, point)
     state = simulator.initial_state()
-    stepping = plan_of(scene.simulation)
+    stepping = plan_of(simulator.scene.simulation)
     return Running(
         scene,
         simulator,

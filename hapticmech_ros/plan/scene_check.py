@@ -12,6 +12,7 @@ from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, LoopMargins, l
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
+from hapticmech_ros.mechanism.stiffness import stiff_elements
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.plan.loop_check import connection_warning
@@ -24,8 +25,6 @@ from hapticmech_ros.simulation import MechanismState, Simulator
 NEAR_SINGULAR = 1e-2
 # Closure error in scene lengths beyond which the start as written was not closed.
 FAR = 1e-3
-# Explicit rules are stable for k T² / m up to about 7.7 (rk4) and 4 (rk2, semi-implicit Euler).
-STIFF = 4.0
 # In scene lengths, from which shorter steps make a difference that can be felt.
 COARSE = 1e-3
 
@@ -163,7 +162,7 @@ def _warnings(simulator: Simulator, state: MechanismState, rows: Redundancy) -> 
     if closing.least < NEAR_SINGULAR:
         yield f"the start is next to a singular position: relative σ {closing.least:.1e}"
     yield from _start(simulator, state)
-    yield from _stiffness(simulator, state)
+    yield from _stiffness(simulator)
     for link in scene.links:
         if link.joint.limits is not None and not link.joint.locked:
             at = scene.initial_state.q.get(link.joint.name, 0.0)
@@ -181,20 +180,13 @@ def _start(simulator: Simulator, state: MechanismState) -> Iterator[str]:
         yield f"the start as written was not closed: joints were moved by up to {moved:.2g}"
 
 
-def _stiffness(simulator: Simulator, state: MechanismState) -> Iterator[str]:
-    """Yield warnings about springs and stops that are unstable with an explicit integrator."""
-    mechanism, scene = simulator.mechanism, simulator.mechanism.scene
+def _stiffness(simulator: Simulator) -> Iterator[str]:
+    """Yield warnings about elements that are unstable with the explicit rule that was chosen."""
+    mechanism, scene = simulator.mechanism, simulator.scene
     if scene.simulation.integrator == "linearly_implicit":
         return
-    step = scene.simulation.period / scene.simulation.substeps
-    inertia = simulator.evaluate(state).inertia
-    mobile = np.diag(np.linalg.inv(inertia))
-    for index, joint in enumerate(mechanism.tree.joints):
-        limits = joint.limits
-        stiffness = max(joint.stiffness, limits.stiffness if limits is not None else 0.0)
-        ratio = stiffness * step**2 * float(mobile[mechanism.tree.velocity_slice(index)].max())
-        if ratio > STIFF:
-            yield (
-                f"joint {joint.name}: k T² / m = {ratio:.3g} is above {STIFF:g}, with which"
-                f" {scene.simulation.integrator} may be unstable: set integrator: linearly_implicit"
-            )
+    for element in stiff_elements(scene, mechanism.tree, mechanism.elements.springs):
+        yield (
+            f"{element}, with which {scene.simulation.integrator} may be unstable: leave integrator"
+            " out, or set linearly_implicit"
+        )

@@ -22,6 +22,7 @@ ClosureKind = Literal["spherical", "weld", "revolute", "planar_pin", "rod"]
 # What keeps joints together: closures, and couplings, which are treated alike.
 LoopKind = Literal["spherical", "weld", "revolute", "planar_pin", "rod", "coupling"]
 IntegratorName = Literal["rk4", "rk2", "semi_implicit_euler", "linearly_implicit"]
+IntegratorChoice = Literal["auto", "rk4", "rk2", "semi_implicit_euler", "linearly_implicit"]
 
 
 class Origin(Part):
@@ -278,7 +279,8 @@ class Simulation(Part):
 
     Attributes:
         period: s, of control and simulation.
-        integrator: ``linearly_implicit`` for stiff springs, dampers, friction and stops.
+        integrator: ``linearly_implicit`` for stiff springs, dampers, friction and stops; ``auto``
+            is that where one of them is too stiff for ``rk4`` as the scene starts, else ``rk4``.
         substeps: steps of the integrator in a period.
         stabilisation: ``projection`` puts the state back on the closures after each step;
             ``baumgarte`` pulls it back by forces.
@@ -287,7 +289,7 @@ class Simulation(Part):
     """
 
     period: Annotated[Positive, Field(le=0.1)] = 0.001
-    integrator: IntegratorName = "rk4"
+    integrator: IntegratorChoice = "auto"
     substeps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 1
     stabilisation: Literal["projection", "baumgarte"] = "projection"
     baumgarte_rate: Positive = 20.0

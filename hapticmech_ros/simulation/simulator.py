@@ -50,8 +50,8 @@ class Simulator:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self.scene = scene
         self.mechanism = Mechanism(scene)
+        self.scene = scene = self.mechanism.scene
         self.period = scene.simulation.period
         self.stepper = Stepper(self.mechanism, plan_of(scene.simulation))
         self._contacts = _contact_stepper(self.mechanism)

@@ -138,7 +138,7 @@ class ReadableSimulator(Simulator):
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
         self.mechanism = mechanism = ReadableMechanism(scene)
-        plan = plan_of(scene.simulation)
+        plan = plan_of(mechanism.scene.simulation)
         self.stepper = ReadableStepper(mechanism, plan)
         self._latches = Latches(mechanism)
         if scene.contacts:
