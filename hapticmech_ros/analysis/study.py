@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from math import isfinite
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
-from rich.console import JustifyMethod
+from rich.console import Console, ConsoleOptions, JustifyMethod, RenderResult
 from rich.markup import escape
 from rich.table import Table
 
@@ -28,8 +28,8 @@ Show = Callable[[str], None]
 
 # Text for a value that does not exist.
 NOTHING = "-"
-# Least width of a table's first column, characters.
-NAME_WIDTH = 20
+# Least width of a column of text, and what is between two columns, characters.
+NAME_WIDTH, APART = 20, 2
 
 
 def silent(line: str) -> None:
@@ -71,25 +71,51 @@ class Sheet:
     words: tuple[str, ...] = ()
     caption: str = ""
 
-    def table(self) -> Table:
-        """Return the sheet for a terminal."""
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Yield the sheet for a terminal: columns for which it is too narrow as further tables."""
+        groups = self._groups(options.max_width)
+        for number, columns in enumerate(groups):
+            last = number == len(groups) - 1
+            yield self._table(columns, number > 0, self.caption if last else "")
+
+    def _groups(self, width: int) -> list[list[int]]:
+        """Return which columns stand in which table, the first one in each."""
+        groups, used = [[0]], self._least(0) + APART
+        for index in range(1, len(self.headings)):
+            needed = self._least(index) + APART
+            if used + needed > width and len(groups[-1]) > 1:
+                groups.append([0])
+                used = self._least(0) + APART
+            groups[-1].append(index)
+            used += needed
+        return groups
+
+    def _least(self, index: int) -> int:
+        """Return the least width of a column: numbers are not folded, headings between words."""
+        cells = [len(row[index]) for row in self.rows if index < len(row)]
+        widest = max(cells, default=0)
+        if index == 0 or self.headings[index] in self.words:
+            return min(NAME_WIDTH, widest)
+        return max(widest, *map(len, self.headings[index].split()), 1)
+
+    def _table(self, columns: Sequence[int], continued: bool, caption: str) -> Table:
+        """Return some of the columns as a table."""
         table = Table(
-            title=escape(self.title),
+            title=escape(self.title) + " (continued)" * continued,
             title_justify="left",
-            caption=escape(self.caption) or None,
+            caption=escape(caption) or None,
             caption_justify="left",
             box=SIMPLE_HEAD,
             padding=(0, 1, 0, 0),
         )
-        # On a narrow terminal columns of numbers are folded before the first column.
-        names = [row[0] for row in self.rows if row]
-        least = [min(NAME_WIDTH, max(map(len, names), default=0)), *[None] * len(self.headings)]
-        for index, heading in enumerate(self.headings):
+        for index in columns:
+            heading = self.headings[index]
             left = index == 0 or heading in self.words
             justify: JustifyMethod = "left" if left else "right"
-            table.add_column(heading, justify=justify, overflow="fold", min_width=least[index])
+            least = self._least(index)
+            table.add_column(heading, justify=justify, overflow="fold", min_width=least)
         for row in self.rows:
-            table.add_row(*(_cell(text) for text in row))
+            table.add_row(*(_cell(row[index]) if index < len(row) else "" for index in columns))
         return table
 
     def markdown(self) -> str:

@@ -35,8 +35,12 @@ def show_plan(plan: ScenePlan) -> None:
 
 def show_scenes(scenes: Sequence[tuple[str, str]]) -> None:
     """Print names and purposes of scenes."""
+    table = Table.grid(padding=(0, 1, 0, 0))
+    table.add_column(no_wrap=True)
+    table.add_column()
     for name, purpose in scenes:
-        console.print(f"{name:<20} {purpose}", highlight=False, markup=False, soft_wrap=True)
+        table.add_row(escape(name), escape(purpose))
+    console.print(table, highlight=False)
 
 
 def show_check(check: SceneCheck, left: LeftOut) -> None:

@@ -49,7 +49,7 @@ def carry_out(
         print(json.dumps(results.document(), ensure_ascii=False))
     else:
         for sheet in results.sheets():
-            console.print(sheet.table())
+            console.print(sheet)
         for line in (*results.notes(), f"results: {out.resolve()}"):
             console.print(line, highlight=False, markup=False, soft_wrap=True)
     if not results.sound:

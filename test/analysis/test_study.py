@@ -49,7 +49,7 @@ GOOD, BAD = Weighed({"stone": 1.0, "rod": 2.5}), Weighed({"stone": 9.0})
 
 def shown(sheet, width=80):
     text = io.StringIO()
-    Console(width=width, file=text).print(sheet.table())
+    Console(width=width, file=text).print(sheet)
     return text.getvalue()
 
 
@@ -95,6 +95,23 @@ def test_brackets_are_no_markup_and_names_are_kept_together():
     assert "[not] markup" in text
     wide = Sheet("", ("name", *map(str, range(12))), (("a_long_name", *["1234567"] * 12),))
     assert "a_long_name" in shown(wide, 60)
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 200])
+def test_numbers_are_not_folded_whatever_the_width(width):
+    """What a terminal is too narrow for follows in further tables, the first column in each."""
+    headings = ("scene", *(f"delay margin {n}" for n in range(9)), "what it says")
+    values = tuple(f"{10.0**n:.3e}" for n in range(9))
+    rows = tuple((name, *values, "a sentence of several words") for name in ("one", "another"))
+    sheet = Sheet("margins", headings, rows, words=("what it says",), caption="seen once")
+    text = shown(sheet, width)
+    assert max(map(len, text.splitlines())) <= width
+    for value in values:
+        assert text.count(value) == 2
+    tables = text.count("(continued)") + 1
+    assert text.count("another") == tables
+    assert (tables == 1) == (width == 200)
+    assert text.count("seen once") == 1
 
 
 def test_a_cell_is_its_text_whatever_its_style():

@@ -91,7 +91,7 @@ def test_what_failed_is_said_once_with_its_reason() -> None:
     shown = io.StringIO()
     again = replace(FAILED, step=5e-4)
     for sheet in AccuracyResults({}, (PASSED, FAILED, again), (falling(),)).sheets():
-        Console(width=100, file=shown).print(sheet.table())
+        Console(width=100, file=shown).print(sheet)
     text = shown.getvalue()
     assert "Z01 Stone (stone)" in text
     assert text.count("failed") == 2

@@ -38,8 +38,8 @@ def test_what_failed_is_said(comparisons: list[Comparison]) -> None:
     console = Console(width=160, file=shown)
     for comparison in comparisons:
         for sheet in configuration_sheets(comparison):
-            console.print(sheet.table())
-    console.print(goal_sheet(verdicts(comparisons)).table())
+            console.print(sheet)
+    console.print(goal_sheet(verdicts(comparisons)))
     text = shown.getvalue()
     for words in ("7 of 20000", "12 refused", "never engaged", "FAIL", "pass"):
         assert words in text
