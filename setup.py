@@ -109,6 +109,8 @@ setup(
         ],
         # The documentation as a site.
         "docs": DOCS,
+        # Inertias of meshes in MJCF files, by MuJoCo's compiler.
+        "mjcf": ["mujoco>=4"],
         # Tests of what is read from files read these robots, 130 MB of them, where they are.
         "robots": ["example-robot-data>=6"],
         # ROS 2 from PyPI. Never beside a sourced ROS 2 installation, which has all of this.

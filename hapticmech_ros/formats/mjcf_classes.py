@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.formats.mjcf_compiled import compiled_bodies
+from hapticmech_ros.formats.model import Body
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 MAIN = "main"
@@ -52,6 +54,7 @@ class Context:
     compiler: Node = field(init=False)
     classes: dict[str, dict[str, dict[str, str]]] = field(default_factory=dict)
     main: str = MAIN
+    _compiled: dict[str, Body] | None = None
 
     def __post_init__(self) -> None:
         self.compiler = settings(self.source.root, "compiler")
@@ -76,6 +79,16 @@ class Context:
                 raise self.source.error(inner, called, f"at most {CLASS_LIMIT} classes")
             self.classes[called] = dict(own)
             self._collect(inner, called)
+
+    def compiled(self) -> Mapping[str, Body]:
+        """Return the file's bodies by name, with MuJoCo's inertias, computed once.
+
+        Raises:
+            NotCompiledError: there is no MuJoCo, or it refuses the file.
+        """
+        if self._compiled is None:
+            self._compiled = compiled_bodies(self.source.path)
+        return self._compiled
 
     def known(self, node: Node, called: str) -> str:
         """Return the name of a class, if there is one.

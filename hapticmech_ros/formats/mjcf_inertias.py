@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats.mjcf_classes import UP, Context
+from hapticmech_ros.formats.mjcf_compiled import NotCompiledError
 from hapticmech_ros.formats.model import Body
 from hapticmech_ros.formats.xml_nodes import Node
 
@@ -41,9 +42,43 @@ def body_of(context: Context, name: str, inertial: Node | None, geoms: Iterable[
     elif policy == "false":
         found = Body(name)
     else:
-        total = _of_geoms(context, geoms)
-        found = Body(name, float(total.mass), np.array(total.lever), np.array(total.inertia))
+        try:
+            total = _of_geoms(context, geoms)
+        except _NotSimple as geom:
+            found = _compiled(context, name, geom)
+        else:
+            found = Body(name, float(total.mass), np.array(total.lever), np.array(total.inertia))
     return _bounded(context, found)
+
+
+class _NotSimple(Exception):
+    """A geom that counts has no shape of ``SIZES``, or is a shell.
+
+    Attributes:
+        node: the geom.
+        shape: of it.
+    """
+
+    def __init__(self, node: Node, shape: str) -> None:
+        self.node, self.shape = node, shape
+        super().__init__(shape)
+
+
+def _compiled(context: Context, name: str, geom: _NotSimple) -> Body:
+    """Return a body as MuJoCo compiles it.
+
+    Raises:
+        SceneError: it cannot be compiled, or the compiler joined the body with another.
+    """
+    try:
+        found = context.compiled().get(name)
+    except NotCompiledError as error:
+        rule = f"the inertia of a {geom.shape} has no closed form: {GIVE}; {error}"
+        raise context.source.error(geom.node, geom.shape, rule) from None
+    if found is None:
+        rule = f"MuJoCo, which computes the inertia of a {geom.shape}, has no such body: {GIVE}"
+        raise context.source.error(geom.node, geom.shape, rule)
+    return found
 
 
 def _bounded(context: Context, found: Body) -> Body:
@@ -100,9 +135,9 @@ def _of_geom(context: Context, node: Node) -> pin.Inertia | None:
         raise source.error(node, weight, "mass and density must not be negative")
     shape = context.word(node, "type", "sphere")
     if shape not in SIZES or "mesh" in node.attributes:
-        raise source.error(node, shape, f"inertia only of {sorted(SIZES)}: {GIVE}")
+        raise _NotSimple(node, "mesh" if "mesh" in node.attributes else shape)
     if context.flag(node, "shellinertia"):
-        raise source.error(node, "shellinertia", f"shells are not read: {GIVE}")
+        raise _NotSimple(node, "shell")
     sizes, place = shape_of(context, node)
     if min(sizes) <= 0.0:
         raise source.error(node, sizes, f"a {shape} needs {SIZES[shape]} size(s) above zero")

@@ -10,7 +10,7 @@ import pytest
 from formats.imports import Read, notes_in
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
-from hapticmech_ros.formats import read_model
+from hapticmech_ros.formats import mjcf_compiled, read_model
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.operational.analysis import analyse
@@ -102,6 +102,14 @@ TREES = {
         <body name="a"><joint name="j" axis="0 1 0"/>{BALL}</body></worldbody>""",
     "gravity": f"""<option gravity="1 2 3"/><worldbody>
         <body name="a"><joint name="j" axis="0 1 0"/>{BALL}</body></worldbody>""",
+    "mesh": """<worldbody><body name="a"><joint name="j" axis="0 1 0"/>
+        <geom type="mesh" mesh="m" pos="1 2 3" euler="10 20 30"/><geom size=".1"/></body>
+        <body name="b"><joint name="k"/><geom type="mesh" mesh="m" mass="2"/></body></worldbody>""",
+    "mesh without a name": f"""<worldbody><body><joint name="j"/>{BALL}
+        <body><joint name="k" axis="1 0 0"/><geom type="mesh" mesh="m" density="10"/></body></body>
+        </worldbody>""",
+    "shell": """<worldbody><body name="a"><joint name="j" axis="0 1 0"/>
+        <geom type="box" size=".1 .2 .3" pos="1 0 0" shellinertia="true"/></body></worldbody>""",
     "any order": f"""<worldbody><body name="a"><body name="b" pos="0 0 1">{BALL}
         <joint name="k" axis="1 0 0"/></body>{BALL}<joint name="j"/></body></worldbody>""",
 }
@@ -486,10 +494,6 @@ BROKEN = {
         '<worldbody><body><joint/><geom type="mesh" mesh="gone"/></body></worldbody>',
         "give the body an <inertial>",
     ),
-    "shell": (
-        '<worldbody><body><joint/><geom size="1" shellinertia="true"/></body></worldbody>',
-        "shells are not read",
-    ),
     "size": ('<worldbody><body><joint/><geom type="box" size="1"/></body></worldbody>', "3 size"),
     "fromto": (
         '<worldbody><body><joint/><geom type="box" size="1" fromto="0 0 0 0 0 0"/></body>'
@@ -562,3 +566,18 @@ def test_errors_name_line_element_and_rule(tmp_path, text, rule):
     assert str(path) in str(caught.value)
     where = "line 1, <mujoco>" if rule.startswith("needs a <w") else "line 2, <"
     assert problem.key_path.startswith(where)
+
+
+def test_meshes_that_count_need_mujoco_or_an_inertia(tmp_path, monkeypatch):
+    path = written(tmp_path, TREES["mesh"])
+    monkeypatch.setattr(mjcf_compiled, "find_spec", lambda name: None)
+    with pytest.raises(
+        SceneError, match=r"line 3, <geom>: .*give the body an <inertial>; .*\[mjcf\]"
+    ):
+        load_scene(path)
+
+
+def test_a_file_that_mujoco_refuses_is_told_with_its_reason(tmp_path):
+    text = '<worldbody><body><joint/><geom type="mesh" mesh="gone"/></body></worldbody>'
+    with pytest.raises(SceneError, match=r"give the body an <inertial>; .*gone"):
+        load_scene(written(tmp_path, text))
