@@ -96,18 +96,24 @@ class _Reader:
     sites: dict[str, tuple[str, pin.SE3]] = field(default_factory=dict)
     solids: list[Solid] = field(default_factory=list)
     notes: Counter[str] = field(default_factory=Counter)
+    # kg: of all bodies, if the compiler is told; and of those that do not move.
+    _total: float = -1.0
+    _standing: float = 0.0
 
     def read(self) -> Model:
         source, compiler = self.source, self.context.compiler
-        for key, allowed in (("coordinate", "local"), ("settotalmass", "-1")):
-            if compiler.attributes.get(key, allowed).strip() != allowed:
-                raise source.error(compiler, compiler.attributes[key], f"{key} is not read")
+        if compiler.attributes.get("coordinate", "local").strip() != "local":
+            raise source.error(
+                compiler, compiler.attributes["coordinate"], "coordinate is not read"
+            )
+        self._total = source.value(compiler, "settotalmass", -1.0)
         world = settings(source.root, "worldbody")
         if not source.root.all("worldbody"):
             raise source.error(source.root, None, "needs a <worldbody>")
         self.poses = {WORLD: pin.SE3.Identity()}
         self._named = {node.attributes.get("name", "") for node in source.root.walk()}
         self._children(world, WORLD, "", moving=False)
+        self._weigh()
         hinges = with_rotors(self.context, self.hinges, self.notes)
         start: dict[str, State] = {name: ref for name, ref in self.refs.items() if ref}
         start |= self.free
@@ -127,6 +133,18 @@ class _Reader:
             floating="a <freejoint/> makes a body float",
             keyframes=read_keyframes(source, hinges, start),
         )
+
+    def _weigh(self) -> None:
+        """Give all bodies together, also those that stand, the mass that the compiler is told."""
+        if self._total <= 0.0:
+            return
+        mass = self._standing + sum(body.mass for body in self.bodies.values())
+        if self.context.has_compiled or not mass > 0.0:
+            rule = "settotalmass needs bodies of simple shapes or with an <inertial>"
+            raise self.source.error(self.context.compiler, self._total, rule)
+        share = self._total / mass
+        for name, body in self.bodies.items():
+            self.bodies[name] = Body(name, share * body.mass, body.com, share * body.inertia)
 
     def _gravity(self) -> tuple[float, float, float]:
         option = settings(self.source.root, "option")
@@ -191,6 +209,8 @@ class _Reader:
                 raise self.source.error(part, part.tag, "the world does not move")
         if moving:
             self.bodies[name] = body_of(self.context, name, inertial, geoms)
+        elif self._total > 0.0 and name != WORLD:
+            self._standing += body_of(self.context, name, inertial, geoms).mass
 
     def _site(self, node: Node, body: str, place: pin.SE3) -> None:
         name = node.attributes.get("name", "").strip()

@@ -80,6 +80,11 @@ class Context:
             self.classes[called] = dict(own)
             self._collect(inner, called)
 
+    @property
+    def has_compiled(self) -> bool:
+        """Whether MuJoCo was asked for inertias."""
+        return self._compiled is not None
+
     def compiled(self) -> Mapping[str, Body]:
         """Return the file's bodies by name, with MuJoCo's inertias, computed once.
 

@@ -108,6 +108,9 @@ TREES = {
     "mesh without a name": f"""<worldbody><body><joint name="j"/>{BALL}
         <body><joint name="k" axis="1 0 0"/><geom type="mesh" mesh="m" density="10"/></body></body>
         </worldbody>""",
+    "total mass": f"""<compiler settotalmass="14"/><worldbody><geom size=".3"/>
+        <body name="still"><geom size=".2"/></body><body name="a"><joint name="j" axis="0 1 0"/>
+        {BALL}<geom size=".1 .2 .3" type="box" pos="1 0 0"/></body></worldbody>""",
     "shell": """<worldbody><body name="a"><joint name="j" axis="0 1 0"/>
         <geom type="box" size=".1 .2 .3" pos="1 0 0" shellinertia="true"/></body></worldbody>""",
     "any order": f"""<worldbody><body name="a"><body name="b" pos="0 0 1">{BALL}
@@ -545,7 +548,11 @@ BROKEN = {
     "site": ('<worldbody/><equality><weld site1="a" site2="b"/></equality>', "no such site"),
     "one site": ('<worldbody/><equality><weld site1="a"/></equality>', "needs site1 and site2"),
     "body": ('<worldbody/><equality><weld body1="a"/></equality>', "no such body"),
-    "total mass": ('<compiler settotalmass="3"/><worldbody/>', "settotalmass is not read"),
+    "total mass": (
+        '<compiler settotalmass="3"/><worldbody><body><joint/><geom type="mesh" mesh="m"/></body>'
+        "</worldbody>",
+        "settotalmass needs bodies of simple shapes",
+    ),
     "global": ('<compiler coordinate="global"/><worldbody/>', "coordinate is not read"),
 }
 
