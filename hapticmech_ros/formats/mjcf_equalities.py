@@ -1,4 +1,4 @@
-"""Equalities of MJCF: connect and weld are closures, joint a coupling."""
+"""Equalities of MJCF: connect and weld are closures, joints and tendons of two are couplings."""
 
 from __future__ import annotations
 
@@ -53,8 +53,11 @@ class Equalities:
             elif node.tag == "joint":
                 if active:
                     self.couplings.append(self._coupled(full, name))
+            elif node.tag == "tendon":
+                if active:
+                    self.couplings.append(self._held_tendon(full, name))
             else:
-                rule = "an equality must be connect, weld or joint"
+                rule = "an equality must be connect, weld, joint or tendon"
                 raise self.context.source.error(node, node.tag, rule)
 
     def _full(self, node: Node) -> Node:
@@ -114,9 +117,30 @@ class Equalities:
         if not leader or any(bent):
             rule = "a joint equality needs joint2 and a straight line: polycoef='a b 0 0 0'"
             raise self.context.source.error(node, node.attributes.get("polycoef"), rule)
-        for one in (joint, leader):
-            if one not in self.refs:
-                rule = "must be a hinge or slide joint of the file"
-                raise self.context.source.error(node, one, rule)
-        offset += self.refs[joint] - ratio * self.refs[leader]
+        offset += self._ref(node, joint) - ratio * self._ref(node, leader)
         return Coupling(name, joint, leader, ratio, offset)
+
+    def _ref(self, node: Node, joint: str) -> float:
+        if joint not in self.refs:
+            rule = "must be a hinge or slide joint of the file"
+            raise self.context.source.error(node, joint, rule)
+        return self.refs[joint]
+
+    def _held_tendon(self, node: Node, name: str) -> Coupling:
+        """Return a tendon of two joints, a q_a + b q_b, that keeps the length it is drawn with."""
+        source = self.context.source
+        called = source.text(node, "tendon1")
+        rule = "a tendon equality needs a fixed tendon of two joints, and no tendon2"
+        tendons = [t for t in settings(source.root, "tendon").children if t.tag == "fixed"]
+        ends = [t.all("joint") for t in tendons if t.attributes.get("name", "").strip() == called]
+        if "tendon2" in node.attributes or len(ends) != 1 or len(ends[0]) != 2:
+            raise source.error(node, called, rule)
+        joints = [source.text(one, "joint") for one in ends[0]]
+        shares = [source.value(one, "coef") for one in ends[0]]
+        if not shares[0]:
+            raise source.error(ends[0][0], 0.0, "coef must not be zero")
+        longer = self.context.padded(node, "polycoef", (0.0, 1.0, 0.0, 0.0, 0.0))[0]
+        drawn = [self._ref(one, joint) for one, joint in zip(ends[0], joints, strict=True)]
+        ratio = -shares[1] / shares[0]
+        offset = drawn[0] - ratio * drawn[1] + longer / shares[0]
+        return Coupling(name, joints[0], joints[1], ratio, offset)

@@ -329,9 +329,21 @@ def test_equalities_have_classes(tmp_path):
     assert not closure.active
 
 
-def test_a_joint_equality_is_a_coupling_where_mujoco_meets_it(tmp_path):
-    equality = '<joint joint1="j" joint2="k" polycoef=".2 -1.5"/>'
-    path = written(tmp_path, TREES["ref"] + f"<equality>{equality}</equality>")
+TENDON = """<tendon><fixed name="t"><joint joint="j" coef=".4"/><joint joint="k" coef="-.6"/>
+    </fixed></tendon>"""
+
+
+@pytest.mark.parametrize(
+    ("equality", "more"),
+    [
+        ('<joint joint1="j" joint2="k" polycoef=".2 -1.5"/>', ""),
+        ('<tendon tendon1="t"/>', TENDON),
+        ('<tendon tendon1="t" polycoef=".1"/>', TENDON),
+    ],
+    ids=["joint", "tendon", "tendon, longer"],
+)
+def test_an_equality_is_a_coupling_where_mujoco_meets_it(tmp_path, equality, more):
+    path = written(tmp_path, TREES["ref"] + more + f"<equality>{equality}</equality>")
     (coupling,) = read_model(path).document["couplings"]
     theirs = Theirs(path)
     j, k = (theirs.model.joint(name).qposadr[0] for name in ("j", "k"))
@@ -544,7 +556,12 @@ BROKEN = {
         '<joint joint1="j" joint2="j" polycoef="0 1 2"/></equality>',
         "a straight line",
     ),
-    "equality": ("<worldbody/><equality><flex/></equality>", "connect, weld or joint"),
+    "equality": ("<worldbody/><equality><flex/></equality>", "connect, weld, joint or tendon"),
+    "long tendon": (
+        '<worldbody><body><joint name="j"/></body></worldbody><tendon><fixed name="t">'
+        '<joint joint="j" coef="1"/></fixed></tendon><equality><tendon tendon1="t"/></equality>',
+        "a fixed tendon of two joints",
+    ),
     "site": ('<worldbody/><equality><weld site1="a" site2="b"/></equality>', "no such site"),
     "one site": ('<worldbody/><equality><weld site1="a"/></equality>', "needs site1 and site2"),
     "body": ('<worldbody/><equality><weld body1="a"/></equality>', "no such body"),
