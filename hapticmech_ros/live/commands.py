@@ -198,6 +198,9 @@ class LiveState:
         dragged: what is dragged: empty for nothing, ``hand``, or a link.
         drag_force: (3,) of the spring that drags, N, world axes.
         grip: (3,) where it acts, m, world axes.
+        goal: (3,) to where it is pulled, m, world axes.
+        goal_at: s of the process's clock, since when it is pulled there.
+        changed: what was tuned, ``key=value`` each.
         recording: folder of the bag that is recorded; empty for none.
         error: what ended the session; empty while it lives.
     """
@@ -218,6 +221,9 @@ class LiveState:
     dragged: str = ""
     drag_force: Array = field(default_factory=lambda: np.zeros(3))
     grip: Array = field(default_factory=lambda: np.zeros(3))
+    goal: Array = field(default_factory=lambda: np.zeros(3))
+    goal_at: float = 0.0
+    changed: tuple[str, ...] = ()
     recording: str = ""
     error: str = ""
 

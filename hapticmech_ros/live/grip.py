@@ -45,6 +45,11 @@ class Grip:
             self._origin, self._in_joint = local.translation, local * drag.grip
         self._spring = self._tuned(stiffness, sample)
 
+    @property
+    def goal(self) -> Array:
+        """(3,) to where it is pulled, m, world axes."""
+        return self._drag.goal
+
     def pull_to(self, goal: Array) -> None:
         """Pull to another place from now on.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -23,8 +23,8 @@ from hapticmech_ros.view.picture import DEVICE_DIAMETER
 FORCE_SHARE, TORQUE_SHARE = 1.0, 0.5
 # Half axes of the ellipsoid: the lightest direction at the start, and the longest one drawn.
 LIGHTEST_SHARE, LONGEST_SHARE = 0.15, 0.6
-# Seen nearer to the device than this share of its ball's diameter, the hand is meant.
-_HAND_SHARE = 0.6
+# The ball of the hand is larger than elsewhere, as it is what people take hold of.
+_BALL = 1.6
 # Whence it is looked at, at first; from as far, as a share of what is seen.
 ABOVE, ASIDE, DISTANCE = np.array((0.0, 0.0, 1.0)), np.array((1.0, -1.6, 0.9)), 1.6
 # What people may leave out, and how the namespaces of its shapes begin.
@@ -131,6 +131,7 @@ class LivePicture:
         longest = LONGEST_SHARE * self.unit
         shapes = self._picture.draw(snapshot, placement)
         shapes += mass_ellipsoid(found, place, self._metres_per_kg, longest)
+        shapes = [_enlarged(one) if one.namespace == "device" else one for one in shapes]
         without = tuple(start for layer in hidden for start in LAYERS[layer])
         shown = [s for s in shapes if s.kind != "text" and not s.namespace.startswith(without)]
         poses = {index: placement.solids[index] for index in self.hulls}
@@ -155,12 +156,18 @@ class LivePicture:
         """
         ray = (place - eye) / max(float(np.linalg.norm(place - eye)), 1e-12)
         aside = device - eye - ((device - eye) @ ray) * ray
-        return float(np.linalg.norm(aside)) < _HAND_SHARE * DEVICE_DIAMETER * self.unit
+        return float(np.linalg.norm(aside)) < 0.5 * _BALL * DEVICE_DIAMETER * self.unit
 
     def _analysis(self, state: LiveState) -> OperationalAnalysis:
         analyser = self._analyser
         nv = self._mechanism.nv
         return Observation(state.observation, analyser.layout, analyser.rows, nv).analysis
+
+
+def _enlarged(shape: Shape) -> Shape:
+    x, y, z = shape.size
+    size = (_BALL * x, _BALL * y, _BALL * z)
+    return replace(shape, size=size) if shape.kind == "sphere" else shape
 
 
 def _hulls_of(opened: Opened) -> dict[int, Hull]:

@@ -70,7 +70,7 @@ class LiveSession:
         self._paused, self._behind, self._steps = False, False, 0
         self._bag: StateBag | None = None
         self._grip: Grip | None = None
-        self._heard = now
+        self._heard = self._goal_at = now
         self._begin(asked, {}, now)
 
     @property
@@ -137,6 +137,9 @@ class LiveSession:
             "" if grip is None else grip.name,
             np.zeros(3) if grip is None else grip.force,
             np.zeros(3) if grip is None else grip.place,
+            np.zeros(3) if grip is None else grip.goal,
+            self._goal_at,
+            tuple(_changes(self._tuned)),
             "" if self._bag is None else self._bag.folder,
             self._error,
         )
@@ -194,8 +197,11 @@ class LiveSession:
             if np.shape(value) != (3,) or not np.isfinite(value).all():
                 raise InvalidInputError(f"{name} of a drag", value, "must be three finite numbers")
         self._heard = now
-        if self._grip is not None and self._grip.continues(drag):
-            self._grip.pull_to(drag.goal)
+        grip = self._grip
+        if grip is None or (grip.goal != drag.goal).any():
+            self._goal_at = now
+        if grip is not None and grip.continues(drag):
+            grip.pull_to(drag.goal)
         else:
             self._grip = Grip(self.session, drag, self._spring_stiffness, self._sample)
 

@@ -13,11 +13,12 @@ from hapticmech_ros.live.commands import LiveState
 _SLOW = 0.98
 
 
-def numbers_html(state: LiveState, s: Array, masses: Array, said: str) -> str:
+def numbers_html(state: LiveState, scene: str, s: Array, masses: Array, said: str) -> str:
     """Return the numbers of a state; each value is in an element whose id begins with ``live-``.
 
     Args:
         state: of the session.
+        scene: its name.
         s: (t,) of the spectrum, descending.
         masses: (k,) felt, kg, infinite where rigid.
         said: what was refused; empty for nothing.
@@ -26,6 +27,7 @@ def numbers_html(state: LiveState, s: Array, masses: Array, said: str) -> str:
     rate = "paused" if state.paused else f"{state.factor:.2f} × real time{slow}"
     felt = ", ".join(f"{mass:.3g}" if np.isfinite(mass) else "rigid" for mass in masses)
     rows = [
+        ("scene", "scene", scene),
         ("joint constraints felt", "count", str(state.count)),
         ("mass felt, kg", "mass", felt),
         ("s", "s", ", ".join(f"{value:.3f}" for value in s)),
@@ -34,6 +36,8 @@ def numbers_html(state: LiveState, s: Array, masses: Array, said: str) -> str:
         ("time, s", "time", f"{state.time:.2f}"),
         ("dragged", "dragged", state.dragged or "nothing"),
     ]
+    if state.changed:
+        rows.append(("changed", "changed", ", ".join(state.changed)))
     if state.recording:
         rows.append(("recording", "recording", state.recording))
     problem = state.error or said

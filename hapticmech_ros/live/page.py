@@ -1,11 +1,17 @@
-"""The page itself: all that is known here of viser, and nowhere else."""
+"""The page itself: all that is known here of viser, and nowhere else.
+
+What viser is told is told in its event loop: its messages are not safe to send from other threads.
+Pictures are computed outside it, so that the mouse is heard meanwhile.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import io
 import time
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -58,13 +64,25 @@ from hapticmech_ros.view import palette
 PICTURES_HZ, NUMBERS_HZ, PLOTS_HZ = 30.0, 10.0, 4.0
 # How often a drag is told again, s.
 REPEAT_S = 0.05
-FIELD_OF_VIEW = np.deg2rad(45.0)
+FIELD_OF_VIEW = float(np.deg2rad(45.0))
+# Layers that are not seen at first.
+HIDDEN = frozenset({"axes"})
 # So many closures are seen without being asked for.
 _FEW = 4
 _LINE_WIDTH, _PICTURE_SIZE = 2.0, (900, 1200)
 _STROKES = ("#7a4fd0", "#1a7f86", "#d9534f", "#2f6fd0", "#c79a2a", "#5a5a5a")
 # What can be grabbed, by the first part of its namespace: arrows are in the way of nothing.
 _GRABBED = ("links", "joints", "solids", "device", "point")
+
+
+@dataclass(slots=True)
+class _Drawn:
+    """A picture as viser takes it: instances by body, and by whether they can be grabbed; lines."""
+
+    state: LiveState
+    frame: LiveFrame
+    instances: dict[tuple[Body, bool], InstanceArrays]
+    lines: tuple[Array, Array]
 
 
 class LivePage:
@@ -94,29 +112,28 @@ class LivePage:
             self._server = server = viser.ViserServer(host=host, port=port, verbose=False)
         # Clients without the button could ask for a tunnel to a server elsewhere as well.
         server.request_share_url = _no_share
-        server.gui.configure_theme(
-            show_share_button=False, show_logo=False, control_layout="collapsible"
-        )
+        server.gui.configure_theme(show_share_button=False, show_logo=False)
+        server.gui.main_panel.dock_right()
         server.scene.configure_environment_map(hdri=None)
         server.scene.configure_default_lights(enabled=True, cast_shadow=False)
         server.initial_camera.fov = FIELD_OF_VIEW
         self._mouse = Mouse(process.send)
         self._picture: LivePicture | None = None
-        self._frame: LiveFrame | None = None
-        self._state: LiveState | None = None
-        self._number = 0
+        self._newest: LiveState | None = None
+        self._shown: _Drawn | None = None
+        self._looked_at = False
+        self._number, self._name = 0, ""
         self._history = History()
         self._instances: dict[tuple[Body, bool], Instances] = {}
-        self._shown: dict[tuple[Body, bool], InstanceArrays] = {}
         self._nodes: dict[tuple[Body, bool], Any] = {}
         self._lines: Any = None
         self._hulls: dict[int, Any] = {}
         self._of_scene: list[Any] = []
         self._closures: dict[str, Any] = {}
-        self._hidden: frozenset[str] = frozenset()
+        self._hidden = HIDDEN
         self._said = ""
         self._drawn = dict.fromkeys(("picture", "numbers", "plots", "drag"), 0.0)
-        self._make_controls(scenes)
+        self._with_viser(lambda: self._make_controls(scenes))
 
         async def gone(client: Any) -> None:
             self._mouse.let_go(client.client_id)
@@ -140,15 +157,21 @@ class LivePage:
         while not ended():
             for report in self._process.news(REPEAT_S):
                 if isinstance(report, Opened):
-                    self._open(report)
+                    picture = LivePicture(report)
+                    self._with_viser(partial(self._open, report, picture))
                 elif isinstance(report, Failed):
                     self._said = report.reason
                 elif report.number == self._number:
-                    self._state = report
+                    self._newest = report
             if self._due("drag", 1.0 / REPEAT_S):
                 self._mouse.repeat()
-            if self._state is not None and self._server.get_clients():
-                self._show(self._state)
+            state, picture_now = self._newest, self._picture
+            if state is None or picture_now is None:
+                continue
+            self._history.add(state)
+            if self._server.get_clients() and self._due("picture", PICTURES_HZ):
+                drawn = self._drawn_of(picture_now, state)
+                self._with_viser(partial(self._show, picture_now, drawn))
 
     def close(self) -> None:
         """Serve it no more."""
@@ -164,71 +187,83 @@ class LivePage:
 
     # What is seen.
 
-    def _open(self, opened: Opened) -> None:
+    def _with_viser(self, work: Callable[[], None]) -> None:
+        """Do something in viser's event loop, and wait until it is done."""
+
+        async def done() -> None:
+            work()
+
+        asyncio.run_coroutine_threadsafe(done(), self._server.get_event_loop()).result()
+
+    def _open(self, opened: Opened, picture: LivePicture) -> None:
         """Draw another scene, or the same held elsewhere."""
         self._mouse.let_go()
         self._said = ""
-        new = self._picture is None or opened.asked != self._asked or not self._of_scene
-        self._asked, self._number, self._state = opened.asked, opened.number, None
-        self._picture, self._frame = LivePicture(opened), None
-        self._history.begin(3 if self._picture.planar else 6)
+        new = self._picture is None or opened.asked != self._asked
+        self._asked, self._number, self._name = opened.asked, opened.number, opened.scene.name
+        self._picture, self._shown, self._newest = picture, None, None
+        self._history.begin(3 if picture.planar else 6)
         for node in (*self._nodes.values(), *self._hulls.values(), self._lines):
             if node is not None:
                 node.remove()
-        self._instances, self._shown, self._nodes = {}, {}, {}
+        self._instances, self._nodes = {}, {}
         self._lines, self._hulls = None, {}
-        self._looked_at = not new
         if new:
-            self._make_scene_controls(opened, self._picture.closures)
+            self._looked_at = False
+            self._make_scene_controls(opened, picture.closures)
 
-    def _show(self, state: LiveState) -> None:
-        picture = self._picture
-        if picture is None:
-            return
-        self._history.add(state)
-        if self._due("picture", PICTURES_HZ):
-            self._frame = frame = picture.draw(state, self._hidden)
-            with self._server.atomic():
-                self._draw(picture, frame)
-        if self._frame is not None and self._due("numbers", NUMBERS_HZ):
-            self._tell(state, self._frame)
-        if self._due("plots", PLOTS_HZ) and self._with_plots.value:
-            for plot, columns in self._plots:
-                plot.data = columns()
-
-    def _draw(self, picture: LivePicture, frame: LiveFrame) -> None:
-        if not self._looked_at:
-            self._look_at_scene(picture, frame)
+    def _drawn_of(self, picture: LivePicture, state: LiveState) -> _Drawn:
+        frame = picture.draw(state, self._hidden)
+        instances = {}
         for grabbed in (True, False):
             shapes = [s for s in frame.shapes if s.namespace.startswith(_GRABBED) == grabbed]
             for body, parts in instance_parts(shapes).items():
                 known = self._instances.setdefault((body, grabbed), Instances())
                 arrays = known.arranged(parts)
                 if len(arrays.shapes):
-                    self._draw_instances(body, grabbed, arrays)
+                    instances[body, grabbed] = arrays
         ends, colours = line_segments(frame.shapes)
         if not len(ends):
             ends, colours = np.zeros((1, 2, 3)), np.zeros((1, 2, 3), dtype=np.uint8)
-        if self._lines is None or len(ends) != len(self._lines.points):
-            if self._lines is not None:
-                self._lines.remove()
-            self._lines = self._server.scene.add_line_segments(
-                "/lines", ends, colours, line_width=_LINE_WIDTH
-            )
-        else:
-            self._lines.points, self._lines.colors = ends, colours
-        for number, pose in frame.hulls.items():
-            node = self._hulls.get(number) or self._made_hull(picture, number)
-            node.position, node.wxyz = pose.translation, np.roll(quaternion_of(pose.rotation), 1)
+        return _Drawn(state, frame, instances, (ends, colours))
 
-    def _draw_instances(self, body: Body, grabbed: bool, new: InstanceArrays) -> None:
-        key = body, grabbed
-        old, node = self._shown.get(key), self._nodes.get(key)
-        self._shown[key] = new
+    def _show(self, picture: LivePicture, new: _Drawn) -> None:
+        """Show a picture, and from time to time its numbers and plots."""
+        if not self._looked_at:
+            self._look_at_scene(picture, new.frame)
+        old, self._shown = self._shown, new
+        with self._server.atomic():
+            for key, arrays in new.instances.items():
+                self._show_instances(key, arrays, None if old is None else old.instances.get(key))
+            self._show_lines(*new.lines)
+            for number, pose in new.frame.hulls.items():
+                node = self._hulls.get(number) or self._made_hull(picture, number)
+                turned = np.roll(quaternion_of(pose.rotation), 1)
+                node.position, node.wxyz = pose.translation, turned
+        if self._due("numbers", NUMBERS_HZ):
+            self._tell(new.state, new.frame)
+        if self._with_plots.value and self._due("plots", PLOTS_HZ):
+            for plot, columns in self._plots:
+                plot.data = columns()
+
+    def _show_lines(self, ends: Array, colours: Array) -> None:
+        if self._lines is not None and len(ends) == len(self._lines.points):
+            self._lines.points, self._lines.colors = ends, colours
+            return
+        if self._lines is not None:
+            self._lines.remove()
+        self._lines = self._server.scene.add_line_segments(
+            "/lines", ends, colours, thickness=_LINE_WIDTH, thickness_units="screen"
+        )
+
+    def _show_instances(
+        self, key: tuple[Body, bool], new: InstanceArrays, old: InstanceArrays | None
+    ) -> None:
+        node = self._nodes.get(key)
         if node is None or old is None or len(old.shapes) != len(new.shapes):
             if node is not None:
                 node.remove()
-            self._nodes[key] = self._made_instances(body, grabbed, new)
+            self._nodes[key] = self._made_instances(*key, new)
             return
         node.batched_positions, node.batched_wxyzs = new.positions, new.quaternions
         if not np.array_equal(old.scales, new.scales):
@@ -257,17 +292,21 @@ class LivePage:
         if grabbed:
 
             async def dragged(event: Any) -> None:
-                shown = self._shown[body, True].shapes
-                at = event.instance_index
-                shape = shown[at] if at is not None and at < len(shown) else None
-                picture, frame = self._picture, self._frame
-                link = None
-                if picture is not None and frame is not None and shape is not None:
-                    link = "" if shape.namespace == "device" else picture.link_of(shape, frame)
-                self._dragged(event, link)
+                self._dragged(event, self._link_at(body, event.instance_index))
 
             node.on_drag("left")(dragged)
         return node
+
+    def _link_at(self, body: Body, place: int | None) -> str | None:
+        """Return the link of an instance; no name for the hand's, None for what is of no link."""
+        shown, picture = self._shown, self._picture
+        if shown is None or picture is None or place is None:
+            return None
+        shapes = shown.instances[body, True].shapes
+        shape = shapes[place] if place < len(shapes) else None
+        if shape is None:
+            return None
+        return "" if shape.namespace == "device" else picture.link_of(shape, shown.frame)
 
     def _made_hull(self, picture: LivePicture, number: int) -> Any:
         hull, colour = picture.hulls[number], palette.MEANING["hulls"]
@@ -313,15 +352,17 @@ class LivePage:
         if event.phase == "update":
             self._mouse.move(event.client_id, eye, seen)
             return
-        picture, frame, state = self._picture, self._frame, self._state
-        if picture is None or frame is None or state is None:
+        picture, shown = self._picture, self._shown
+        if picture is None or shown is None:
             return
-        device, start = state.device[:, 3], np.array(event.start_position)
+        device, start = shown.state.device[:, 3], np.array(event.start_position)
         if picture.is_hand(device, eye, start):
             link = ""
         if link is None:
             return
-        held, grip = (device, np.zeros(3)) if not link else (start, frame.in_link(link, start))
+        held, grip = (
+            (device, np.zeros(3)) if not link else (start, shown.frame.in_link(link, start))
+        )
         self._mouse.grab(event.client_id, link, grip, held, eye, start, picture.planar)
         self._mouse.move(event.client_id, eye, seen)
 
@@ -329,7 +370,7 @@ class LivePage:
 
     def _tell(self, state: LiveState, frame: LiveFrame) -> None:
         self._numbers.content = numbers_html(
-            state, frame.analysis.spectrum.s, frame.masses, self._said
+            state, self._name, frame.analysis.spectrum.s, frame.masses, self._said
         )
         if self._paused.value != state.paused:
             self._paused.value = state.paused
@@ -376,7 +417,9 @@ class LivePage:
             begin = gui.add_button("begin anew")
         self._pressed(begin, self._begun_anew)
         with gui.add_folder("show", expand_by_default=False):
-            boxes = {name: gui.add_checkbox(name, initial_value=name != "axes") for name in LAYERS}
+            boxes = {
+                name: gui.add_checkbox(name, initial_value=name not in HIDDEN) for name in LAYERS
+            }
             self._with_plots = gui.add_checkbox("plots", initial_value=True)
 
         async def layered(_event: Any) -> None:
@@ -384,7 +427,6 @@ class LivePage:
 
         for box in boxes.values():
             box.on_update(layered)
-        self._hidden = frozenset({"axes"})
         with gui.add_folder("keep", expand_by_default=False):
             self._recording = gui.add_checkbox("record a bag", initial_value=False)
             picture = gui.add_button("save a picture")

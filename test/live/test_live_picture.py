@@ -118,13 +118,13 @@ def test_numbers_are_told_by_name():
     session, picture = begun("five_bar")
     state = moved(session, 1.0)
     frame = picture.draw(state)
-    text = numbers_html(state, frame.analysis.spectrum.s, frame.masses, "")
+    text = numbers_html(state, "five_bar", frame.analysis.spectrum.s, frame.masses, "")
     assert '<b id="live-count">1</b>' in text
     assert "problem" not in text
-    refused = numbers_html(state, frame.analysis.spectrum.s, frame.masses, "a < b")
+    refused = numbers_html(state, "five_bar", frame.analysis.spectrum.s, frame.masses, "a < b")
     assert '<b id="live-problem">a &lt; b</b>' in refused
     assert "slower than real time" in numbers_html(
-        session_at(state, 0.5), frame.analysis.spectrum.s, np.array((1.0, np.inf)), ""
+        session_at(state, 0.5), "x", frame.analysis.spectrum.s, np.array((1.0, np.inf)), ""
     )
 
 
