@@ -190,6 +190,10 @@ class Page:
         """Close the tab, as somebody who clicks on its cross."""
         self.connection.call("Page.close")
 
+    def prepare(self, script: str) -> None:
+        """Run a script in every document before its own."""
+        self.connection.call("Page.addScriptToEvaluateOnNewDocument", source=script)
+
     def open(self, address: str) -> None:
         """Go to an address."""
         self.connection.call("Page.navigate", url=address)

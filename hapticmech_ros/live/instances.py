@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -21,10 +22,10 @@ from hapticmech_ros.view.shapes import rotation_to
 
 Body = Literal["sphere", "cylinder", "box", "cone"]
 BODIES: tuple[Body, ...] = ("sphere", "cylinder", "box", "cone")
-# Corners of what is round.
-_AROUND, _RINGS = 24, 12
-# Places are made in such steps, so that an arrow more is no new set.
-_STEP = 32
+# Corners of what is round: few, as every one of every instance takes time where no GPU draws them.
+_AROUND, _RINGS = 12, 6
+# Places are made in such steps, so that an arrow more is seldom a new set.
+_STEP = 4
 # What is not drawn has this size, m: with none its place could not be computed back.
 _NOTHING = 1e-9
 _UPRIGHT = np.array((1.0, 0.0, 0.0, 0.0))
@@ -169,19 +170,19 @@ def unit_body(body: Body) -> tuple[Array, Array]:
 def _turned(profile: Array) -> tuple[Array, Array]:
     """Return a body of revolution about z; profile (m, 2) of radius and height goes downwards."""
     turn = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
-    round_ = np.column_stack((np.cos(turn), np.sin(turn)))
-    rows = [
-        np.column_stack((radius * round_, np.full(_AROUND, height))) for radius, height in profile
-    ]
+    corners: list[tuple[float, float, float]] = []
+    rows: list[list[int]] = []
+    for radius, height in profile.tolist():
+        around = turn if radius > _NOTHING else turn[:1]
+        first = len(corners)
+        corners += [(radius * np.cos(a), radius * np.sin(a), height) for a in around]
+        rows.append([first + i % len(around) for i in range(_AROUND + 1)])
     triangles = []
-    for row in range(len(profile) - 1):
+    for above, below in pairwise(rows):
         for i in range(_AROUND):
-            j = (i + 1) % _AROUND
-            a, b = row * _AROUND + i, row * _AROUND + j
-            c, d = a + _AROUND, b + _AROUND
-            triangles += [(a, c, d), (a, d, b)]
-    corners = np.vstack(rows)
-    found = np.array(triangles)
-    edges = corners[found]
+            a, b, c, d = above[i], above[i + 1], below[i], below[i + 1]
+            triangles += [t for t in ((a, c, d), (a, d, b)) if len(set(t)) == len(t)]
+    places, found = np.array(corners), np.array(triangles)
+    edges = places[found]
     area = np.linalg.norm(np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0]), axis=1)
-    return corners, found[area > 1e-12]
+    return places, found[area > _NOTHING**2]
