@@ -7,20 +7,24 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 import typer
 
-from benchmarks.live.browser import Browser, Page, wait_until
-from benchmarks.live.served import Served, hand_at
 from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, number, silent
 from hapticmech_ros.cli.console import OutOption
+from hapticmech_ros.cli.live import VISER
 from hapticmech_ros.cli.study import JsonOption, carry_out
+from hapticmech_ros.installation import refuse_unmet
 from hapticmech_ros.live.commands import Open, Reset
 from hapticmech_ros.live.settings import OWN_HAND, changes_of
 from hapticmech_ros.scene import shipped_scenes
+
+if TYPE_CHECKING:
+    from benchmarks.live.browser import Page
+    from benchmarks.live.served import Served
 
 # Of the scene that is dragged: the mouse moves a pixel at a time, so often a second.
 DRAGGED, MOVES, MOVES_HZ = "five_bar", 150, 60.0
@@ -89,7 +93,13 @@ def run_benchmark(
 
     Raises:
         BenchError: Chromium is not installed, or the page does not answer.
+        InstallationError: viser is not installed.
     """
+    refuse_unmet([VISER])
+    # Here, as they need viser and what it brings.
+    from benchmarks.live.browser import Browser
+    from benchmarks.live.served import Served
+
     names = list(dict.fromkeys((DRAGGED, *scenes)))
     with tempfile.TemporaryDirectory() as folder, Served(names) as served:
         browser = Browser(Path(folder))
@@ -107,6 +117,8 @@ def run_benchmark(
 
 
 def _look(page: Page, served: Served, name: str, seconds: float, show: Show) -> Seen:
+    from benchmarks.live.browser import wait_until
+
     show(name)
     served.process.send(Open(name, changes_of(OWN_HAND, 0.0)))
     wait_until(lambda: page.text("live-scene") == name, f"{name} on the page")
@@ -117,11 +129,15 @@ def _look(page: Page, served: Served, name: str, seconds: float, show: Show) -> 
 
 def _drag(page: Page, served: Served) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """Return times (n,), s, from moves of the mouse to the ticks that act on them or later ones."""
+    from benchmarks.live.browser import wait_until
+    from benchmarks.live.served import sight
+
     states = served.process.states
     begun = time.monotonic()
     served.process.send(Reset())
     wait_until(lambda: states[-1][0] > begun + 1.0, "the session to begin anew")
-    x, y, scale = hand_at(page, DRAGGED)
+    seen = sight(page, DRAGGED)
+    x, y = seen.hand
     wait_until(lambda: page.is_drawn(x, y), "the hand to be seen")
     page.mouse("mouseMoved", x, y)
     page.mouse("mousePressed", x, y, pressed=True)
@@ -133,7 +149,9 @@ def _drag(page: Page, served: Served) -> np.ndarray[tuple[int], np.dtype[np.floa
         page.mouse("mouseMoved", x - move, y, pressed=True)
     time.sleep(0.2)
     start = states[0][1].device[0, 3]
-    goals = {s.goal_at: (start - s.goal[0]) * scale for at, s in states if at > begun and s.dragged}
+    goals = {
+        s.goal_at: (start - s.goal[0]) * seen.scale for at, s in states if at > begun and s.dragged
+    }
     page.mouse("mouseReleased", x - MOVES, y)
     wait_until(lambda: not states[-1][1].dragged, "the drag to end")
     times, pixels = np.array(list(goals)), np.array(list(goals.values()))

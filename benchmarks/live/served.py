@@ -5,13 +5,15 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from types import TracebackType
 
 import numpy as np
 
 from benchmarks.live.browser import Page, wait_until
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.live.commands import LiveState, Open, Opened, Report
-from hapticmech_ros.live.live_picture import LivePicture, first_view
+from hapticmech_ros.live.live_picture import LiveFrame, LivePicture, first_view
 from hapticmech_ros.live.live_session import LiveSession
 from hapticmech_ros.live.page import FIELD_OF_VIEW, HIDDEN, LivePage
 from hapticmech_ros.live.process import LiveProcess
@@ -86,27 +88,60 @@ class Served:
         wait_until(lambda: page.text("live-count"), "the page's numbers")
 
 
-def hand_at(page: Page, scene: str) -> tuple[float, float, float]:
-    """Return where (x, y) the hand of a planar scene is at its start, and pixels of a metre."""
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """How a planar scene is seen on a page at its start.
+
+    Attributes:
+        state: of the session.
+        frame: its picture.
+        middle: (2,) of the canvas, px.
+        centre: (3,) what is in its middle, m, world axes.
+        scale: pixels of a metre.
+    """
+
+    state: LiveState
+    frame: LiveFrame
+    middle: tuple[float, float]
+    centre: Array
+    scale: float
+
+    def pixel(self, place: Array) -> tuple[float, float]:
+        """Return where (x, y) a place of the plane is on the page.
+
+        Args:
+            place: (3,) m, world axes.
+        """
+        x, y, _ = self.scale * (place - self.centre)
+        return self.middle[0] + float(x), self.middle[1] - float(y)
+
+    @property
+    def hand(self) -> tuple[float, float]:
+        """Where (x, y) the hand is on the page."""
+        return self.pixel(self.state.device[:, 3])
+
+
+def sight(page: Page, scene: str) -> Sight:
+    """Return how a planar scene is seen on a page at its start."""
     session = LiveSession(asked(scene), 0.0)
     picture, state = LivePicture(session.opened), session.state()
-    eye, centre, _ = first_view(picture.draw(state, HIDDEN).shapes, planar=True)
+    frame = picture.draw(state, HIDDEN)
+    eye, centre, _ = first_view(frame.shapes, planar=True)
     left, top, width, height = page.ask(
         "(() => { const r = document.querySelector('canvas').getBoundingClientRect();"
         " return [r.x, r.y, r.width, r.height]; })()"
     )
     distance = float(np.linalg.norm(eye - centre))
     scale = 0.5 * height / float(np.tan(0.5 * FIELD_OF_VIEW)) / distance
-    x, y, _ = scale * (state.device[:, 3] - centre)
-    return left + 0.5 * width + x, top + 0.5 * height - y, scale
+    return Sight(state, frame, (left + 0.5 * width, top + 0.5 * height), centre, scale)
 
 
-def drag_hand(page: Page, scene: str, metres: float) -> tuple[float, float]:
-    """Take hold of the hand, pull it to the left by some metres, and return where (x, y) it is."""
-    x, y, scale = hand_at(page, scene)
-    wait_until(lambda: page.is_drawn(x, y), "the hand to be seen")
+def drag(page: Page, start: tuple[float, float], pixels: float) -> tuple[float, float]:
+    """Take hold of what is at a place, pull it to the left, and return where (x, y) it is then."""
+    x, y = start
+    wait_until(lambda: page.is_drawn(x, y), "what is to be dragged")
     page.mouse("mouseMoved", x, y)
     page.mouse("mousePressed", x, y, pressed=True)
     for share in np.linspace(0.0, 1.0, 20).tolist():
-        page.mouse("mouseMoved", x - share * metres * scale, y, pressed=True)
-    return x - metres * scale, y
+        page.mouse("mouseMoved", x - share * pixels, y, pressed=True)
+    return x - pixels, y

@@ -404,7 +404,10 @@ class LivePage:
         self._numbers = gui.add_html("")
         names = list(dict.fromkeys((self._first, *scenes)))
         self._scene = gui.add_dropdown("scene", names, initial_value=self._first)
-        self._when(self._scene, lambda name: Open(name, self._changes(name)))
+        # A client could send any name, and so have any file read.
+        self._when(
+            self._scene, lambda name: Open(name, self._changes(name)) if name in names else None
+        )
         self._paused = gui.add_checkbox("pause", initial_value=False)
         self._when(self._paused, Pause)
         self._pressed(gui.add_button("one tick"), Step)

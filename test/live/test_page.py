@@ -9,7 +9,10 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from hapticmech_ros.live.live_picture import LivePicture
 
 if find_spec("viser") is None:
     pytest.skip("viser, of the extra live, is not installed", allow_module_level=True)
@@ -19,7 +22,7 @@ from benchmarks.live.browser import Browser, chromium, wait_until
 if chromium() is None:
     pytest.skip("Chromium is not installed", allow_module_level=True)
 
-from benchmarks.live.served import Served, drag_hand
+from benchmarks.live.served import Served, drag, sight
 
 BIN = Path(sys.prefix) / "bin"
 SCENE, SCENES = "five_bar", ("five_bar", "two_link")
@@ -48,6 +51,12 @@ def page(browser, served):
     found.connection.close()
 
 
+def drag_hand(page, metres):
+    """Pull the hand to the left by some metres; return where (x, y) it is then, px."""
+    seen = sight(page, SCENE)
+    return drag(page, seen.hand, metres * seen.scale)
+
+
 def reset(page):
     page.click_text("button", "reset")
     wait_until(lambda: float(page.text("live-time") or "inf") < 2.0, "the session to begin anew")
@@ -70,7 +79,7 @@ def test_it_shows_numbers_and_asks_nobody_but_this_machine(page, served):
 
 def test_the_five_bar_is_dragged_until_two_constraints_are_felt(page):
     reset(page)
-    x, y = drag_hand(page, SCENE, 0.05)
+    x, y = drag_hand(page, 0.05)
     page.wait_for_text("live-dragged", "hand")
     page.wait_for_text("live-count", "2")
     page.mouse("mouseReleased", x, y)
@@ -78,9 +87,28 @@ def test_the_five_bar_is_dragged_until_two_constraints_are_felt(page):
     page.wait_for_text("live-force", "0.00")
 
 
+@pytest.mark.parametrize("link", ["link1", "link4"])
+def test_a_link_is_dragged_where_it_is_grabbed(page, served, link):
+    reset(page)
+    seen = sight(page, SCENE)
+    (limb,) = [ends for name, ends in seen.frame.placement.limbs if name == link]
+    x, y = drag(page, seen.pixel(limb.mean(axis=0)), 40.0)
+    page.wait_for_text("live-dragged", link)
+    state = wait_until(
+        lambda: (state := served.process.states[-1][1]).dragged == link and state, link
+    )
+    # On its limb: as far from either end as the limb is long, both together.
+    placed = LivePicture(served.process.opened[-1]).draw(state).placement
+    (limb,) = [ends for name, ends in placed.limbs if name == link]
+    near = np.linalg.norm(limb - state.grip * (1, 1, 0), axis=1).sum()
+    assert near == pytest.approx(np.linalg.norm(limb[1] - limb[0]), rel=0.05)
+    page.mouse("mouseReleased", x, y)
+    page.wait_for_text("live-dragged", "nothing")
+
+
 def test_a_mouse_that_is_held_still_goes_on_pulling(page, served):
     reset(page)
-    x, y = drag_hand(page, SCENE, 0.05)
+    x, y = drag_hand(page, 0.05)
     page.wait_for_text("live-dragged", "hand")
     begun = time.monotonic()
     wait_until(lambda: time.monotonic() - begun > 1.0, "a second")
@@ -136,7 +164,7 @@ def test_the_wrench_of_a_closed_tab_ends(browser, served, page):
     reset(page)
     tab = browser.page()
     served.opened_in(tab)
-    drag_hand(tab, SCENE, 0.05)
+    drag_hand(tab, 0.05)
     wait_until(lambda: abs(served.process.states[-1][1].hand_wrench[0]) > 0.1, "a force")
     begun = time.monotonic()
     tab.close()
