@@ -11,6 +11,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -133,7 +134,9 @@ class Connection:
         message = {"id": number, "method": method, "params": parameters}
         self._socket.send(json.dumps(message))
         with self._came:
-            self._came.wait_for(lambda: number in self._answers, PATIENCE_S)
+            self._came.wait_for(
+                lambda: number in self._answers or self._end < float("inf"), PATIENCE_S
+            )
             answer = self._answers.pop(number, {"error": "no answer"})
         if "error" in answer:
             raise BenchError(f"{method}: {answer['error']}")
@@ -154,7 +157,9 @@ class Connection:
             try:
                 text = self._socket.recv()
             except ConnectionClosed:  # by either side, or with the browser
-                self._end = time.monotonic()
+                with self._came:
+                    self._end = time.monotonic()
+                    self._came.notify_all()
                 return
             message = json.loads(text)
             with self._came:
@@ -188,7 +193,8 @@ class Page:
 
     def close(self) -> None:
         """Close the tab, as somebody who clicks on its cross."""
-        self.connection.call("Page.close")
+        with suppress(BenchError, ConnectionClosed):  # it may be gone before it answers
+            self.connection.call("Page.close")
 
     def prepare(self, script: str) -> None:
         """Run a script in every document before its own."""

@@ -35,8 +35,9 @@ from hapticmech_ros.live.state_bag import StateBag
 from hapticmech_ros.scene.loader import changed_scene, load_scene
 from hapticmech_ros.session import Sample, Session
 
-# A drag of which nothing is heard for so long (s) has ended: its page hangs, or is gone.
-DRAG_TIMEOUT_S = 0.2
+# A drag of which nothing is heard for so long (s) has ended: its page hangs, or is gone. Its wrench
+# is to end within 0.2 s, whatever else the machine has to do.
+DRAG_TIMEOUT_S = 0.15
 # Ticks that are computed at once take this long in real time (s); then commands are heard again.
 AT_ONCE_S = 0.005
 # What is behind by more than this (s) is not caught up.

@@ -115,7 +115,10 @@ class LivePage:
         server.gui.configure_theme(show_share_button=False, show_logo=False)
         server.gui.main_panel.dock_right()
         server.scene.configure_environment_map(hdri=None)
-        server.scene.configure_default_lights(enabled=True, cast_shadow=False)
+        # Fewer lights than by default: where no GPU draws, each takes time at every pixel.
+        server.scene.configure_default_lights(enabled=False)
+        server.scene.add_light_ambient("/ambient", intensity=0.9)
+        server.scene.add_light_directional("/light", position=(0.5, 0.4, 1.0), intensity=2.5)
         server.initial_camera.fov = FIELD_OF_VIEW
         self._mouse = Mouse(process.send)
         self._picture: LivePicture | None = None
@@ -132,13 +135,20 @@ class LivePage:
         self._closures: dict[str, Any] = {}
         self._hidden = HIDDEN
         self._said = ""
-        self._drawn = dict.fromkeys(("picture", "numbers", "plots", "drag"), 0.0)
+        self._drawn = dict.fromkeys(("picture", "numbers", "plots"), 0.0)
         self._with_viser(lambda: self._make_controls(scenes))
 
         async def gone(client: Any) -> None:
             self._mouse.let_go(client.client_id)
 
+        async def repeat() -> None:
+            while True:
+                self._mouse.repeat()
+                await asyncio.sleep(REPEAT_S)
+
         server.on_client_disconnect(gone)
+        # There, as that loop is what notices that a tab is closed: if it hangs, the drag ends.
+        self._repeating = asyncio.run_coroutine_threadsafe(repeat(), server.get_event_loop())
 
     @property
     def address(self) -> str:
@@ -163,8 +173,6 @@ class LivePage:
                     self._said = report.reason
                 elif report.number == self._number:
                     self._newest = report
-            if self._due("drag", 1.0 / REPEAT_S):
-                self._mouse.repeat()
             state, picture_now = self._newest, self._picture
             if state is None or picture_now is None:
                 continue
@@ -175,6 +183,7 @@ class LivePage:
 
     def close(self) -> None:
         """Serve it no more."""
+        self._repeating.cancel()
         self._mouse.let_go()
         self._server.stop()
 
