@@ -253,7 +253,14 @@ class Page:
             " const r = e.getBoundingClientRect();"
             " return [r.x + r.width / 2, r.y + r.height / 2]; })()"
         )
-        x, y = wait_until(lambda: self.ask(wanted), f"{tag} {words!r}")
+        before: list[object] = [None]
+
+        def still() -> list[float] | None:
+            """Return where it is, if it was there before: folders open slowly."""
+            before.append(self.ask(wanted))
+            return before[-1] if before[-1] == before[-2] else None  # type: ignore[return-value]
+
+        x, y = wait_until(still, f"{tag} {words!r}") or (0.0, 0.0)
         self.click(x, y)
 
     def is_drawn(self, x: float, y: float) -> bool:

@@ -11,14 +11,14 @@ import io
 import time
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
-from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import viser
 import viser.uplot
-from matplotlib.image import imsave
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.live.commands import (
@@ -36,13 +36,11 @@ from hapticmech_ros.live.commands import (
     SwitchClosure,
     Tune,
 )
+from hapticmech_ros.live.drawing import Drawing, Drawn
 from hapticmech_ros.live.history import History
 from hapticmech_ros.live.instances import (
     Body,
     InstanceArrays,
-    Instances,
-    instance_parts,
-    line_segments,
     unit_body,
 )
 from hapticmech_ros.live.live_picture import LAYERS, LiveFrame, LivePicture, first_view
@@ -59,6 +57,8 @@ from hapticmech_ros.live.settings import (
 )
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.view import palette
+from hapticmech_ros.view.drawn import draw_shapes
+from hapticmech_ros.view.mass_ellipsoid import MASS
 
 # Pictures, numbers and plots a second, at most.
 PICTURES_HZ, NUMBERS_HZ, PLOTS_HZ = 30.0, 10.0, 4.0
@@ -69,20 +69,8 @@ FIELD_OF_VIEW = float(np.deg2rad(45.0))
 HIDDEN = frozenset({"axes"})
 # So many closures are seen without being asked for.
 _FEW = 4
-_LINE_WIDTH, _PICTURE_SIZE = 2.0, (900, 1200)
+_LINE_WIDTH = 2.0
 _STROKES = ("#7a4fd0", "#1a7f86", "#d9534f", "#2f6fd0", "#c79a2a", "#5a5a5a")
-# What can be grabbed, by the first part of its namespace: arrows are in the way of nothing.
-_GRABBED = ("links", "joints", "solids", "device", "point")
-
-
-@dataclass(slots=True)
-class _Drawn:
-    """A picture as viser takes it: instances by body, and by whether they can be grabbed; lines."""
-
-    state: LiveState
-    frame: LiveFrame
-    instances: dict[tuple[Body, bool], InstanceArrays]
-    lines: tuple[Array, Array]
 
 
 class LivePage:
@@ -121,13 +109,12 @@ class LivePage:
         server.scene.add_light_directional("/light", position=(0.5, 0.4, 1.0), intensity=2.5)
         server.initial_camera.fov = FIELD_OF_VIEW
         self._mouse = Mouse(process.send)
-        self._picture: LivePicture | None = None
+        self._drawing: Drawing | None = None
         self._newest: LiveState | None = None
-        self._shown: _Drawn | None = None
+        self._shown: Drawn | None = None
         self._looked_at = False
         self._number, self._name = 0, ""
         self._history = History()
-        self._instances: dict[tuple[Body, bool], Instances] = {}
         self._nodes: dict[tuple[Body, bool], Any] = {}
         self._lines: Any = None
         self._hulls: dict[int, Any] = {}
@@ -167,19 +154,18 @@ class LivePage:
         while not ended():
             for report in self._process.news(REPEAT_S):
                 if isinstance(report, Opened):
-                    picture = LivePicture(report)
-                    self._with_viser(partial(self._open, report, picture))
+                    drawing = Drawing(LivePicture(report))
+                    self._with_viser(partial(self._open, report, drawing))
                 elif isinstance(report, Failed):
                     self._said = report.reason
                 elif report.number == self._number:
                     self._newest = report
-            state, picture_now = self._newest, self._picture
-            if state is None or picture_now is None:
+            state, current = self._newest, self._drawing
+            if state is None or current is None:
                 continue
             self._history.add(state)
             if self._server.get_clients() and self._due("picture", PICTURES_HZ):
-                drawn = self._drawn_of(picture_now, state)
-                self._with_viser(partial(self._show, picture_now, drawn))
+                self._with_viser(partial(self._show, current.drawn(state, self._hidden)))
 
     def close(self) -> None:
         """Serve it no more."""
@@ -204,40 +190,26 @@ class LivePage:
 
         asyncio.run_coroutine_threadsafe(done(), self._server.get_event_loop()).result()
 
-    def _open(self, opened: Opened, picture: LivePicture) -> None:
+    def _open(self, opened: Opened, drawing: Drawing) -> None:
         """Draw another scene, or the same held elsewhere."""
         self._mouse.let_go()
         self._said = ""
-        new = self._picture is None or opened.asked != self._asked
+        new = self._drawing is None or opened.asked != self._asked
         self._asked, self._number, self._name = opened.asked, opened.number, opened.scene.name
-        self._picture, self._shown, self._newest = picture, None, None
+        picture = drawing.picture
+        self._drawing, self._shown, self._newest = drawing, None, None
         self._history.begin(3 if picture.planar else 6)
         for node in (*self._nodes.values(), *self._hulls.values(), self._lines):
             if node is not None:
                 node.remove()
-        self._instances, self._nodes = {}, {}
-        self._lines, self._hulls = None, {}
+        self._nodes, self._lines, self._hulls = {}, None, {}
         if new:
             self._looked_at = False
             self._make_scene_controls(opened, picture.closures)
 
-    def _drawn_of(self, picture: LivePicture, state: LiveState) -> _Drawn:
-        frame = picture.draw(state, self._hidden)
-        instances = {}
-        for grabbed in (True, False):
-            shapes = [s for s in frame.shapes if s.namespace.startswith(_GRABBED) == grabbed]
-            for body, parts in instance_parts(shapes).items():
-                known = self._instances.setdefault((body, grabbed), Instances())
-                arrays = known.arranged(parts)
-                if len(arrays.shapes):
-                    instances[body, grabbed] = arrays
-        ends, colours = line_segments(frame.shapes)
-        if not len(ends):
-            ends, colours = np.zeros((1, 2, 3)), np.zeros((1, 2, 3), dtype=np.uint8)
-        return _Drawn(state, frame, instances, (ends, colours))
-
-    def _show(self, picture: LivePicture, new: _Drawn) -> None:
+    def _show(self, new: Drawn) -> None:
         """Show a picture, and from time to time its numbers and plots."""
+        picture = new.picture
         if not self._looked_at:
             self._look_at_scene(picture, new.frame)
         old, self._shown = self._shown, new
@@ -301,21 +273,11 @@ class LivePage:
         if grabbed:
 
             async def dragged(event: Any) -> None:
-                self._dragged(event, self._link_at(body, event.instance_index))
+                shown, at = self._shown, event.instance_index
+                self._dragged(event, None if shown is None else shown.link_at(body, at))
 
             node.on_drag("left")(dragged)
         return node
-
-    def _link_at(self, body: Body, place: int | None) -> str | None:
-        """Return the link of an instance; no name for the hand's, None for what is of no link."""
-        shown, picture = self._shown, self._picture
-        if shown is None or picture is None or place is None:
-            return None
-        shapes = shown.instances[body, True].shapes
-        shape = shapes[place] if place < len(shapes) else None
-        if shape is None:
-            return None
-        return "" if shape.namespace == "device" else picture.link_of(shape, shown.frame)
 
     def _made_hull(self, picture: LivePicture, number: int) -> Any:
         hull, colour = picture.hulls[number], palette.MEANING["hulls"]
@@ -361,18 +323,18 @@ class LivePage:
         if event.phase == "update":
             self._mouse.move(event.client_id, eye, seen)
             return
-        picture, shown = self._picture, self._shown
-        if picture is None or shown is None:
+        shown = self._shown
+        if shown is None:
             return
         device, start = shown.state.device[:, 3], np.array(event.start_position)
-        if picture.is_hand(device, eye, start):
+        if shown.picture.is_hand(device, eye, start):
             link = ""
         if link is None:
             return
         held, grip = (
             (device, np.zeros(3)) if not link else (start, shown.frame.in_link(link, start))
         )
-        self._mouse.grab(event.client_id, link, grip, held, eye, start, picture.planar)
+        self._mouse.grab(event.client_id, link, grip, held, eye, start, shown.picture.planar)
         self._mouse.move(event.client_id, eye, seen)
 
     # Numbers and controls.
@@ -514,14 +476,18 @@ class LivePage:
         return Record(name)
 
     def _save_picture(self, event: Any) -> None:
-        """Send what a client sees as a PNG file."""
-        if event.client is None:
+        """Send a client the present picture as a PNG file."""
+        shown, name = self._shown, f"{self._name}.png"
+        if event.client is None or shown is None:
             return
-        height, width = _PICTURE_SIZE
-        seen = event.client.get_render(height, width, transport_format="png")
-        file = io.BytesIO()
-        imsave(file, np.asarray(seen), format="png")
-        event.client.send_file_download(f"{self._scene.value}.png", file.getvalue())
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / name
+            shapes = [one for one in shown.frame.shapes if one.namespace != MASS]
+            draw_shapes(
+                shapes, path, shown.picture.planar, f"{self._name}, {shown.state.time:.2f} s"
+            )
+            content = path.read_bytes()
+        self._with_viser(partial(event.client.send_file_download, name, content))
 
 
 def _no_share(verbose: bool = True) -> None:

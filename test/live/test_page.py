@@ -149,6 +149,12 @@ def test_a_slider_changes_a_gain(page):
     assert found.startswith("controller.joint_constraint.stiffness=")
 
 
+def test_what_is_seen_is_saved_as_a_picture(page):
+    page.click_text("p, span, div", "keep")
+    page.click_text("button", "save a picture")
+    wait_until(lambda: "five_bar.png" in page.ask("document.body.innerText"), "the file")
+
+
 def test_another_scene_is_chosen(page, served):
     for name, count in (("two_link", "1"), ("five_bar", "1")):
         page.click_text("p, span, div, label, input", "scene")
