@@ -14,6 +14,7 @@ import typer
 
 from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, number, silent
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.live import VISER
 from hapticmech_ros.cli.study import JsonOption, carry_out
@@ -34,6 +35,9 @@ _COUNTING = """(() => { window.drawn = 0; let fresh = true;
   WebGL2RenderingContext.prototype.clear = function(...given) {
     if (fresh) { window.drawn += 1; fresh = false; requestAnimationFrame(() => { fresh = true; }); }
     return draw.apply(this, given); }; })()"""
+# When the browser told the page of a move, ms of the wall clock, and where the mouse was.
+_LISTENING = """window.moves = []; addEventListener('pointermove', e => window.moves.push(
+  [performance.timeOrigin + performance.now(), e.clientX]), true)"""
 _FRAMES = """new Promise(done => { const begun = performance.now(), first = window.drawn;
   setTimeout(() => done(1000 * (window.drawn - first) / (performance.now() - begun)), %d); })"""
 
@@ -55,13 +59,20 @@ class Seen:
 
 @dataclass(frozen=True)
 class LiveResults(MachineResults):
-    """Pictures a second of scenes, and times from a move of the mouse to its force."""
+    """Pictures a second of scenes, and times from a move of the mouse to its force.
+
+    Attributes:
+        seen: by scene.
+        from_mouse: p50 and p95, ms, from when the mouse moved.
+        from_page: likewise, from when the browser, which waits for its frames, told the page.
+        moves: of the mouse.
+    """
 
     NAME: ClassVar[str] = "bench_live"
 
     seen: tuple[Seen, ...]
-    p50_ms: float
-    p95_ms: float
+    from_mouse: tuple[float, float]
+    from_page: tuple[float, float]
     moves: int
 
     def sheets(self) -> Iterator[Sheet]:
@@ -75,8 +86,12 @@ class LiveResults(MachineResults):
         )
         yield Sheet(
             f"from a move of the mouse to a tick with its force, {DRAGGED}",
-            ("moves", "p50, ms", "p95, ms"),
-            ((str(self.moves), number(self.p50_ms, ".0f"), number(self.p95_ms, ".0f")),),
+            ("from", "p50, ms", "p95, ms"),
+            (
+                ("the mouse", *(number(value, ".0f") for value in self.from_mouse)),
+                ("the page's event", *(number(value, ".0f") for value in self.from_page)),
+            ),
+            caption=f"{self.moves} moves",
         )
 
 
@@ -106,14 +121,20 @@ def run_benchmark(
         try:
             page = browser.page()
             page.prepare(_COUNTING)
+            page.prepare(_LISTENING)
             served.opened_in(page)
             show(f"dragging {DRAGGED}")
-            taken = np.concatenate([_drag(page, served) for _ in range(rounds)])
+            drags = [_drag(page, served) for _ in range(rounds)]
             seen = [_look(page, served, name, seconds, show) for name in scenes]
         finally:
             browser.close()
-    p50, p95 = (float(1e3 * np.percentile(taken, share)) for share in (50, 95))
-    return LiveResults(machine(), tuple(seen), p50, p95, taken.size)
+    mouse, told = (np.concatenate([one[k] for one in drags]) for k in (0, 1))
+    return LiveResults(machine(), tuple(seen), _shares(mouse), _shares(told), mouse.size)
+
+
+def _shares(taken: Array) -> tuple[float, float]:
+    p50, p95 = 1e3 * np.percentile(taken, (50, 95))
+    return float(p50), float(p95)
 
 
 def _look(page: Page, served: Served, name: str, seconds: float, show: Show) -> Seen:
@@ -127,8 +148,8 @@ def _look(page: Page, served: Served, name: str, seconds: float, show: Show) -> 
     return Seen(name, frames, served.process.states[-1][1].factor)
 
 
-def _drag(page: Page, served: Served) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Return times (n,), s, from moves of the mouse to the ticks that act on them or later ones."""
+def _drag(page: Page, served: Served) -> tuple[Array, Array]:
+    """Return times, s, from moves (n,) and events (m,) to ticks that act on them."""
     from benchmarks.live.browser import wait_until
     from benchmarks.live.served import sight
 
@@ -155,8 +176,20 @@ def _drag(page: Page, served: Served) -> np.ndarray[tuple[int], np.dtype[np.floa
     page.mouse("mouseReleased", x - MOVES, y)
     wait_until(lambda: not states[-1][1].dragged, "the drag to end")
     times, pixels = np.array(list(goals)), np.array(list(goals.values()))
-    acted = [times[np.flatnonzero(pixels > move - 0.5)[:1]] for move in range(MOVES)]
-    return np.concatenate([at - sent[move] for move, at in enumerate(acted)])
+
+    def taken(moved: Array, at: Array) -> Array:
+        acted = [
+            times[pixels > pixel - 0.5][:1] - when for pixel, when in zip(moved, at, strict=True)
+        ]
+        return np.concatenate(acted)
+
+    told = np.array([one for one in page.ask("window.moves") if 1.0 < x - one[1] < MOVES])
+    page.ask("window.moves.length = 0")
+    to_monotonic = time.monotonic() - time.time()
+    return (
+        taken(np.arange(float(MOVES)), sent),
+        taken(x - told[:, 1], 1e-3 * told[:, 0] + to_monotonic),
+    )
 
 
 def live(
