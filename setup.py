@@ -17,6 +17,7 @@ EXECUTABLES = [
 ]
 
 DOCS = ["myst-parser>=4", "sphinx>=8"]
+LIVE = ["viser>=1.1"]
 
 HERE = Path(__file__).resolve().parent
 MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
@@ -111,6 +112,8 @@ setup(
         "docs": DOCS,
         # Inertias of meshes in MJCF files, by MuJoCo's compiler.
         "mjcf": ["mujoco>=4"],
+        # The page of `hapticmech live`, which asks for the same version.
+        "live": LIVE,
         # Tests of what is read from files read these robots, 130 MB of them, where they are.
         "robots": ["example-robot-data>=6"],
         # ROS 2 from PyPI. Never beside a sourced ROS 2 installation, which has all of this.
@@ -125,6 +128,8 @@ setup(
             "mcap-ros2-support",
             # The documents are built as a site.
             *DOCS,
+            # The live page is served to a browser.
+            *LIVE,
             # Tests check that our motions equal its.
             "mujoco>=4",
             "mypy>=1.10",

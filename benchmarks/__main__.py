@@ -15,6 +15,7 @@ COMMANDS = (
     "accuracy",
     "carriers",
     "graph",
+    "live",
     "memory",
     "realtime",
     "session",

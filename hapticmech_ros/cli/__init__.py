@@ -9,7 +9,17 @@ from typing import Annotated
 
 import typer
 
-from hapticmech_ros.cli import analyse, bag, device, experiment, feel, graph, replay, scene
+from hapticmech_ros.cli import (
+    analyse,
+    bag,
+    device,
+    experiment,
+    feel,
+    graph,
+    live,
+    replay,
+    scene,
+)
 from hapticmech_ros.cli.console import console, errors
 from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError
@@ -40,6 +50,7 @@ def _options(
 
 for command in (graph.run, experiment.demo, experiment.experiment, graph.topics, graph.parameters):
     app.command()(command)
+app.command()(live.live)
 app.command()(graph.policy)
 app.command()(analyse.analyse)
 app.command()(analyse.sweep)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -34,6 +34,7 @@ from hapticmech_ros.device.device_layout import DEVICE_MODEL
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
+from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.contact_wrench import contact_wrench
 from hapticmech_ros.operational.counter import ConstraintCounter
@@ -312,6 +313,20 @@ class SessionLoop:
 
     def _tick_in_parts(self, inputs: Array, rows: Array) -> None:
         """Do a tick in which something is done in Python."""
+        self._all_but_mechanism(inputs, rows)
+        if self._call(MECHANISM, inputs, rows):
+            self._step_otherwise()
+        elif self._may_latch:
+            self._latch()
+
+    def _tick_pushed(self, inputs: Array, rows: Array, on_links: Mapping[str, Array]) -> None:
+        """Do a tick in which links are pushed, which the kernel does not know."""
+        self._clock[EVERY] = 0
+        self._all_but_mechanism(inputs, rows)
+        self._step_in_python(on_links)
+
+    def _all_but_mechanism(self, inputs: Array, rows: Array) -> None:
+        """Do the phases of a tick up to the mechanism's step."""
         control, simulated = self._control, self._simulated
         if not simulated:
             self._sense_otherwise(inputs[0])
@@ -327,10 +342,6 @@ class SessionLoop:
         self._clock[ANSWERED] = 0
         if not simulated:
             self._move_otherwise()
-        if self._call(MECHANISM, inputs, rows):
-            self._step_otherwise()
-        elif self._may_latch:
-            self._latch()
 
     def _set(self, clutch: Clutch) -> None:
         """Give the kernel what fixes the controllers now."""
@@ -397,13 +408,17 @@ class SessionLoop:
 
         That is at singular positions, and where nearest points of shapes are searched for.
         """
-        data, state = self._parts, self.mechanism
         if self._contacts is not None and self._clock[WHY] == MORE_WORKSPACE:
             self._contacts.enlarge()
             self._give(CONTACTS, self._contacts.arrays)
+        self._step_in_python(NOTHING)
+
+    def _step_in_python(self, on_links: Mapping[str, Array]) -> None:
+        """Move the mechanism on, with wrenches (6,) on links at their frames' origins."""
+        data, state = self._parts, self.mechanism
         wrenches = np.zeros((len(self.simulator.mechanism.point_names), 6))
         wrenches[self._analyser.index] = data.wrenches[ON_MECHANISM] + data.external
-        self._begin(self.simulator.step(state, wrenches))
+        self._begin(self.simulator.step(state, wrenches, on_links))
         self._clock[TICK] += 1
 
     def _engaged_clutch(self, time: float) -> Clutch:

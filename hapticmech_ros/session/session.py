@@ -8,7 +8,7 @@ control law, is called in its place, and the kernel does the rest of the tick ar
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -89,7 +89,10 @@ class Session(SessionLoop):
         self._control.tune(self.time, gains)
 
     def tick(
-        self, external_wrench: Array | None = None, hand_wrench: Array | None = None
+        self,
+        external_wrench: Array | None = None,
+        hand_wrench: Array | None = None,
+        on_links: Mapping[str, Array] | None = None,
     ) -> Sample:
         """Advance mechanism and device by one period; return what was measured and commanded.
 
@@ -98,13 +101,19 @@ class Session(SessionLoop):
                 held over the period; none if left out.
             hand_wrench: (6,) on the device at the point held, N and N m, world axes, beside the
                 hand's own and held over the period; none if left out.
+            on_links: (6,) by name of the link, on the mechanism at its frame's origin, N and N m,
+                world axes, held over the period; none if left out. F_c has no part of them.
 
         Raises:
             ClosureError: a closed loop came apart.
             InaccurateStepError: a step's energy account is off by a tenth of what it exchanged.
-            InvalidInputError: the state is no longer finite, or a wrench of another shape or not
-                finite; nothing has moved then.
+            InvalidInputError: the state is no longer finite, an unknown link, or a wrench of
+                another shape or not finite; nothing has moved then.
         """
+        pushed = {}
+        for link, wrench in (on_links or {}).items():
+            self.simulator.mechanism.link_place(link)
+            pushed[link] = _wrench(f"wrench on {link}", wrench)
         inputs = _NOTHING
         if external_wrench is not None or hand_wrench is not None:
             inputs = np.zeros((1, 12))
@@ -114,7 +123,10 @@ class Session(SessionLoop):
             inputs[0, 6:] = _wrench("hand_wrench", hand_wrench)
         time, device, state = self.time, self._device_state, self._mechanism_state
         known = (self._known, self._touching()) if state is None else state
-        self._go(1, inputs, _NO_RECORDS, 0)
+        if pushed:
+            self._tick_pushed(inputs, _NO_RECORDS, pushed)
+        else:
+            self._go(1, inputs, _NO_RECORDS, 0)
         values = self._sampled.copy()
         return Sample(time, self._data.numbers, values, self._analyser, known, device)
 

@@ -18,6 +18,7 @@ RIGID: Colour = (0.60, 0.35, 1.00, 0.9)
 TOUCH: Colour = (1.00, 0.40, 0.55, 1.0)
 FREE: Colour = (0.10, 0.65, 0.70, 0.45)
 DEVICE: Colour = (0.95, 0.75, 0.20, 0.6)
+MASS: Colour = (0.35, 0.55, 0.90, 0.25)
 LETTERS: Colour = (0.90, 0.90, 0.90, 1.0)
 # Axes are red, green and blue for x, y and z, as everywhere; those of the world are paler.
 AXES: tuple[Colour, Colour, Colour] = (
@@ -47,5 +48,6 @@ MEANING: dict[str, Colour] = {
     "rigid_directions": RIGID,
     "free_directions": FREE,
     "device": DEVICE,
+    "mass": MASS,
     "count": LETTERS,
 }

@@ -1,0 +1,1 @@
+"""The live page: pictures a second, and from the mouse to its force."""

@@ -1,0 +1,55 @@
+"""``hapticmech live``: a page on which a scene moves, and is moved with the mouse."""
+
+from __future__ import annotations
+
+from ipaddress import IPv4Address, IPv6Address, ip_address
+from typing import Annotated
+
+import typer
+
+from hapticmech_ros.cli.console import ChangesOption, SceneArgument, console
+from hapticmech_ros.errors import InvalidInputError
+
+# What serves the page; the extra ``live`` in setup.py says the same.
+VISER = "viser>=1.1"
+
+
+def live(
+    scene: SceneArgument = "five_bar",
+    port: Annotated[
+        int, typer.Option(min=1, max=65535, help="of the page; the next free one if it is taken")
+    ] = 8080,
+    host: Annotated[
+        str, typer.Option(help="address that is served; 0.0.0.0: to everybody in the network")
+    ] = "127.0.0.1",
+    changes: ChangesOption = None,
+) -> None:
+    """Serve a page to this machine's browser on which SCENE moves, until Ctrl-C."""
+    from hapticmech_ros.cli.graph import stop_by_signals
+    from hapticmech_ros.installation import refuse_unmet
+    from hapticmech_ros.live.commands import Open
+    from hapticmech_ros.live.process import LiveProcess
+    from hapticmech_ros.live.settings import MOUSE_ALONE, changes_of
+    from hapticmech_ros.scene import shipped_scenes
+
+    address = _address(host)
+    refuse_unmet([VISER])
+    from hapticmech_ros.live.page import LivePage
+
+    given, stop = tuple(changes or ()), stop_by_signals()
+    with LiveProcess(Open(scene, (*changes_of(MOUSE_ALONE, 0.0), *given))) as process:
+        page = LivePage(process, scene, given, list(shipped_scenes()), host, port)
+        console.print(f"{page.address}; Ctrl-C ends it", highlight=False, soft_wrap=True)
+        if not address.is_loopback:
+            console.print("everybody who reaches this address can see and drag the mechanism")
+        try:
+            page.serve(stop.is_set)
+        finally:
+            page.close()
+
+
+def _address(host: str) -> IPv4Address | IPv6Address:
+    try:
+        return ip_address(host)
+    except ValueError:
+        raise InvalidInputError("--host", host, "must be an address such as 127.0.0.1") from None

@@ -1,0 +1,231 @@
+"""What the page tells the process that runs the session, and what it is told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.scene.document import Scene
+
+# What is dragged where it is not a link.
+HAND = "hand"
+
+
+@dataclass(frozen=True, slots=True)
+class Drag:
+    """A grip is pulled to a place by a spring, until told otherwise or nothing more is heard.
+
+    Attributes:
+        link: that is pulled; the device, at the point held, if empty.
+        grip: (3,) where, in the link's frame, m; of the device none is needed.
+        goal: (3,) to where, m, world axes.
+    """
+
+    link: str
+    grip: Array
+    goal: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """Nothing is dragged any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """Stop, or go on.
+
+    Attributes:
+        paused: whether to stop.
+    """
+
+    paused: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Go on by some ticks while paused.
+
+    Attributes:
+        ticks: how many.
+    """
+
+    ticks: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """Begin anew at the scene's start, with the changes that were made."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tune:
+    """Another value of a gain, or of the spring that drags.
+
+    Attributes:
+        key: of the scene, such as ``controller.joint_constraint.stiffness``.
+        value: in the key's unit.
+    """
+
+    key: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class DragStiffness:
+    """How stiff the spring that drags is.
+
+    Attributes:
+        factor: times what is chosen for what is dragged.
+    """
+
+    factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchClosure:
+    """Open or close a loop.
+
+    Attributes:
+        name: of the closure.
+        closed: whether it is to be closed.
+    """
+
+    name: str
+    closed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Hold the mechanism elsewhere.
+
+    Attributes:
+        frame: a link, or an operational point.
+    """
+
+    frame: str
+
+
+@dataclass(frozen=True, slots=True)
+class Open:
+    """Begin a scene.
+
+    Attributes:
+        scene: name of a shipped one, or a path.
+        changes: ``key=value`` each; see :func:`~hapticmech_ros.scene.changes.with_changes`.
+    """
+
+    scene: str
+    changes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Record from now on, or no more.
+
+    Attributes:
+        folder: of the bag, which must not exist; empty: end the recording.
+    """
+
+    folder: str
+
+
+Command = (
+    Drag
+    | Release
+    | Pause
+    | Step
+    | Reset
+    | Tune
+    | DragStiffness
+    | SwitchClosure
+    | Hold
+    | Open
+    | Record
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A scene has begun, or is held elsewhere: what is told from now on is of this one.
+
+    Attributes:
+        number: of openings; of states the same.
+        asked: what was asked for.
+        scene: as it is.
+        point: operational point that is held.
+    """
+
+    number: int
+    asked: Open
+    scene: Scene
+    point: str
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """What was asked for cannot be had; all is as it was.
+
+    Attributes:
+        reason: for people.
+    """
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class LiveState:
+    """What is seen at a time.
+
+    Attributes:
+        number: of the opening that it is of.
+        time: of the session, s.
+        paused: whether it stands still.
+        factor: simulated over real time, over the last second; 0 while it stands still.
+        q: (nq,) configuration.
+        active: per closure, whether it is closed.
+        observation: of the point held; see
+            :func:`~hapticmech_ros.operational.observation.observation_layout`.
+        count: joint constraints felt.
+        device: (3, 4) rotation and position (m) of the device in the world.
+        hand_wrench: (6,) on the device, by the hand and the mouse, N and N m, world axes.
+        on_hand: (6,) by the device, likewise.
+        on_mechanism: (6,) at the point held, by the hand through the controller, likewise.
+        contact: (6,) F_c at the point held, likewise.
+        dragged: what is dragged: empty for nothing, ``hand``, or a link.
+        drag_force: (3,) of the spring that drags, N, world axes.
+        grip: (3,) where it acts, m, world axes.
+        goal: (3,) to where it is pulled, m, world axes.
+        goal_at: s of the process's clock, since when it is pulled there.
+        changed: what was tuned, ``key=value`` each.
+        recording: folder of the bag that is recorded; empty for none.
+        error: what ended the session; empty while it lives.
+    """
+
+    number: int
+    time: float
+    paused: bool
+    factor: float
+    q: Array
+    active: Active
+    observation: Array
+    count: int
+    device: Array
+    hand_wrench: Array
+    on_hand: Array
+    on_mechanism: Array
+    contact: Array
+    dragged: str = ""
+    drag_force: Array = field(default_factory=lambda: np.zeros(3))
+    grip: Array = field(default_factory=lambda: np.zeros(3))
+    goal: Array = field(default_factory=lambda: np.zeros(3))
+    goal_at: float = 0.0
+    changed: tuple[str, ...] = ()
+    recording: str = ""
+    error: str = ""
+
+
+Report = Opened | Failed | LiveState

@@ -1,0 +1,196 @@
+"""What is drawn of a live session: shapes, hulls of meshes, and what of them can be dragged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.live.commands import LiveState, Opened
+from hapticmech_ros.live.shape_links import shape_links
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.operational import Analyser, OperationalAnalysis
+from hapticmech_ros.operational.observation import Observation
+from hapticmech_ros.scene.contacts import Mesh
+from hapticmech_ros.view import Picture, Placement, Placer, Shape, Snapshot
+from hapticmech_ros.view.mass_ellipsoid import MASS, felt_masses, mass_ellipsoid
+from hapticmech_ros.view.picture import DEVICE_DIAMETER
+
+# Arrows and rings: what the device can do at most is this long, as a share of the mechanism.
+FORCE_SHARE, TORQUE_SHARE = 1.0, 0.5
+# Half axes of the ellipsoid: the lightest direction at the start, and the longest one drawn.
+LIGHTEST_SHARE, LONGEST_SHARE = 0.15, 0.6
+# The ball of the hand is larger than elsewhere, as it is what people take hold of.
+_BALL = 1.6
+# Whence it is looked at, at first; from as far, as a share of what is seen.
+ABOVE, ASIDE, DISTANCE = np.array((0.0, 0.0, 1.0)), np.array((1.0, -1.6, 0.9)), 1.6
+# What people may leave out, and how the namespaces of its shapes begin.
+LAYERS: dict[str, tuple[str, ...]] = {
+    "forces": ("hand_force", "device_command", "contact_force", "point_command"),
+    "rigid and free directions": ("rigid_directions", "free_directions"),
+    "mass felt": (MASS,),
+    "axes": ("point/",),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Hull:
+    """A mesh that may touch, as its convex hull.
+
+    Attributes:
+        vertices: (n, 3) m, in the frame of its shape.
+        triangles: (k, 3) of vertices.
+    """
+
+    vertices: Array
+    triangles: Array
+
+
+@dataclass(frozen=True, slots=True)
+class LiveFrame:
+    """One picture.
+
+    Attributes:
+        shapes: in it.
+        hulls: shape's number -> pose in the world.
+        placement: where all is.
+        analysis: of the point held.
+        masses: (k,) felt there, kg, lightest first, infinite where rigid.
+    """
+
+    shapes: list[Shape]
+    hulls: dict[int, pin.SE3]
+    placement: Placement
+    analysis: OperationalAnalysis
+    masses: Array
+
+    def in_link(self, link: str, place: Array) -> Array:
+        """Return a place (3,) of the world, m, in the frame of a link.
+
+        Args:
+            link: its name.
+            place: (3,) m, world axes.
+        """
+        return np.asarray(self.placement.links[link].actInv(place))
+
+
+class LivePicture:
+    """Draws the states of a scene.
+
+    Args:
+        opened: the scene.
+
+    Attributes:
+        closures: names, as a state has them.
+        hulls: number of a shape of the scene -> its hull.
+        unit: the mechanism's length, m.
+        planar: whether all is in a plane.
+
+    Raises:
+        SceneError: a mesh that cannot be read.
+    """
+
+    def __init__(self, opened: Opened) -> None:
+        scene = opened.scene
+        self._scene, self._point = scene, opened.point
+        self._mechanism = mechanism = Mechanism(scene)
+        self.closures = [closure.name for closure in mechanism.closures]
+        self._analyser = Analyser(mechanism, opened.point)
+        self._placer = Placer(mechanism)
+        self.unit, self.planar = mechanism.length, scene.task_space == "planar"
+        device = scene.device
+        self._picture = Picture(
+            mechanism,
+            FORCE_SHARE * self.unit / device.force_limit,
+            TORQUE_SHARE * self.unit / device.torque_limit,
+        )
+        self.hulls = _hulls_of(opened)
+        self._metres_per_kg = 0.0
+
+    def draw(self, state: LiveState, hidden: frozenset[str] = frozenset()) -> LiveFrame:
+        """Return the picture of a state of this scene, without some layers."""
+        placement, found = self._placer.at(state.q), self._analysis(state)
+        snapshot = Snapshot(
+            active=state.active,
+            device=pin.SE3(state.device[:, :3], state.device[:, 3]),
+            hand_wrench=state.hand_wrench,
+            device_command=state.on_hand,
+            contacts={self._point: state.contact},
+            point_commands={self._point: state.on_mechanism},
+            held=self._point,
+            analysis=found,
+            count=state.count,
+        )
+        masses = felt_masses(found)[0]
+        if self._metres_per_kg == 0.0 and np.isfinite(masses[0]):
+            self._metres_per_kg = LIGHTEST_SHARE * self.unit / float(masses[0])
+        place = placement.points[self._point].translation
+        longest = LONGEST_SHARE * self.unit
+        shapes = self._picture.draw(snapshot, placement)
+        shapes += mass_ellipsoid(found, place, self._metres_per_kg, longest)
+        shapes = [_enlarged(one) if one.namespace == "device" else one for one in shapes]
+        without = tuple(start for layer in hidden for start in LAYERS[layer])
+        shown = [s for s in shapes if s.kind != "text" and not s.namespace.startswith(without)]
+        poses = {index: placement.solids[index] for index in self.hulls}
+        return LiveFrame(shown, poses, placement, found, masses)
+
+    def link_of(self, shape: Shape, frame: LiveFrame) -> str | None:
+        """Return the link that a shape moves with; None for what is of no link, such as arrows."""
+        return shape_links(self._scene, frame.placement).get(shape.key)
+
+    def link_of_hull(self, number: int) -> str | None:
+        """Return the link that a hull moves with; None for one that is fixed in the world."""
+        link = self._scene.shapes[number].link
+        return link if any(one.name == link for one in self._scene.links) else None
+
+    def is_hand(self, device: Array, eye: Array, place: Array) -> bool:
+        """Return whether somebody who points at a place means the hand, which may be behind it.
+
+        Args:
+            device: (3,) place of the device, m, world axes.
+            eye: (3,) from where it is seen, likewise.
+            place: (3,) that is pointed at, likewise.
+        """
+        ray = (place - eye) / max(float(np.linalg.norm(place - eye)), 1e-12)
+        aside = device - eye - ((device - eye) @ ray) * ray
+        return float(np.linalg.norm(aside)) < 0.5 * _BALL * DEVICE_DIAMETER * self.unit
+
+    def _analysis(self, state: LiveState) -> OperationalAnalysis:
+        analyser = self._analyser
+        nv = self._mechanism.nv
+        return Observation(state.observation, analyser.layout, analyser.rows, nv).analysis
+
+
+def _enlarged(shape: Shape) -> Shape:
+    x, y, z = shape.size
+    size = (_BALL * x, _BALL * y, _BALL * z)
+    return replace(shape, size=size) if shape.kind == "sphere" else shape
+
+
+def _hulls_of(opened: Opened) -> dict[int, Hull]:
+    shapes = opened.scene.shapes
+    if not any(isinstance(shape.geometry, Mesh) for shape in shapes):
+        return {}
+    # Here, so that scenes without meshes do not load what reads them.
+    from hapticmech_ros.contact.mesh_hulls import mesh_hulls
+
+    found = mesh_hulls(shapes)
+    return {index: Hull(one.vertices, one.triangles) for index, one in found.items()}
+
+
+def first_view(shapes: Sequence[Shape], planar: bool) -> tuple[Array, Array, Array]:
+    """Return from where (3,) to look at what (3,), m, and what is up (3,).
+
+    A planar scene is seen from above, with y upwards.
+    """
+    places = np.vstack(
+        [one.points if len(one.points) else one.pose.translation[None] for one in shapes]
+    )
+    low, high = places.min(axis=0), places.max(axis=0)
+    centre, size = 0.5 * (low + high), max(float(np.linalg.norm(high - low)), 1e-3)
+    towards = ABOVE if planar else ASIDE / np.linalg.norm(ASIDE)
+    up = np.array((0.0, 1.0, 0.0)) if planar else ABOVE
+    return centre + DISTANCE * size * towards, centre, up

@@ -1,0 +1,160 @@
+"""The process in which a live session runs, and the pipe to it.
+
+It has a process of its own because drawing and serving a page would take the time that ticks need.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from types import TracebackType
+
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.live.commands import Command, Failed, LiveState, Open, Report
+from hapticmech_ros.live.live_session import AT_ONCE_S, LiveSession
+
+# Between two states that are sent, s.
+STATE_PERIOD_S = 1.0 / 60.0
+# How long the child is given to end by itself, s.
+_END_S = 5.0
+_ENDED = "the live session's process has ended by itself"
+
+
+class LiveProcess:
+    """A live session in a child process; may be used from several threads.
+
+    As a context manager it ends the child. A child whose parent is gone ends by itself. What it
+    tells is taken from the pipe at once, so that it never waits for a page that is slow.
+
+    Args:
+        asked: the scene to begin with.
+
+    Raises:
+        HapticMechError: the scene is refused, or cannot begin.
+    """
+
+    def __init__(self, asked: Open) -> None:
+        context = get_context("spawn")
+        self._pipe, there = context.Pipe()
+        self._sending = threading.Lock()
+        self._came = threading.Condition()
+        self._news: list[Report] = []
+        self._ended = False
+        self._process = context.Process(
+            target=_serve, args=(there, asked), name="live session", daemon=True
+        )
+        self._process.start()
+        there.close()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        with self._came:
+            self._came.wait_for(lambda: self._news or self._ended)
+            first = self._news[0] if self._news else Failed(_ENDED)
+        if isinstance(first, Failed):
+            self.close()
+            raise HapticMechError(first.reason)
+
+    def __enter__(self) -> LiveProcess:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def send(self, command: Command) -> None:
+        """Tell the session a command; to one that has ended, nothing."""
+        with self._sending, suppress(OSError):  # it has ended
+            self._pipe.send(command)
+
+    def news(self, timeout_s: float) -> list[Report]:
+        """Return what has come: of states only the newest, the others in their order.
+
+        Args:
+            timeout_s: how long to wait for anything.
+
+        Raises:
+            HapticMechError: the process has ended.
+        """
+        with self._came:
+            self._came.wait_for(lambda: self._news or self._ended, timeout_s)
+            found, self._news = self._news, []
+            if not found and self._ended:
+                raise HapticMechError(_ENDED)
+        return found
+
+    def close(self) -> None:
+        """End the process."""
+        with self._sending, suppress(OSError):  # it has ended
+            self._pipe.send(None)
+        self._process.join(_END_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+        self._reader.join()
+        self._pipe.close()
+
+    def _read(self) -> None:
+        while True:
+            try:
+                report: Report | None = self._pipe.recv()
+            except (EOFError, OSError):
+                report = None
+            with self._came:
+                self._ended = report is None
+                if report is not None:
+                    self._news = newest([*self._news, report])
+                self._came.notify_all()
+                if self._ended:
+                    return
+
+
+def newest(reports: Sequence[Report]) -> list[Report]:
+    """Return reports in their order, of states only the last one."""
+    states = [one for one in reports if isinstance(one, LiveState)]
+    return [one for one in reports if not isinstance(one, LiveState) or one is states[-1]]
+
+
+def _serve(pipe: Connection, asked: Open) -> None:
+    """Run the session until the pipe closes."""
+    # Ctrl-C is for the parent, which then closes the pipe.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        live = LiveSession(asked, time.monotonic())
+    except HapticMechError as error:
+        pipe.send(Failed(str(error)))
+        return
+    try:
+        pipe.send(live.opened)
+        _run(pipe, live)
+    except (EOFError, OSError):  # the parent is gone
+        return
+    finally:
+        live.close()
+
+
+def _run(pipe: Connection, live: LiveSession) -> None:
+    sent = 0.0
+    while True:
+        wait = 0.0 if live.is_behind else AT_ONCE_S
+        while pipe.poll(wait):
+            command = pipe.recv()
+            if command is None:
+                return
+            told = live.take(command, time.monotonic())
+            if told is not None:
+                pipe.send(told)
+            wait = 0.0
+        live.advance(time.monotonic())
+        now = time.monotonic()
+        if now - sent >= STATE_PERIOD_S:
+            pipe.send(live.state())
+            sent = now

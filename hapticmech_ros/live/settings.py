@@ -1,0 +1,76 @@
+"""What can be set on the page: gains while a session runs, hand and delay when it begins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+
+from hapticmech_ros.scene.document import Scene
+
+_STILL_ARM = "hand={{kind: arm, impedance: {}, start_delay: 0.0, waypoints: [{{time: 0.0}}]}}"
+MOUSE_ALONE, OWN_HAND = "the mouse alone", "the scene's hand"
+# Who holds the device, and how a scene says so; the scene's own hand needs no change.
+HANDS: dict[str, str] = {
+    MOUSE_ALONE: "hand={kind: constant_wrench}",
+    OWN_HAND: "",
+    "a relaxed arm": _STILL_ARM.format("relaxed"),
+    "a firm arm": _STILL_ARM.format("firm"),
+}
+# Longest one-way delay of the slider, ms.
+LONGEST_DELAY_MS = 100.0
+# Gains go from nothing to so many times what the scene has.
+_TIMES = 2.0
+_STEPS = 200
+_GAINS = (
+    ("controller.joint_constraint.stiffness", "constraint stiffness, N/m"),
+    ("controller.joint_constraint.damping", "constraint damping, N s/m"),
+    ("controller.position_channel.stiffness", "coupling stiffness, N/m"),
+    ("controller.position_channel.damping", "coupling damping, N s/m"),
+)
+_SHARES = (
+    ("controller.force_channel.contact", "contact force to the hand"),
+    ("controller.force_channel.hand", "hand force to the mechanism"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Slider:
+    """A number of a scene that can be changed.
+
+    Attributes:
+        key: of the scene.
+        label: for people, with the unit.
+        value: that the scene has.
+        highest: that it may be set to; the lowest is 0.
+    """
+
+    key: str
+    label: str
+    value: float
+    highest: float
+
+    @property
+    def step(self) -> float:
+        """Smallest change."""
+        return self.highest / _STEPS
+
+
+def gain_sliders(scene: Scene) -> list[Slider]:
+    """Return the gains of a scene that can be changed while it runs."""
+    found = []
+    for key, label in _GAINS:
+        value = _value(scene, key)
+        found.append(Slider(key, label, value, _TIMES * value if value > 0.0 else 1.0))
+    found += [Slider(key, label, _value(scene, key), 1.0) for key, label in _SHARES]
+    return found
+
+
+def changes_of(hand: str, delay_ms: float) -> tuple[str, ...]:
+    """Return the changes of a scene that a hand and a one-way delay (ms) stand for."""
+    delay = f"connection.delay={1e-3 * delay_ms:.6f}" if delay_ms > 0.0 else ""
+    return tuple(change for change in (HANDS[hand], delay) if change)
+
+
+def _value(scene: Scene, key: str) -> float:
+    found: object = reduce(getattr, key.split("."), scene)
+    return float(found)  # type: ignore[arg-type]

@@ -1,0 +1,35 @@
+"""``hapticmech live``: bad addresses, and what is missing, are one sentence each."""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError
+
+import pytest
+
+from hapticmech_ros import installation
+from hapticmech_ros.cli.live import VISER, live
+from hapticmech_ros.errors import InstallationError, InvalidInputError
+
+
+@pytest.mark.parametrize("host", ["", "nowhere", "127.0.0.1:80", "256.0.0.1"])
+def test_what_is_no_address_is_refused(host):
+    with pytest.raises(InvalidInputError, match="--host: must be an address such as"):
+        live("five_bar", 8080, host)
+
+
+def test_without_viser_it_says_what_to_install(monkeypatch):
+    def missing(name):
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(installation, "distribution", missing)
+    monkeypatch.setattr(installation, "find_spec", lambda name: None)
+    with pytest.raises(InstallationError, match="viser is not installed") as raised:
+        live("five_bar", 8080, "127.0.0.1")
+    assert raised.value.needed == (VISER,)
+
+
+def test_the_extra_asks_for_what_the_command_asks_for():
+    from importlib.metadata import requires
+
+    extra = [one for one in requires("hapticmech_ros") or () if 'extra == "live"' in one]
+    assert [one.split(";")[0].strip() for one in extra] == [VISER]

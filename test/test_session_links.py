@@ -1,0 +1,60 @@
+"""Wrenches on links in a session: the same as elsewhere where both can be had."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import InvalidInputError, Session, load_scene
+from hapticmech_ros.scene import shipped_scenes
+
+PUSH = np.array([0.3, -0.2, 0.0, 0.0, 0.0, 0.01])
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_a_wrench_of_nothing_on_a_link_changes_no_bit(name):
+    scene = load_scene(name)
+    plain, pushed = Session(scene), Session(scene)
+    link = scene.links[-1].name
+    for _ in range(20):
+        one, other = plain.tick(), pushed.tick(on_links={link: np.zeros(6)})
+    assert (one.mechanism.q == other.mechanism.q).all()
+    assert (one.device.flat == other.device.flat).all()
+    assert (one.wrenches == other.wrenches).all()
+
+
+def test_a_wrench_on_the_held_link_moves_as_one_at_the_point():
+    """The lever arm from the link's origin is held over a period, in which the link turns a bit."""
+    scene = load_scene("five_bar")
+    at_point, on_link = Session(scene), Session(scene)
+    point = scene.operational_point()
+    gain = scene.controller.model_copy(
+        update={"force_channel": scene.controller.force_channel.model_copy(update={"contact": 0.0})}
+    )
+    at_point.tune(gain)
+    on_link.tune(gain)
+    for _ in range(400):
+        at_point.tick()
+        on_link.tick()
+    for _ in range(200):
+        q = on_link.mechanism.q
+        mechanism = on_link.simulator.mechanism
+        link, there = mechanism.frame_pose(q, point.link), mechanism.frame_pose(q, point.name)
+        arm = there.translation - link.translation
+        wrench = np.concatenate((PUSH[:3], PUSH[3:] + np.cross(arm, PUSH[:3])))
+        one, other = at_point.tick(PUSH), on_link.tick(on_links={point.link: wrench})
+    assert np.abs(one.mechanism.q - at_point.simulator.initial_state().q).max() > 1e-3
+    assert other.mechanism.q == pytest.approx(one.mechanism.q, abs=2e-5)
+
+
+def test_unknown_links_and_bad_wrenches_are_refused_before_anything_moves():
+    session = Session(load_scene("five_bar"))
+    session.tick()
+    before = session.time
+    with pytest.raises(InvalidInputError, match="link: must be one of"):
+        session.tick(on_links={"nobody": np.zeros(6)})
+    with pytest.raises(InvalidInputError, match="wrench on link4"):
+        session.tick(on_links={"link4": np.zeros(3)})
+    with pytest.raises(InvalidInputError, match="must be finite"):
+        session.tick(on_links={"link4": np.full(6, np.nan)})
+    assert session.time == before
