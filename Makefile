@@ -56,10 +56,10 @@ help:
 demo: .venv/package
 	$(BIN)/hapticmech demo --out demo
 
-# Graphs of nodes mostly wait: two at a time; those that are timed, one after the other.
+# Graphs of nodes mostly wait: two at a time; what is timed, one after the other.
 .PHONY: test
 test: lint
-	$(BIN)/pytest -m 'not ros' -n auto --dist worksteal
+	$(BIN)/pytest -m 'not ros and not alone' -n auto --dist worksteal
 	$(BIN)/pytest -m 'ros and not alone' -n 2 --dist worksteal
 	$(BIN)/pytest -m alone
 

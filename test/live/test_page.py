@@ -25,6 +25,8 @@ if chromium() is None:
 
 from benchmarks.live.served import Served, drag, sight
 
+# A browser without a GPU draws with the processor.
+pytestmark = pytest.mark.alone
 BIN = Path(sys.prefix) / "bin"
 SCENE, SCENES = "five_bar", ("five_bar", "two_link")
 # A wrench of a closed tab ends within this, s.
