@@ -37,6 +37,7 @@ NOT_RUN = {
     "python -m benchmarks": "minutes to hours; test_docs checks the options, test/benchmarks runs",
     "hapticmech feel": "minutes; test/analysis and test/cli run them",
     "hapticmech demo": "test_demo runs it",
+    "hapticmech live": "until Ctrl-C; test/live serves it to a browser",
     "hapticmech bag record": "until Ctrl-C; test_bag_recorder runs it",
     "hapticmech bag play": "in real time; test_bag_player runs it",
     "hapticmech bag repair run": "needs a crash; test_bag_crash runs it",

@@ -264,6 +264,7 @@ def test_a_stranger_that_commands_is_noticed_on_the_lane_too(domain: int, peer: 
         peer.until(renders(statuses), "rendering again")
 
 
+@pytest.mark.alone
 def test_a_bag_is_recorded_from_the_lane_without_the_middleware(
     domain: int, peer: Peer, tmp_path: Path
 ) -> None:

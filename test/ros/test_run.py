@@ -44,6 +44,7 @@ def ended(domain: int, *options: str, **environment: str) -> tuple[int, str]:
         return process.returncode, output
 
 
+@pytest.mark.alone
 def test_a_duration_counts_from_when_all_nodes_are_up(domain: int, tmp_path: Path) -> None:
     """Importing and discovery take a second, on a busy machine many."""
     bag, readiness = tmp_path / "bag", Readiness()
