@@ -14,14 +14,16 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from types import TracebackType
 
+from hapticmech_ros.compilation.library import COMPILE_TIMEOUT_S
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import Command, Failed, LiveState, Open, Report
 from hapticmech_ros.live.live_session import AT_ONCE_S, LiveSession
 
 # Between two states that are sent, s.
 STATE_PERIOD_S = 1.0 / 60.0
-# How long the child is given to end by itself, s.
-_END_S = 5.0
+# How long the child is given to begin, kernels compiled if need be, and to end by itself, s.
+_START_S, _END_S = COMPILE_TIMEOUT_S + 60.0, 5.0
+_NOT_BEGUN = f"the live session did not begin within {_START_S:g} s"
 _ENDED = "the live session's process has ended by itself"
 
 
@@ -53,8 +55,9 @@ class LiveProcess:
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
         with self._came:
-            self._came.wait_for(lambda: self._news or self._ended)
-            first = self._news[0] if self._news else Failed(_ENDED)
+            begun = self._came.wait_for(lambda: self._news or self._ended, _START_S)
+            missing = Failed(_ENDED if begun else _NOT_BEGUN)
+            first = self._news[0] if self._news else missing
         if isinstance(first, Failed):
             self.close()
             raise HapticMechError(first.reason)

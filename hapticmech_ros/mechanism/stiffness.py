@@ -53,10 +53,8 @@ def stiff_elements(
         tree: its joints.
         springs: its springs between points.
     """
-    found = [
-        (f"joint {joint.name}", *_of_joint(tree, index)) for index, joint in enumerate(tree.joints)
-    ]
-    if not (springs or any(stiffness or damping for _, stiffness, damping, _ in found)):
+    joints = [_of_joint(tree, index) for index in range(len(tree.joints))]
+    if not (springs or any(stiffness or damping for stiffness, damping in joints)):
         return
     model, data = tree.pinocchio, tree.pinocchio.createData()
     q, _ = authored_state(scene, tree)
@@ -67,13 +65,16 @@ def stiff_elements(
         return
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
-    found.extend(
-        (f"spring {one.name}", one.stiffness, one.damping, _row(one, model, data))
-        for one in springs
-    )
+    found = [
+        (f"joint {joint.name}", *of_joint, mobility.diagonal()[tree.velocity_slice(index)].max())
+        for index, (joint, of_joint) in enumerate(zip(tree.joints, joints, strict=True))
+        if any(of_joint)
+    ]
+    for one in springs:
+        row = _row(one, model, data)
+        found.append((f"spring {one.name}", one.stiffness, one.damping, row @ mobility @ row))
     step = scene.simulation.period / scene.simulation.substeps
-    for name, stiffness, damping, rows in found:
-        moved = float(np.einsum("ij,jk,ik->i", rows, mobility, rows).max(initial=0.0))
+    for name, stiffness, damping, moved in found:
         for kind, ratio, limit in (
             ("k T² / m", stiffness * step**2 * moved, STIFF),
             ("c T / m", damping * step * moved, DAMPED),
@@ -96,21 +97,20 @@ def chosen_integrator(
     return "rk4" if stiff is None else "linearly_implicit"
 
 
-def _of_joint(tree: TreeModel, index: int) -> tuple[float, float, Array]:
-    """Return a joint's largest stiffness and damping, and unit rows (k, nv) of its rates."""
+def _of_joint(tree: TreeModel, index: int) -> tuple[float, float]:
+    """Return a joint's largest stiffness and damping."""
     joint, part = tree.joints[index], tree.velocity_slice(index)
-    rows = np.eye(tree.pinocchio.nv)[part]
     stiffness, damping = joint.stiffness, float(tree.damping[part].max(initial=0.0))
     if joint.friction:
         damping += joint.friction / joint.friction_speed
     if joint.limits is not None:
         stiffness = max(stiffness, joint.limits.stiffness)
         damping = max(damping, joint.limits.damping)
-    return stiffness, damping, rows
+    return stiffness, damping
 
 
 def _row(spring: PointSpring, model: pin.Model, data: pin.Data) -> Array:
-    """Return (1, nv) how a spring's length changes with the rates; zero where it has none."""
+    """Return (nv,) how a spring's length changes with the rates; zero where it has none."""
     gap = spring.gap(data)
     length = float(np.linalg.norm(gap))
     axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -119,4 +119,4 @@ def _row(spring: PointSpring, model: pin.Model, data: pin.Data) -> Array:
         for frame in (spring.frame_a, spring.frame_b)
     ]
     direction = gap / length if length > 0.0 else np.zeros(3)
-    return np.asarray(direction @ (ends[0] - ends[1]))[None]
+    return np.asarray(direction @ (ends[0] - ends[1]))

@@ -41,6 +41,10 @@ def namespaces(message: MarkerArray) -> set[str]:
     return {marker.ns for marker in message.markers if marker.action == Marker.ADD}
 
 
+def children(frames: list[TransformStamped]) -> set[str]:
+    return {frame.child_frame_id for frame in frames}
+
+
 class Stage:
     """A peer that says the same things until something is seen."""
 
@@ -220,11 +224,10 @@ def test_frames_have_the_viewers_namespace_before_them(domain: int, peer: Peer) 
     with running("scene_viewer", domain, arguments=inside), running("scene_viewer", domain):
         stage.says("/left/mechanism/state", Float64MultiArray, lambda: state(peer))
         stage.says("mechanism/state", Float64MultiArray, lambda: state(peer))
-        stage.until(lambda: frames and plain, "frames of both")
-    names = {frame.child_frame_id for frame in frames}
-    assert "left/link4" in names
-    assert all(name.startswith("left/") for name in names)
-    assert "link4" in {frame.child_frame_id for frame in plain}
+        stage.until(lambda: "left/link4" in children(frames), "frames of the one in a namespace")
+        stage.until(lambda: "link4" in children(plain), "frames of the one without")
+    assert all(name.startswith("left/") for name in children(frames))
+    assert not any("/" in name for name in children(plain))
 
 
 def test_scales_change_while_it_runs(domain: int, peer: Peer) -> None:

@@ -99,7 +99,8 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
             band[j, place - begin] = column[place] * share
         band[j, free - begin] = (head - goal) * share
         places[j, PIVOT], places[j, LAST], places[j, INVERSE] = free, last, 1.0 / goal
-        _share(places, band, data.shares, j, column[edge : model.nv])
+        if model.border > 0:
+            _share(places, band, data.shares, j, column[edge : model.nv])
         free += 1
         rank += 1
     if model.border > 0 and not factor_border(data):
