@@ -31,6 +31,15 @@ def test_a_sample_next_to_a_crossing_keeps_energy_and_branch(name, distance):
     assert untold < KEPT
 
 
+@pytest.mark.parametrize("distance", [1.55e-4, 1.6e-4, 1.65e-4])
+def test_a_step_that_is_done_again_is_well_within_what_it_may_be_off_by(distance):
+    """The check of its energy had been content with 4e-8, in two halves."""
+    mechanism, step = MECHANISMS["spherical parallelogram"], Step(4e-3, "rk4")
+    found = passed(mechanism, distance, *step[:2])
+    assert found.led > 0
+    assert found.by_care < 1.5 * mechanism.own_error(distance, step)[0] + KEPT
+
+
 @pytest.mark.parametrize("other", ["beside a spinner", "with a flywheel"])
 def test_care_next_to_a_crossing_knows_nothing_of_what_turns_fast_elsewhere(other):
     """Into how many parts a step is divided, and which direction is a branch's: the loop's own."""

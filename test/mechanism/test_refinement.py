@@ -73,6 +73,21 @@ def test_equal_steps_do_where_they_can():
     assert (ended.begin, ended.time) == (0.0, 1.0)
 
 
+@pytest.mark.parametrize(("order", "whole", "done"), [(4, 1.9e-4, 8), (2, 4e-5, 4)])
+def test_where_halving_pays_steps_are_halved_once_the_account_closes(order, whole, done):
+    """Two of them close it. Of order 4: 8 to a hundredth. Of order 2: as 4 show, 16 would."""
+    counts = []
+
+    def divided(count):
+        counts.append(count)
+        return Ended(0.0, 1.0, whole / count**order)
+
+    ways = Ways(divided, divided, lambda now, stepped: balance(stepped.off))
+    _, found = refined(BEGUN, 1.2e-5, 32, ways)
+    assert found.judged == whole / done**order
+    assert max(counts) == done
+
+
 @pytest.mark.parametrize("at", [0.1, 0.37, 0.73])
 @pytest.mark.parametrize("width", [3e-3, 1e-2])
 def test_steps_become_short_where_something_happens(at, width):
