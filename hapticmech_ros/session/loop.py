@@ -117,7 +117,9 @@ class SessionLoop:
         self._device_side.envelope.place(self._held.published[:3])
         self._counter = ConstraintCounter(scene.perception)
         self._carried: Array | None = None
-        self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
+        counted = np.zeros(CLOCK_SIZE, dtype=np.int64)
+        # One of its numbers is read and written here many times a tick: NumPy takes twice as long.
+        self._clock = counted.data
         self._stepper = self.simulator.stepper
         self._contacts = self.simulator.contact_memory()
         self._data = self._allocated()
@@ -134,7 +136,7 @@ class SessionLoop:
         self._arguments = np.empty(KERNEL_ARGUMENTS, dtype=object)
         contacts = _NO_CONTACTS if self._contacts is None else self._contacts.arrays
         own = self._stepper.work, self._stepper.springs, self._data.numbers, self._data.data
-        self._give(WORK, (*own, None, None, _NOBODY, *contacts, self._clock))
+        self._give(WORK, (*own, None, None, _NOBODY, *contacts, counted))
         # The mechanism's state now, if it is known as such; and the last one that was.
         self._mechanism_state: MechanismState | None = state
         self._known = state
@@ -143,7 +145,7 @@ class SessionLoop:
     @property
     def time(self) -> float:
         """Time of the next tick, s."""
-        return int(self._clock[TICK]) * self.period
+        return self._clock[TICK] * self.period
 
     @property
     def device(self) -> DeviceState:
@@ -287,7 +289,7 @@ class SessionLoop:
                 done += 1
                 continue
             self._set(clutch)
-            first, latching = int(clock[TICK]), self._may_latch
+            first, latching = clock[TICK], self._may_latch
             alone = latching or control.is_ramping
             code = self._call(ALL, given, rows, 1 if alone else ticks - done)
             if code == OBSERVATION_FAILED:
@@ -297,7 +299,7 @@ class SessionLoop:
                 self._step_otherwise()
             elif latching:
                 self._latch()
-            done += int(clock[TICK]) - first
+            done += clock[TICK] - first
 
     def _call(self, phases: int, inputs: Array, rows: Array, ticks: int = 1) -> int:
         """Do phases of ticks by the kernel; return why it ended."""
@@ -393,7 +395,7 @@ class SessionLoop:
     def _move_otherwise(self) -> None:
         """Move a device that is written in Python on by a period."""
         command, push = self._parts.wrenches[ON_HAND].copy(), self._parts.push.copy()
-        tick = int(self._clock[TICK])
+        tick = self._clock[TICK]
         self._device_state = self._device.step(self.device, command, self._held, tick, push)
 
     def _latch(self) -> None:

@@ -110,10 +110,11 @@ class Session(SessionLoop):
             InvalidInputError: the state is no longer finite, an unknown link, or a wrench of
                 another shape or not finite; nothing has moved then.
         """
-        pushed = {}
-        for link, wrench in (on_links or {}).items():
-            self.simulator.mechanism.link_place(link)
-            pushed[link] = _wrench(f"wrench on {link}", wrench)
+        pushed: dict[str, Array] = {}
+        if on_links:
+            for link, wrench in on_links.items():
+                self.simulator.mechanism.link_place(link)
+                pushed[link] = _wrench(f"wrench on {link}", wrench)
         inputs = _NOTHING
         if external_wrench is not None or hand_wrench is not None:
             inputs = np.zeros((1, 12))
@@ -165,7 +166,7 @@ class Session(SessionLoop):
             if value < least:
                 raise InvalidInputError(name, value, f"must be {least} or more")
         inputs = _inputs(ticks, external_wrench, hand_wrench)
-        first = int(self._clock[TICK])
+        first = self._clock[TICK]
         apart = ticks if show is None else chunk
         rows = self._rows(into, first, ticks, apart if into is None else ticks, every)
         done, filled, shown = 0, 0, 0
@@ -175,7 +176,7 @@ class Session(SessionLoop):
                 filled = shown = 0
             self._go(count, inputs[done:] if len(inputs) > 1 else inputs, rows[filled:], every)
             done += count
-            filled += int(self._clock[RECORDED])
+            filled += self._clock[RECORDED]
             if show is not None:
                 show(Run(rows[shown:filled], self.layout))
                 shown = filled
