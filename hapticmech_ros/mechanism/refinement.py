@@ -1,10 +1,11 @@
 """A step that is done again in smaller ones, until its energy account closes.
 
-All of one length, in 2, 4, ... of them, as where the step is too long for the whole motion. An account
-that just closes is that of a step that was just wrong: where halving pays, steps are halved further,
-until the account closes to a hundredth of what it may be off by. If equal steps do not help, in the same number of steps of other lengths: short where the accounts of the equal
-ones are off, as where a motion turns suddenly somewhere in the step (a mesh that equidistributes an
-error, see de Boor, "Good approximation by splines with variable knots II", 1974).
+All of one length, in 2, 4, ... of them, as where the step is too long for the whole motion. An
+account that just closes is that of a step that was just wrong: where halving pays, steps are halved
+further, until the account closes to a hundredth of what it may be off by. If equal steps do not
+help, in the same number of steps of other lengths: short where the accounts of the equal ones are
+off, as where a motion turns suddenly somewhere in the step (a mesh that equidistributes an error,
+see de Boor, "Good approximation by splines with variable knots II", 1974).
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ class Data(Structure):
             sparse.
         shares: (m + border, border) what is free of the rows' pivots, by ``sequence``, and of the
             border's rates: columns that are orthonormal; sparse.
-        tail: (4,) the array's end, see ``step_layout.TERMS_TAIL``.
+        tail: (5,) the array's end, see ``step_layout.TERMS_TAIL``.
     """
 
     __slots__ = ()

@@ -27,7 +27,7 @@ from hapticmech_ros.mechanism.kernels.motion_kernels import (
 )
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
-from hapticmech_ros.mechanism.kernels.step_layout import STEP
+from hapticmech_ros.mechanism.kernels.step_layout import POTENTIAL, STEP
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.tolerances import ENERGY_ROUNDING
 
@@ -47,7 +47,9 @@ def kinetic_energy(model: Model, data: Data, v: Array) -> float:
 
 @inner
 def potential_energy(model: Model, data: Data, q: Array) -> float:
-    """Return the energy, J, of weights, springs and stops at q (nq,)."""
+    """Return the energy, J, of weights, springs and stops at q (nq,), and remember it there."""
+    if data.tail[POTENTIAL] < math.inf:
+        return float(data.tail[POTENTIAL])
     gravity, bodies, total = model.gravity, data.bodies, 0.0
     for joint in range(1, bodies.shape[0]):
         for i in range(3):
@@ -63,6 +65,7 @@ def potential_energy(model: Model, data: Data, q: Array) -> float:
         x, y, z = a[9] - b[9], a[10] - b[10], a[11] - b[11]
         stretch = math.sqrt(x * x + y * y + z * z) - values[REST_LENGTH]
         total += 0.5 * values[PULL] * stretch * stretch
+    data.tail[POTENTIAL] = total
     return float(total)
 
 

@@ -7,6 +7,8 @@ Every kernel takes the mechanism's constants as ``numbers`` and ``values`` (see
 
 from __future__ import annotations
 
+import math
+
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.mechanism.kernels.articulated_kernels import articulate
@@ -23,7 +25,13 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
 )
 from hapticmech_ros.mechanism.kernels.model import SPARSE, Model
 from hapticmech_ros.mechanism.kernels.small_matrices import cholesky
-from hapticmech_ros.mechanism.kernels.step_layout import ERROR, LEAST, RANK, RESOLVED_RANK
+from hapticmech_ros.mechanism.kernels.step_layout import (
+    ERROR,
+    LEAST,
+    POTENTIAL,
+    RANK,
+    RESOLVED_RANK,
+)
 from hapticmech_ros.mechanism.kernels.tree_kernels import inertia_of, place_tree
 from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,
@@ -58,6 +66,7 @@ def factor(model: Model, q: Array, data: Data) -> int:
         drift = max(drift, abs(residual[i] / lengths[i]))
     tolerance = max(SOLVER_RANK_TOLERANCE, min(DRIFT_FACTOR * drift, DRIFT_CAP))
     tail[ERROR], tail[RANK], tail[LEAST], tail[RESOLVED_RANK] = worst, 0.0, 1.0, 0.0
+    tail[POTENTIAL] = math.inf
     rank = NOT_DECIDED
     if model.path == SPARSE:
         bad = articulate(model, data)

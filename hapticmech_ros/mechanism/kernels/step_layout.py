@@ -118,7 +118,7 @@ RUN_PLAN = Layout(
     PUSHES,
 ) = RUN_PLAN.starts(*RUN_PLAN)
 
-# The end of a packed array of terms: largest |φ|, m or rad; the rank; and ``least`` and
-# ``resolved`` of a Closing.
-TERMS_TAIL = Layout(dict.fromkeys(("error", "rank", "least", "resolved_rank"), _ONE))
-ERROR, RANK, LEAST, RESOLVED_RANK = TERMS_TAIL.starts(*TERMS_TAIL)
+# The end of a packed array of terms: largest |φ|, m or rad; the rank; ``least`` and ``resolved`` of
+# a Closing; and the potential energy, J, infinite until a step's account has asked for it.
+TERMS_TAIL = Layout(dict.fromkeys(("error", "rank", "least", "resolved_rank", "potential"), _ONE))
+ERROR, RANK, LEAST, RESOLVED_RANK, POTENTIAL = TERMS_TAIL.starts(*TERMS_TAIL)
