@@ -56,6 +56,8 @@ def bodies_of(path: str) -> list[Any]:
     """
     import mujoco
 
+    # It would write them into a file in the folder where a user happens to be.
+    mujoco.set_mju_user_warning(lambda _: None)
     model = mujoco.MjModel.from_xml_path(path)
     bodies = []
     for index in range(1, model.nbody):

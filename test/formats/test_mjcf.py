@@ -605,3 +605,15 @@ def test_a_file_that_mujoco_refuses_is_told_with_its_reason(tmp_path):
     text = '<worldbody><body><joint/><geom type="mesh" mesh="gone"/></body></worldbody>'
     with pytest.raises(SceneError, match=r"give the body an <inertial>; .*gone"):
         load_scene(written(tmp_path, text))
+
+
+def test_warnings_of_mujoco_leave_no_file(tmp_path, monkeypatch):
+    text = (
+        '<compiler settotalmass="3"/><worldbody><body><joint/><geom size="1"/></body></worldbody>'
+    )
+    path = written(tmp_path, text)
+    (tmp_path / "where").mkdir()
+    monkeypatch.chdir(tmp_path / "where")
+    ((_, mass, *_),) = mjcf_compiled.bodies_of(str(path))
+    assert mass == pytest.approx(3.0)
+    assert not list((tmp_path / "where").iterdir())
