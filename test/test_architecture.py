@@ -26,6 +26,12 @@ MAY_SPEAK_OF_DATES = {"bag"}
 ROS = {"rclpy", "rosidl_runtime_py", "launch", "launch_ros", "tf2_ros", "ament_index_python"}
 MESSAGES = ("_msgs", "_srvs", "_interfaces")
 LONGEST_FILE = 500
+# REP 2004 asks for a statement of licence and of copyright in every source file.
+HEADER = [
+    "# Copyright 2026 The hapticmech_ros authors",
+    "# SPDX-License-Identifier: Apache-2.0",
+]
+SOURCES = ("benchmarks", "examples", "hapticmech_ros", "launch", "test")
 
 
 def part_of(path):
@@ -72,6 +78,19 @@ def named(paths):
 
 
 QUIET = [path for path in FILES if part_of(path) in CORE + TOOLS]
+
+
+def test_every_python_file_says_who_wrote_it_and_its_licence():
+    root = BENCHMARKS.parent
+    inside = (path for name in SOURCES for path in (root / name).rglob("*.py"))
+    files = [*root.glob("*.py"), *inside]
+    assert len(files) > 900
+    bare = []
+    for path in files:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        if lines and lines[lines[0].startswith("#!") :][:2] != HEADER:
+            bare.append(path.relative_to(root).as_posix())
+    assert not bare
 
 
 def test_the_walk_sees_the_package():

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.nodes.parameter_table import markdown as parameter_table
+from hapticmech_ros.scene import document_of
 from hapticmech_ros.session.run import run_layout
 from hapticmech_ros.wire.table import markdown
 
@@ -89,6 +92,46 @@ def test_programs_of_sessions_run_and_name_fields_that_there_are(tmp_path: Path)
     rows = re.findall(r"^\| (`.*?`) \|", text, re.MULTILINE)
     named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
     assert named | set(OPERATIONAL_MODEL) == set(run_layout(2, 2))
+
+
+# Those of README, devices and sessions are checked above; of bags and wrenches, CONTRIBUTING.md and
+# test/ros/test_documented_commands.py tell.
+APART = {"devices.md", "sessions.md", "bags.md", "wrenches.md"}
+PROGRAMS = [
+    pytest.param(program, id=f"{page.stem}-{number}")
+    for page in sorted((ROOT / "docs").glob("*.md"))
+    if page.name not in APART
+    for number, program in enumerate(
+        re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    )
+]
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_the_other_programs_run_and_print_something(program: str, tmp_path: Path) -> None:
+    assert output_of(program, tmp_path).strip()
+
+
+PARTS_OF_SCENES = [
+    pytest.param(part, id=f"{page.stem}-{number}")
+    for page in sorted((ROOT / "docs").glob("*.md"))
+    if page.name != "devices.md"  # test_device_docs checks those
+    for number, part in enumerate(
+        re.findall(r"```yaml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    )
+    if not part.startswith(("#", "joint:"))  # a comment for editors; a joint by itself
+]
+
+
+@pytest.mark.parametrize("part", PARTS_OF_SCENES)
+def test_parts_of_scenes_in_the_documents_are_valid(part: str, tmp_path: Path) -> None:
+    said = YAML(typ="safe", pure=True).load(part)
+    whole = said if "format" in said else {**document_of(load_scene("five_bar")), **said}
+    shutil.copy(ROOT / "examples" / "pantograph.urdf", tmp_path)
+    with (tmp_path / "scene.yaml").open("w") as stream:
+        YAML(typ="safe", pure=True).dump(whole, stream)
+    scene = load_scene(tmp_path / "scene.yaml")
+    assert set(said) - {"format", "model"} <= scene.model_fields_set
 
 
 def test_every_command_that_the_readme_names_exists() -> None:

@@ -8,10 +8,12 @@ from __future__ import annotations
 import ast
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
 import sysconfig
+from datetime import date
 from importlib.metadata import Distribution, distributions
 from pathlib import Path
 from xml.etree import ElementTree
@@ -264,8 +266,16 @@ def test_everything_that_is_imported_is_declared(installed: Distribution) -> Non
 
 
 def test_one_version_everywhere(installed: Distribution) -> None:
+    """A released one: no suffix, and the day of its release in the change log."""
     stated = ElementTree.parse(ROOT / "package.xml").getroot().findtext("version")
+    assert stated is not None
+    assert re.fullmatch(r"\d+\.\d+\.\d+", stated)
     assert installed.version == stated
-    newest = re.search(r"^## \[(\d[^]]*)\]", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    site = runpy.run_path(str(ROOT / "conf.py"))
+    assert site["version"] == site["release"] == stated
+    newest = re.search(r"^## \[(.*)\] - (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
     assert newest is not None
     assert newest.group(1) == stated
+    assert date.fromisoformat(newest.group(2)) >= date(2026, 11, 25)
+    quality = (ROOT / "QUALITY_DECLARATION.md").read_text(encoding="utf-8")
+    assert f"{stated} is below 1.0.0" in quality

@@ -1,21 +1,21 @@
 """Simulated haptic device driver: what a real device's ROS driver would be, with a hand on it.
 
 CRTK: publishes measured_cp, measured_cv, measured_cf, setpoint_cf, setpoint_cp, operating_state;
-obeys servo_cf, servo_cp, hold, free and state_command.
+obeys servo_cf, body/servo_cf, servo_cp, hold, free and state_command.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Bool, Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
 from hapticmech_ros.device.position_servo import PositionServo
-from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.answers import Answers
@@ -29,8 +29,10 @@ from hapticmech_ros.nodes.last_valid_state import LastValidState
 from hapticmech_ros.nodes.local_loop import LocalLoop
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.parameters import DeviceParameters
-from hapticmech_ros.nodes.pose_commands import PoseCommands
+from hapticmech_ros.nodes.pose_commands import ONE_KIND, PoseCommands
+from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.statistics import DurationHistogram
+from hapticmech_ros.quaternions import turned
 from hapticmech_ros.scene.hand import STILL_HAND
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
@@ -38,7 +40,10 @@ from hapticmech_ros.wire.device_wire import DeviceWriter
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, gain_bounds
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED, device_bounds
 from hapticmech_ros.wire.stamps import nearest_stamp
+from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import (
+    DEVICE_BODY_AXES,
+    DEVICE_BODY_COMMAND,
     DEVICE_COMMAND,
     DEVICE_GAIN,
     DEVICE_OPERATING_STATE,
@@ -104,7 +109,10 @@ class HapticDevice(ClockedActor[DeviceParameters]):
             self._end_pose,
         )
         self._poses.timeout_ns = self.timeout_ns
-        self._guard = CommandGuard(commands, gains, self._poses.sources)
+        own = self.sources(DEVICE_BODY_COMMAND.name)
+        self._guard = CommandGuard(commands, gains, self._poses.sources, own)
+        # The topic of the wrenches that are obeyed, and whether those of body/ have world axes.
+        self._obeyed_form, self._own_is_absolute = DEVICE_COMMAND, False
         self._operating = OperatingState(
             self,
             (DEVICE_OPERATING_STATE, DEVICE_STATE_COMMAND),
@@ -113,6 +121,10 @@ class HapticDevice(ClockedActor[DeviceParameters]):
         )
         qos = self.control_input
         self.input_command(DEVICE_COMMAND.name, qos, self._on_command, sources=commands)
+        # With axes of its own the controller says both.
+        if scene.device.servo_axes == "world" and not self.lockstep:
+            self.input_command(DEVICE_BODY_COMMAND.name, qos, self._on_own_command, sources=own)
+            self.input(DEVICE_BODY_AXES.name, Bool, STREAM_PUBLISHER, self._on_own_axes)
         if self._is_local:
             self.input_array(DEVICE_GAIN.name, qos, self._on_gain, GAIN_FIELDS, gains)
         self._hand = HandWrenches(self, lambda: np.asarray(self._state.pose.rotation), self.act)
@@ -364,7 +376,26 @@ class HapticDevice(ClockedActor[DeviceParameters]):
     def _warn(self, reason: str) -> None:
         self.node.get_logger().warning(f"{reason}: actuators at zero")
 
+    def _on_own_axes(self, message: Bool, now_ns: int) -> None:
+        del now_ns
+        self._own_is_absolute = message.data
+
+    def _on_own_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
+        """Obey a wrench in the axes that the device has now."""
+        if not self._own_is_absolute:
+            wrench = turned(wrench, np.asarray(self._state.measured_pose.rotation))
+        self._obey(DEVICE_BODY_COMMAND, wrench, stamp_ns, now_ns)
+
     def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
+        self._obey(DEVICE_COMMAND, wrench, stamp_ns, now_ns)
+
+    def _obey(self, form: Topic, wrench: Array, stamp_ns: int, now_ns: int) -> None:
+        """Obey a wrench (6,), N and N m, world axes, that came on a topic, if it is the one."""
+        if form is not self._obeyed_form:
+            if self._obeys_wrenches(now_ns):
+                what = f"while {self._obeyed_form.name} is obeyed"
+                raise InvalidInputError(form.name, what, ONE_KIND)
+            self._obeyed_form = form
         self.latency.add(now_ns - stamp_ns)
         self.ages.add(now_ns - stamp_ns)
         self._look_at_fault(now_ns)

@@ -24,7 +24,8 @@ PAUSE, NOT_HOMED = "paused by state_command", "not homed, by state_command"
 class OperatingState:
     """Publishes an actor's operating state when it changes, and obeys commands in any state.
 
-    An inactive node is DISABLED, one that must not obey is in FAULT.
+    An inactive node is DISABLED, one that must not obey is in FAULT. A command is answered by the
+    state, changed or not: CRTK's clients ask for one and wait, and do not hear what was latched.
 
     Args:
         actor: whose.
@@ -66,14 +67,15 @@ class OperatingState:
             return PAUSE
         return "" if self._homed else NOT_HOMED
 
-    def publish(self, active: bool) -> None:
-        """Publish the state, if it is another than before.
+    def publish(self, active: bool, answers: bool = False) -> None:
+        """Publish the state, if it is another than before, or answers a command.
 
         Args:
             active: whether the node is.
+            answers: whether it does.
         """
         state = self._state(active)
-        if (state, self._homed) == self._told:
+        if not answers and (state, self._homed) == self._told:
             return
         self._told = state, self._homed
         message = self._state_type()
@@ -104,7 +106,7 @@ class OperatingState:
             getattr(self, f"_{word}")()
         except HapticMechError as error:
             self._actor.node.refuse(self._name, error)
-        self.publish(self._actor.node.active)
+        self.publish(self._actor.node.active, answers=True)
 
     def _enable(self) -> None:
         self._paused = False

@@ -25,7 +25,7 @@ from hapticmech_ros.wire.topics import (
 )
 
 SERVO, HOLD = "servo_cp", "hold"
-_ONE_KIND = "one kind of command at a time"
+ONE_KIND = "one kind of command at a time"
 
 
 class PoseCommands:
@@ -98,7 +98,7 @@ class PoseCommands:
         if self.goal(now_ns) is None:
             return
         if self._kind == SERVO:
-            raise InvalidInputError("servo_cf", f"while {SERVO} is obeyed", _ONE_KIND)
+            raise InvalidInputError("servo_cf", f"while {SERVO} is obeyed", ONE_KIND)
         self.end()
 
     def publish(self, stamp_ns: int) -> None:
@@ -132,7 +132,7 @@ class PoseCommands:
             rule = "cannot be told in lockstep, whose runs repeat"
             raise InvalidInputError(word, "a command", rule)
         if self._wrenches(now_ns):
-            raise InvalidInputError(word, "while servo_cf is obeyed", _ONE_KIND)
+            raise InvalidInputError(word, "while servo_cf is obeyed", ONE_KIND)
 
     def _check_allowed(self, word: str, now_ns: int) -> None:
         reason = self._refusal(now_ns)

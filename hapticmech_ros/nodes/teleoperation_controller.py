@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 from hapticmech_ros.arrays import Array
@@ -18,6 +18,7 @@ from hapticmech_ros.nodes.controller_limits import input_timeout_of
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
 from hapticmech_ros.nodes.crtk_device import CrtkDevice
 from hapticmech_ros.nodes.device_path import DevicePath
+from hapticmech_ros.nodes.engagement_log import PERIOD_S, EngagementLog
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.messages import check_age
@@ -105,6 +106,8 @@ class TeleoperationController(Actor[ControllerParameters]):
             self.watch(model),
         )
         self._crtk.listen()
+        self._log = EngagementLog(node.get_logger, self.now_ns)
+        node.every(PERIOD_S, self._log.tell)
 
     @cached_property
     def _control(self) -> ControlArchitecture:
@@ -164,7 +167,7 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     def deactivate(self) -> None:
         """Let go of device and mechanism."""
-        self._disengage("deactivated")
+        self._disengage("deactivated", self._log.stopped)
 
     def reseat(self) -> None:
         """Disengage, say zero to both sides, and begin with controllers and accounts made anew."""
@@ -304,7 +307,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._rendered_ns = NEVER
             self.engagements += 1
             self._last_fault = ""
-            self.node.get_logger().info("engaged")
+            self._log.engaged()
         elif not (self._path.obeyed or self.lockstep):
             # The device does nothing yet, or no more: the wrench comes in once it obeys.
             clutch = self._control.engage(time_s, device, operational_model, ahead)
@@ -376,20 +379,20 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     def _disengage_for(self, lost: Sequence[str]) -> None:
         """Disengage because inputs are lost."""
-        self._disengage(f"lost {', '.join(lost)}")
+        self._disengage(f"lost {', '.join(lost)}", self._log.lost)
 
     def _disengage_at(self, fault: str) -> None:
         """Disengage because of a fault, and say so once, also where inputs were lost before."""
         if self._clutch is None and fault != self._last_fault:
-            self.node.get_logger().warning(f"disengaged: {fault}")
+            self._log.fault(fault)
         self._last_fault = fault
-        self._disengage(fault)
+        self._disengage(fault, self._log.fault)
 
-    def _disengage(self, reason: str) -> None:
+    def _disengage(self, reason: str, say: Callable[[str], None]) -> None:
         """Say zero to both sides at once, rather than let them find out by waiting."""
         if self._clutch is None:
             return
-        self.node.get_logger().warning(f"disengaged: {reason}")
+        say(reason)
         self._clutch = None
         device_ns, mechanism_ns = self._told_ns
         # Later than what was told, and an answer to none of the device's samples: uncorrected.

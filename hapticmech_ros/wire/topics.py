@@ -92,8 +92,18 @@ DEVICE_BODY_COMMAND = Topic(
     "device/body/servo_cf",
     WRENCH,
     CONTROLLER,
-    "`device/servo_cf` in the axes of `device/measured_cp`",
+    "`device/servo_cf` in the axes of `device/measured_cp`; the simulated device obeys it too, of "
+    "other nodes, one of the two at a time",
+    (DEVICE,),
     rate="body",
+)
+DEVICE_BODY_AXES = Topic(
+    "device/body/set_cf_orientation_absolute",
+    "std_msgs/msg/Bool",
+    "any",
+    "true: wrenches on `device/body/servo_cf` have the axes of `world` from now on",
+    (DEVICE,),
+    rate="caller's",
 )
 DEVICE_BODY_FORCE = Topic(
     "device/body/measured_cf",
@@ -356,6 +366,7 @@ TOPICS: tuple[Topic, ...] = (
     DEVICE_JOINTS,
     DEVICE_COMMAND,
     DEVICE_BODY_COMMAND,
+    DEVICE_BODY_AXES,
     DEVICE_BODY_FORCE,
     DEVICE_GAIN,
     DEVICE_POSE_COMMAND,

@@ -141,11 +141,15 @@ def test_other_words_are_refused_and_counted(graph, node, message):
     assert host.actor.failures.count == 0
 
 
-def test_a_state_is_published_only_when_it_is_another(graph):
+@EACH
+def test_a_state_is_published_when_it_is_another_or_answers_a_command(graph, node):
     sent = []
     graph.sent = lambda topic, kind, message: sent.append(topic)
     graph.run(0.2)
     assert not any(topic.endswith("operating_state") for topic in sent)
+    # Who came late waits for the state that was there before.
+    command(graph, node, "enable")
+    assert sent.count(f"{PLACES[node]}/operating_state") == 1
 
 
 class StateMessage:

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import importlib
 import itertools
+import os
 import re
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.wire.topics import TOPICS
-from ros.harness import Peer, running, six
+from ros.crtk_messages import build
+from ros.harness import WAIT_S, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
 # Of the convention: what a verb's last two letters say of its payload.
@@ -81,6 +89,15 @@ class CrtkClient:
         force, torque = message.wrench.force, message.wrench.torque
         force.x, force.y, force.z, torque.x, torque.y, torque.z = wrench
         self._servo_cf.publish(message)
+
+    def resist(self, duration: float) -> None:
+        """Command viscous friction, and check that it slows the actor down along its way."""
+        start = np.array(six(self.measured_cv[-1]))[:3]
+        end = time.monotonic() + duration
+        while time.monotonic() < end:
+            self.servo_cf(*(-3.0 * value for value in six(self.measured_cv[-1])[:3]), 0.0, 0.0, 0.0)
+            self._peer.run(0.005)
+        assert start @ six(self.measured_cv[-1])[:3] < 0.5 * start @ start
 
     def push(self, speed: float, *wrench: float, frame: str = "world") -> None:
         """Command a wrench until the actor moves faster along it than before."""
@@ -165,38 +182,123 @@ def test_the_header_of_a_command_may_be_empty(
         client.push(0.005, *TURNING, frame="")
 
 
+class StateClient:
+    """An actor's state as CRTK's Python client asks for it: ``enable(30)``, ``home(30)``.
+
+    It subscribes without what was latched, latches its commands, and after each waits for a message
+    that says what it asked for, unless it knows it already.
+
+    Args:
+        peer: who asks.
+        namespace: of the actor.
+        kinds: of state and command.
+    """
+
+    def __init__(self, peer: Peer, namespace: str, kinds: tuple[Any, Any]) -> None:
+        self._peer, (state, self._kind) = peer, kinds
+        self.heard = peer.listen(f"{namespace}/operating_state", state, RELIABLE)
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        # As its check_connections does.
+        self._commands = peer.publisher(f"{namespace}/state_command", self._kind, latched)
+        there = peer.node.count_publishers
+        peer.until(lambda: there(f"{namespace}/operating_state") > 0, "an operating state")
+
+    @property
+    def state(self) -> str:
+        """The last state that was heard."""
+        return "" if not self.heard else getattr(self.heard[-1], FIELDS[type(self.heard[-1])])
+
+    def command(self, word: str, state: str) -> None:
+        """Ask for a state, and wait until it is told."""
+        message = self._kind()
+        setattr(message, FIELDS.get(self._kind, "string"), word)
+        before = len(self.heard)
+        known = self.state == state
+        self._commands.publish(message)
+        self._peer.until(
+            lambda: known or (len(self.heard) > before and self.state == state),
+            f"{state} after {word}",
+        )
+
+
+FIELDS: dict[Any, str] = {String: "data"}
+
+
+@pytest.fixture(scope="session")
+def crtk_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with ``crtk_msgs`` in it."""
+    if shutil.which("g++") is None:
+        pytest.skip("no C++ compiler")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("AMENT_PREFIX_PATH", sys.prefix)
+        return build(tmp_path_factory.mktemp("crtk"))
+
+
+@pytest.fixture(params=["std_msgs", "crtk_msgs"])
+def state_kinds(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[tuple[Any, Any]]:
+    """Types of state and command, which nodes that are started here have too."""
+    if request.param == "std_msgs":
+        yield String, String
+        return
+    folder = request.getfixturevalue("crtk_folder")
+    monkeypatch.syspath_prepend(folder)
+    search = os.environ.get("PYTHONPATH", "")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(folder), search]).rstrip(os.pathsep))
+    messages = importlib.import_module("crtk_msgs.msg")
+    FIELDS[messages.OperatingState] = "state"
+    yield messages.OperatingState, messages.StringStamped
+    for name in [name for name in sys.modules if name.split(".")[0] == "crtk_msgs"]:
+        del sys.modules[name]
+
+
 @pytest.mark.parametrize(("namespace", "node"), EVERY)
 def test_a_client_enables_reads_renders_pauses_and_disables(
-    domain: int, peer: Peer, namespace: str, node: str
+    domain: int,
+    peer: Peer,
+    namespace: str,
+    node: str,
+    state_kinds: tuple[Any, Any],
 ) -> None:
-    """As CRTK's own client does: it asks for a state, and waits until it is told so."""
-    client = CrtkClient(peer, namespace, RELIABLE)
-    states = peer.listen(f"{namespace}/operating_state", String, LATCHED)
-    commands = peer.node.create_publisher(String, f"{namespace}/state_command", RELIABLE)
-
-    def ask(word: str, state: str) -> None:
-        peer.until(lambda: commands.get_subscription_count() > 0, "a listener of commands")
-        commands.publish(String(data=word))
-        peer.until(lambda: states and states[-1].data == state, f"{state} after {word}")
-
+    """As the scripts of CRTK's own client do with a device that runs already, in its types."""
+    motion = CrtkClient(peer, namespace, RELIABLE)
+    statuses = peer.statuses()
     given = {"hand": "commanded"} if node == "haptic_device" else {}
-    with running(node, domain, scene="spatial_arm", autostart=False, **given):
-        assert peer.transition(node, "configure")
+    with running(node, domain, scene="spatial_arm", diagnostics_period=0.1, **given):
+        peer.until(lambda: node in statuses, "diagnostics", 2 * WAIT_S)
+        # Its state was told before this client came.
+        client = StateClient(peer, namespace, state_kinds)
+        client.command("enable", "ENABLED")
+        motion.push(0.005, *TURNING)
+        motion.resist(0.5)
+        client.command("pause", "PAUSED")
+        client.command("resume", "ENABLED")
+        client.command("disable", "DISABLED")
+        assert peer.state_of(node) == "inactive"
+        read = len(motion.measured_cp)
+        peer.run(0.2)
+        assert len(motion.measured_cp) <= read + 1
+        client.command("enable", "ENABLED")
+        motion.push(0.005, *TURNING)
+        peer.run(0.2)
+    assert figures(statuses[node])["refused_messages"] == "0"
+    if state_kinds[0] is not String:
+        assert {message.is_homed for message in client.heard} == {True}
+        assert not any(message.is_busy for message in client.heard)
+        stamps = [_time(message) for message in client.heard]
+        assert stamps == sorted(stamps)
+        assert stamps[0] > 0.0
+
+
+def test_a_node_that_waits_is_enabled_by_a_client(domain: int, peer: Peer) -> None:
+    states = peer.listen("device/operating_state", String, LATCHED)
+    with running("haptic_device", domain, scene="spatial_arm", autostart=False):
+        assert peer.transition("haptic_device", "configure")
         peer.until(lambda: states, "a state")
         assert states[-1].data == "DISABLED"
-        ask("enable", "ENABLED")
-        client.push(0.005, *TURNING)
-        ask("pause", "PAUSED")
-        ask("resume", "ENABLED")
-        client.push(0.005, *TURNING)
-        ask("disable", "DISABLED")
-        assert peer.state_of(node) == "inactive"
-        read = len(client.measured_cp)
-        peer.run(0.2)
-        assert len(client.measured_cp) <= read + 1
-        ask("enable", "ENABLED")
-        client.push(0.005, *TURNING)
-    assert [message.data for message in states[:3]] == ["DISABLED", "ENABLED", "PAUSED"]
+        StateClient(peer, "device", (String, String)).command("enable", "ENABLED")
+        assert peer.state_of("haptic_device") == "active"
 
 
 def test_verbs_of_crtk_have_its_types() -> None:

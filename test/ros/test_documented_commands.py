@@ -1,8 +1,8 @@
 """The commands of README and documents, run as they are written.
 
 ``ros2`` is not on PyPI: ``ros2 run`` starts the executable, and ``topic pub``, ``service call`` and
-``param set`` are done by a node of the test's own with what is written behind them. Commands that
-are not run are listed with the reason.
+``param set`` are done by a node of the test's own with what is written behind them. CONTRIBUTING.md
+lists the commands that are not run, with the reasons.
 """
 
 from __future__ import annotations
@@ -20,56 +20,30 @@ from typing import Any
 
 import pytest
 import yaml
+from geometry_msgs.msg import WrenchStamped
 
 from hapticmech_ros.graph import private_environment, stop_process
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.readiness import ADDRESS, Readiness
-from ros.harness import WAIT_S, Peer, figures, running
+from ros.harness import WAIT_S, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"]
 PAGES += sorted((ROOT / "docs").glob("*.md"))
 BIN = Path(sys.prefix) / "bin"
-# Not run here, by their beginnings, and why.
-NOT_RUN = {
-    "make ": "this test is part of `make test`; the others take hours, or make the clone's .venv",
-    "python -m benchmarks": "minutes to hours; test_docs checks the options, test/benchmarks runs",
-    "hapticmech feel": "minutes; test/analysis and test/cli run them",
-    "hapticmech demo": "test_demo runs it",
-    "hapticmech live": "until Ctrl-C; test/live serves it to a browser",
-    "hapticmech bag record": "until Ctrl-C; test_bag_recorder runs it",
-    "hapticmech bag play": "in real time; test_bag_player runs it",
-    "hapticmech bag repair run": "needs a crash; test_bag_crash runs it",
-    "hapticmech bag check run other": "two bags that the reader has",
-    "hapticmech analyse bags/live --scene": "of a bag of another graph; README's is run",
-    "hapticmech bag info run": "a bag of bag record",
-    "hapticmech bag check run": "a bag of bag record",
-    "hapticmech run five_bar --network-delay": "two hosts; test_network runs both sides",
-    "hapticmech run SCENE": "a scene of the reader's; test_two_devices runs one",
-    "hapticmech sweep": "a minute; test/offline runs a smaller one",
-    "teleoperation_controller --ros-args -p scene:=five_bar -r": "test_foreign_drivers runs it",
-    "ros2 run hapticmech_ros haptic_device --ros-args -r __ns": "test_two_devices runs them",
-    "ros2 run hapticmech_ros nullspace_analyser --ros-args -r __ns": "likewise",
-    "ros2 run hapticmech_ros teleoperation_controller --ros-args -r __ns": "likewise",
-    "ros2 lifecycle": "test_lifecycle does the same",
-    "ros2 launch": "launch is not on PyPI; test_launch reads the file",
-    "ros2 security": "not on PyPI; the middleware from PyPI has no security",
-    "ros2 run plotjuggler": "not on PyPI",
-    "rviz2": "not on PyPI",
-    "docker": "no Docker in continuous integration",
-    "pixi": "no pixi in continuous integration",
-    "pip install": "would change the environment of the tests",
-    **dict.fromkeys(
-        ("source ", "sudo ", "mkdir ", "git ", "python3 -m venv", ".venv/bin/pip", "rosdep "),
-        "test_noble runs what of it can be run",
-    ),
-    ".venv/bin/python -m colcon": "test_noble runs it",
-    "export ": "for the shell",
-    "for ": "with ros2 security",
-    "done": "with ros2 security",
-    "haptic_device --ros-args --enclave": "the middleware from PyPI has no security",
-}
+ROW = re.compile(r"^\| (`.*`) \| .+ \|$", re.MULTILINE)
+
+
+def not_run() -> tuple[str, ...]:
+    """Return the beginnings of commands that are not run, of CONTRIBUTING's table of reasons."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    section = text[text.index("## Commands of the documents") :]
+    cells = ROW.findall(section[: section.index("## Dependencies")])
+    return tuple(name for cell in cells for name in re.findall(r"`([^`]+)`", cell))
+
+
+NOT_RUN = not_run()
 LASTING = ("hapticmech run", *(path.name for path in (ROOT / "resource" / "executables").iterdir()))
 CLIENTS = ("ros2 topic pub", "ros2 service call", "ros2 param set", "python examples/")
 # What must run for a command, by a name in it, where that is not `hapticmech run five_bar`.
@@ -88,9 +62,13 @@ def commands(page: Path) -> Iterator[str]:
                 yield words.removeprefix(".venv/bin/") if ours else words
 
 
+def begins(command: str, words: str) -> bool:
+    return re.match(re.escape(words) + r"(?![\w-])", command) is not None
+
+
 def kind_of(command: str) -> str:
     """Return how a command is run; nothing: it is not."""
-    if any(command.startswith(beginning) for beginning in NOT_RUN):
+    if any(begins(command, beginning) for beginning in NOT_RUN):
         return ""
     if command.startswith(CLIENTS):
         return "client"
@@ -216,6 +194,24 @@ def test_commands_to_a_running_graph_are_obeyed(
 FOUR = ("haptic_device", "mechanism_simulator", "nullspace_analyser", "teleoperation_controller")
 
 
+def test_the_program_that_pushes_pushes(folder: Path, domain: int, peer: Peer) -> None:
+    page = (ROOT / "docs" / "wrenches.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    (folder / "pusher.py").write_text(program, encoding="utf-8")
+    heard = peer.listen("mechanism/handle/external_cf/pusher", WrenchStamped)
+    process = subprocess.Popen(
+        [sys.executable, "pusher.py"], cwd=folder, env=private_environment(domain)
+    )
+    try:
+        peer.until(lambda: len(heard) > 2, "wrenches", 2 * WAIT_S)
+    finally:
+        process.kill()
+        process.wait()
+    assert {(message.header.frame_id, *six(message)) for message in heard} == {
+        ("world", 0.0, 0.4, 0.0, 0.0, 0.0, 0.0)
+    }
+
+
 def do_as_client(peer: Peer, command: str, folder: Path, domain: int) -> None:
     """Do what a command asks for, and check that it was answered, where answers are given."""
     words = shlex.split(command)
@@ -260,7 +256,7 @@ def test_every_command_is_run_or_has_a_reason() -> None:
     unused = [
         beginning
         for beginning in NOT_RUN
-        if not any(command.startswith(beginning) for command in every)
+        if not any(begins(command, beginning) for command in every)
     ]
     assert not unused
     run = [command for command in every if kind_of(command)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -58,5 +59,18 @@ def test_a_compiler_takes_it(tmp_path: Path) -> None:
     program = tmp_path / "check.cpp"
     program.write_text('#include "hapticmech_ros.hpp"\n' + "\n".join(checks) + "\n")
     command = ["g++", "-std=c++17", "-Wall", "-Werror", "-fsyntax-only", str(program)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler")
+def test_a_compiler_takes_the_program_of_the_page_on_topics(tmp_path: Path) -> None:
+    page = Path(__file__).resolve().parents[2] / "docs" / "topics.md"
+    (reader,) = re.findall(r"```cpp\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "hapticmech_ros.hpp").write_text(header())
+    program = tmp_path / "reader.cpp"
+    program.write_text("#include <std_msgs/msg/float64_multi_array.hpp>\n" + reader)
+    include = [f"-I{path}" for path in (Path(sys.prefix) / "include").iterdir() if path.is_dir()]
+    command = ["g++", "-std=c++17", "-fsyntax-only", *include, str(program)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

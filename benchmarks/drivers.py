@@ -1,0 +1,254 @@
+"""``python -m benchmarks.drivers``: what is felt through drivers that speak CRTK only.
+
+A hand pushes a body that a driver simulates, and that knows of the graph what a driver knows. The
+mechanism, its analyser and the controller are the nodes' own, in simulated time and without a
+middleware: no delay but that of the driver's samples.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import typer
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from rclpy.serialization import deserialize_message, serialize_message
+from ruamel.yaml import YAML
+
+from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
+from hapticmech_ros import Simulator, load_scene
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.cli import run_app
+from hapticmech_ros.nodes.messages import set_stamp, write_pose, write_wrench
+from hapticmech_ros.scene import document_of
+from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.layouts import OPERATIONAL_MODEL_FIELDS
+
+SCENE = "five_bar"
+PUSH = np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+WAY = 0.01
+FREE = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+LONGEST_S = 5.0
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A driver.
+
+    Attributes:
+        name: of the kind.
+        says: its topics besides ``measured_cp``.
+        sensor: ``force_sensor`` of the scene.
+        rate: of its samples, Hz.
+        turn: of its axes about z, rad; it then takes and tells wrenches in these.
+    """
+
+    name: str
+    says: tuple[str, ...]
+    sensor: str = "estimated"
+    rate: float = 1000.0
+    turn: float = 0.0
+
+
+_BOTH = ("measured_cv", "measured_cf")
+KINDS = (
+    Kind("with a force sensor", (*_BOTH, "hand/measured_cf"), "measured"),
+    Kind("without a force sensor", _BOTH),
+    Kind("without `measured_cf`", ("measured_cv",)),
+    Kind("poses only", ()),
+    Kind("`body/` only", ("measured_cv", "body/measured_cf"), turn=2.0),
+    Kind("at 200 Hz", _BOTH, rate=200.0),
+    Kind("at 200 Hz, without `measured_cf`", ("measured_cv",), rate=200.0),
+    Kind("the hand unknown", _BOTH, "absent"),
+)
+
+
+@dataclass(frozen=True)
+class Felt:
+    """What was felt through a driver.
+
+    Attributes:
+        kind: name of the driver's kind.
+        engaged_after: time from the first pose to the first command, s.
+        drift: way of the device in a second in which nobody pushes, m.
+        inertia: felt, relative to the mechanism's own along the push.
+        apart: largest distance of device and operational point during the push, m.
+    """
+
+    kind: str
+    engaged_after: float
+    drift: float
+    inertia: float
+    apart: float
+
+
+class Body:
+    """The device that a driver drives.
+
+    Args:
+        mass: (6,) kg and kg m².
+        pose: at the start, at rest.
+        period: of a step, s.
+    """
+
+    def __init__(self, mass: Array, pose: pin.SE3, period: float) -> None:
+        self.pose, self.twist, self._mass, self._period = pose, np.zeros(6), mass, period
+
+    def step(self, wrench: Array) -> None:
+        """Move on by a step under a wrench (6,), N and N m, world axes."""
+        self.twist = self.twist + self._period * FREE * wrench / self._mass
+        turned = pin.exp3(self._period * self.twist[3:]) @ self.pose.rotation
+        self.pose = pin.SE3(turned, self.pose.translation + self._period * self.twist[:3])
+
+
+def felt(kind: Kind) -> Felt:
+    """Push through a driver of a kind, and return what was felt."""
+    document = document_of(load_scene(SCENE))
+    axes = "body" if kind.turn else "world"
+    document["device"] |= {"force_sensor": kind.sensor, "servo_axes": axes}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "scene.yaml"
+        with path.open("w") as stream:
+            YAML(typ="safe", pure=True).dump(document, stream)
+        graph = FakeGraph(str(path), actors=ACTORS[1:4])
+    return _Trial(graph, kind).run()
+
+
+class _Trial:
+    """A driver of a kind at a graph."""
+
+    def __init__(self, graph: FakeGraph, kind: Kind) -> None:
+        self._graph, self._kind = graph, kind
+        scene = load_scene(SCENE)
+        self._period = scene.simulation.period
+        simulator = Simulator(scene)
+        self._point = scene.operational_points[0].name
+        pose = simulator.mechanism.frame_pose(simulator.initial_state().q, self._point)
+        pose.rotation = pose.rotation @ pin.exp3(np.array((0.0, 0.0, kind.turn)))
+        mass = np.array([scene.device.mass] * 3 + [scene.device.inertia] * 3)
+        self._body = Body(mass, pose, self._period)
+        self._began = pose.translation.copy()
+        self._ticks = 0
+        self._told = np.zeros(6)
+
+    def run(self) -> Felt:
+        graph = self._graph
+        while "/device/servo_cf" not in graph.last and self._time < LONGEST_S:
+            self._go_on(np.zeros(6))
+        engaged = self._time
+        for _ in range(round(1.0 / self._period)):
+            self._go_on(np.zeros(6))
+        drift = float(np.linalg.norm(self._body.pose.translation - self._began))
+        start, since, apart = self._body.pose.translation[0], self._time, 0.0
+        while start - self._body.pose.translation[0] < WAY and self._time < since + LONGEST_S:
+            self._go_on(PUSH)
+            apart = max(apart, self._apart())
+        needed = self._time - since
+        return Felt(self._kind.name, engaged, drift, (needed / time_alone()) ** 2, apart)
+
+    @property
+    def _time(self) -> float:
+        return self._ticks * self._period
+
+    def _go_on(self, push: Array) -> None:
+        """Tell a sample if one is due, let the graph answer, and move on."""
+        if self._ticks % round(1.0 / (self._kind.rate * self._period)) == 0:
+            self._tell(push)
+        self._graph.tick()
+        self._graph.tick()
+        self._ticks += 1
+        self._told = self._commanded()
+        self._body.step(push + self._told)
+
+    def _commanded(self) -> Array:
+        """Return the wrench that the driver was commanded last (6,), world axes."""
+        own = bool(self._kind.turn)
+        message = self._graph.last.get("/device/body/servo_cf" if own else "/device/servo_cf")
+        if message is None:
+            return np.zeros(6)
+        if isinstance(message, bytes):
+            message = deserialize_message(message, WrenchStamped)
+        f, t = message.wrench.force, message.wrench.torque
+        wrench = np.array([f.x, f.y, f.z, t.x, t.y, t.z])
+        return self._turned(wrench, self._body.pose.rotation) if own else wrench
+
+    @staticmethod
+    def _turned(wrench: Array, axes: Array) -> Array:
+        return np.concatenate([axes @ wrench[:3], axes @ wrench[3:]])
+
+    def _tell(self, push: Array) -> None:
+        """Say where the body is, last, and what else the driver says."""
+        now, pose = self._graph.now_ns, self._body.pose
+        own = self._turned(self._told, pose.rotation.T)
+        values = {"measured_cf": self._told, "body/measured_cf": own, "hand/measured_cf": push}
+        for name in self._kind.says:
+            if name == "measured_cv":
+                self._put(name, self._twist(now))
+                continue
+            message = WrenchStamped()
+            write_wrench(message, values[name], now)
+            self._put(name, message)
+        place = PoseStamped()
+        write_pose(place, pose, now)
+        self._put("measured_cp", place)
+
+    def _twist(self, now: int) -> TwistStamped:
+        message, twist = TwistStamped(), self._body.twist.tolist()
+        message.header.frame_id = "world"
+        set_stamp(message.header.stamp, now)
+        for part, values in ((message.twist.linear, twist[:3]), (message.twist.angular, twist[3:])):
+            part.x, part.y, part.z = values
+        return message
+
+    def _put(self, name: str, message: object) -> None:
+        self._graph.put(f"/device/{name}", serialize_message(message))
+
+    def _apart(self) -> float:
+        told = decode(self._graph.last[f"/analysis/{self._point}/operational_model"])
+        place = told[OPERATIONAL_MODEL_FIELDS.slice("position")]
+        return float(np.linalg.norm((place - self._body.pose.translation)[:2]))
+
+
+def time_alone() -> float:
+    """Return how long the mechanism alone takes for the way under the same push, s."""
+    simulator = Simulator(load_scene(SCENE))
+    point = load_scene(SCENE).operational_points[0].name
+    state = simulator.initial_state()
+    start = simulator.mechanism.frame_pose(state.q, point).translation[0]
+    for tick in range(round(LONGEST_S / simulator.scene.simulation.period)):
+        if start - simulator.mechanism.frame_pose(state.q, point).translation[0] >= WAY:
+            return tick * simulator.scene.simulation.period
+        state = simulator.step(state, PUSH[None, :])
+    raise RuntimeError(f"the mechanism does not move by {WAY:g} m")
+
+
+def table(found: Sequence[Felt]) -> str:
+    """Return what was felt as a table for a document."""
+    lines = [
+        "| driver | engaged after, ms | drift in 1 s, µm | felt inertia / the mechanism's own "
+        "| device and point apart, mm |",
+        "|---|--:|--:|--:|--:|",
+    ]
+    lines += [
+        f"| {one.kind} | {1e3 * one.engaged_after:.0f} | {1e6 * one.drift:.1f} | "
+        f"{one.inertia:.3f} | {1e3 * one.apart:.2f} |"
+        for one in found
+    ]
+    return "\n".join(lines)
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def drivers() -> None:
+    """Push a five-bar through drivers of every kind, and print what is felt."""
+    print(table([felt(kind) for kind in KINDS]))
+
+
+if __name__ == "__main__":
+    run_app(app)

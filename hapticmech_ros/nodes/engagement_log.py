@@ -1,0 +1,62 @@
+"""What a controller says of its engagements: each change, but no more than a few lines a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from hapticmech_ros.times import NANOSECONDS
+
+PERIOD_S = 1.0
+_PERIOD_NS = round(PERIOD_S * NANOSECONDS)
+
+
+class EngagementLog:
+    """Says when a controller engages and disengages.
+
+    On a machine that stalls, rendering ends and resumes many times a second. Inputs that are lost
+    within a second of the last that was said are counted, and told by :meth:`tell`.
+
+    Args:
+        logger: returns the node's.
+        now_ns: returns the time, ns.
+    """
+
+    def __init__(self, logger: Callable[[], Any], now_ns: Callable[[], int]) -> None:
+        self._logger, self._now_ns = logger, now_ns
+        self._said_ns: int | None = None
+        self._untold, self._reason, self._engaged = 0, "", False
+
+    def engaged(self) -> None:
+        """Say that the controller is engaged, unless it is told later why it was not."""
+        self._engaged = True
+        if not self._untold:
+            self._logger().info("engaged")
+
+    def lost(self, reason: str) -> None:
+        """Say that the controller is disengaged because of inputs, now or later."""
+        self._engaged, now = False, self._now_ns()
+        if self._said_ns is not None and now - self._said_ns < _PERIOD_NS:
+            self._untold, self._reason = self._untold + 1, reason
+            return
+        self._said_ns = now
+        self._logger().warning(f"disengaged: {reason}")
+
+    def fault(self, reason: str) -> None:
+        """Say that the controller is disengaged because it must not render."""
+        self._engaged = False
+        self._logger().warning(f"disengaged: {reason}")
+
+    def stopped(self, reason: str) -> None:
+        """Say that the controller is disengaged because somebody wants it so."""
+        self._engaged = False
+        self._logger().info(f"disengaged: {reason}")
+
+    def tell(self) -> None:
+        """Say what has not been said; to be called once in ``PERIOD_S``."""
+        if not self._untold:
+            return
+        state = "engaged" if self._engaged else "disengaged"
+        times = f"{self._untold} more time{'s' * (self._untold > 1)}"
+        self._logger().warning(f"disengaged {times}, the last: {self._reason}; now {state}")
+        self._untold, self._said_ns = 0, self._now_ns()
