@@ -14,6 +14,8 @@ from hapticmech_ros.formats.mjcf_classes import Context, settings
 from hapticmech_ros.formats.mjcf_equalities import Equalities
 from hapticmech_ros.formats.mjcf_inertias import body_of, shape_of
 from hapticmech_ros.formats.mjcf_keyframes import read_keyframes
+from hapticmech_ros.formats.mjcf_replicate import WHY as WHY_REPLICAS
+from hapticmech_ros.formats.mjcf_replicate import open_replicas
 from hapticmech_ros.formats.mjcf_rotors import WHY as WHY_ROTORS
 from hapticmech_ros.formats.mjcf_rotors import with_rotors
 from hapticmech_ros.formats.mjcf_shapes import collides, solid_of
@@ -53,6 +55,7 @@ WHY = {
     "range of a ball": "only joints of one coordinate have stops",
     "stiffness of a ball or free joint": "only joints of one coordinate have springs",
     "frictionloss of a ball or free joint": "only joints of one coordinate have friction",
+    **WHY_REPLICAS,
     **WHY_ROTORS,
 }
 UNKNOWN = "not of a mechanism, or not known"
@@ -81,7 +84,9 @@ def read_mjcf(source: Source) -> Model:
     Raises:
         SceneError: it breaks a rule; names line, element, value and rule.
     """
-    return _Reader(source, Context(source)).read()
+    reader = _Reader(source, Context(source))
+    open_replicas(reader.context, reader.notes)
+    return reader.read()
 
 
 @dataclass

@@ -265,7 +265,9 @@ class _Fitting:
         for number in range(_SAMPLES):
             if number % _STRETCH == 0:
                 # No mechanism singles these directions out, and they are the same each time.
-                towards = np.cos(np.sqrt(2.0) * (number + 1) * np.arange(1.0, mechanism.nv + 1) ** 2)
+                towards = np.cos(
+                    np.sqrt(2.0) * (number + 1) * np.arange(1.0, mechanism.nv + 1) ** 2
+                )
                 here = first
             direction = here.free(towards)
             size = mechanism.span(direction)
@@ -299,8 +301,8 @@ class _Fitting:
         )
         numbers = {loop.name: number for number, loop in enumerate(self._loops)}
         closures = []
-        for closure in scene.closures:
-            number = numbers.get(closure.name)
+        for written in scene.closures:
+            number, closure = numbers.get(written.name), written
             if number is not None:
                 at = self._joints + 2 * number
                 ends = {"a": _displaced(closure.a, scaled[at])}
@@ -308,7 +310,7 @@ class _Fitting:
                 if closure.length is not None:
                     added = float(change[self._rods + number]) * self._length
                     ends["length"] = closure.length + added
-                closure = closure.model_copy(update=ends)
+                closure = written.model_copy(update=ends)
             closures.append(closure)
         return scene.model_copy(update={"links": links, "closures": tuple(closures)})
 
