@@ -95,7 +95,7 @@ class _Reader:
     context: Context
     bodies: dict[str, Body] = field(default_factory=dict)
     hinges: list[Joint] = field(default_factory=list)
-    joints: set[str] = field(default_factory=set)
+    nodes: dict[tuple[str, str], Node] = field(default_factory=dict)
     refs: dict[str, float] = field(default_factory=dict)
     free: dict[str, list[float]] = field(default_factory=dict)
     sites: dict[str, tuple[str, pin.SE3]] = field(default_factory=dict)
@@ -137,6 +137,7 @@ class _Reader:
             start=start,
             floating="a <freejoint/> makes a body float",
             keyframes=read_keyframes(source, hinges, start),
+            where={key: source.where(node) for key, node in self.nodes.items()},
         )
 
     def _weigh(self) -> None:
@@ -220,15 +221,19 @@ class _Reader:
     def _site(self, node: Node, body: str, place: pin.SE3) -> None:
         name = node.attributes.get("name", "").strip()
         if name in self.sites:
-            raise self.source.error(node, name, "names of sites must be unique")
+            rule = "names of sites must be unique"
+            raise self.source.twice(node, name, self.nodes["site", name], rule)
         if name:
+            self.nodes["site", name] = node
             self.sites[name] = (body, place)
 
     def _body(self, node: Node, parent: str, frame: pin.SE3, childclass: str, moving: bool) -> None:
         given = node.attributes.get("name", "").strip()
         name = given or self._new(f"body{len(self.bodies) + 1}")
         if name in self.poses:
-            raise self.source.error(node, name, "names of bodies must be unique, and not 'world'")
+            rule = "names of bodies must be unique, and not 'world'"
+            raise self.source.twice(node, name, self.nodes.get(("link", name)), rule)
+        self.nodes["link", name] = node
         childclass = node.attributes.get("childclass", childclass)
         place = frame * self.context.place(node)
         self.poses[name] = self.poses[parent] * place
@@ -271,9 +276,11 @@ class _Reader:
         kind = context.word(node, "type", "hinge") if node.tag == "joint" else "free"
         if kind not in JOINT_TYPES:
             raise source.error(node, kind, f"type must be one of {sorted(JOINT_TYPES)}")
-        if name in self.joints:
-            raise source.error(node, name, "names of joints must be unique")
-        self.joints.add(name)
+        if ("joint", name) in self.nodes:
+            raise source.twice(
+                node, name, self.nodes["joint", name], "names of joints must be unique"
+            )
+        self.nodes["joint", name] = node
         self.notes["springdamper"] += any(source.values(node, "springdamper", (0.0, 0.0)))
         self.notes["align"] += kind == "free" and node.attributes.get("align") == "true"
         damping, armature = (source.value(node, key, 0.0) for key in ("damping", "armature"))

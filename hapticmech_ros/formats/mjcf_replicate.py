@@ -30,8 +30,14 @@ KINDS = {
 # Attributes that refer to names, by the kind of what they name.
 REFERENCES = {
     **{f"{kind}{n}": kind for kind in ("body", "joint", "geom", "site") for n in ("", "1", "2")},
-    "tendon": "tendon", "tendon1": "tendon", "tendon2": "tendon", "jointinparent": "joint",
-    "sidesite": "site", "refsite": "site", "cranksite": "site", "slidersite": "site",
+    "tendon": "tendon",
+    "tendon1": "tendon",
+    "tendon2": "tendon",
+    "jointinparent": "joint",
+    "sidesite": "site",
+    "refsite": "site",
+    "cranksite": "site",
+    "slidersite": "site",
 }
 # Kind and name.
 Named = tuple[str, str]

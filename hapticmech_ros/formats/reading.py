@@ -114,14 +114,22 @@ def left_out(path: Path) -> LeftOut:
     return LeftOut(notes, tuple(name for name in nameable if name not in there))
 
 
-def _named(error: SceneError, links: list[Document]) -> SceneError:
-    """Return an error that names links by their names."""
+def _named(error: SceneError, links: list[Document], imported: Imported, file: str) -> SceneError:
+    """Return an error that names links by their names, and where the file has them."""
     problems = []
     for problem in error.problems:
         found = re.match(r"links\[(\d+)\]", problem.key_path)
         if found is not None:
             rest = problem.key_path[found.end() :]
-            path = f"link {links[int(found[1])]['name']}{rest}"
+            link = links[int(found[1])]
+            kind, name = "link", link["name"]
+            if rest.startswith(".joint."):
+                kind, name, rest = "joint", link["joint"]["name"], rest.removeprefix(".joint")
+            line = imported.where.get(name)
+            place = "" if line is None else f"{line}: "
+            if line is not None and file != error.source:
+                place = f"{file}, {place}"
+            path = f"{place}{kind} {name}{rest}"
             problems.append(replace(problem, key_path=path))
         else:
             problems.append(problem)
@@ -166,7 +174,8 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
     try:
         return with_stops(with_start(with_metrics(found)), str(source))
     except SceneError as error:
-        raise _named(error, found["links"]) from None
+        file = str(source.parent / part.file)
+        raise _named(error, found["links"], imported, file) from None
 
 
 def _model_part(written: object, source: Path) -> ModelPart:

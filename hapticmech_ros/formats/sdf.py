@@ -43,8 +43,10 @@ JOINT_TYPES = {
     "fixed": "fixed",
     "screw": "revolute",
 }
+ELSEWHERE = "include of a world"
 WHY = {
     "visual": DRAWN,
+    ELSEWHERE: "no such file beside this one: that model is not read",
     "plugin": "of another simulator",
     "sensor": SENSED,
     ROTOR_ELSEWHERE: WHY_ELSEWHERE,
@@ -78,6 +80,8 @@ def read_sdf(source: Source, name: str = "") -> Model:
         models = [model for model in models if model.attributes.get("name", "") == name]
         if len(models) != 1:
             raise source.error(source.root, name, f"must name one of the models, {sorted(names)}")
+    if len(models) > 1:
+        models = [model for model in models if not _is_static(model)] or models
     if len(models) != 1:
         rule = f"needs one <model>, or model: {{file, name}} in a scene that names one of {names}"
         raise source.error(source.root, len(models), rule)
@@ -86,7 +90,15 @@ def read_sdf(source: Source, name: str = "") -> Model:
     if gravity is not None:
         x, y, z = source.numbers(gravity, gravity.text, 3)
         vector = (x, y, z)
-    return _Reader(source, models[0]).read(vector)
+    reader = _Reader(source, models[0])
+    if world is not None:
+        reader.notes[ELSEWHERE] = len(world.all("include"))
+    return reader.read(vector)
+
+
+def _is_static(model: Node) -> bool:
+    static = model.first("static")
+    return static is not None and static.text.strip() in ("true", "1")
 
 
 def _is_gearbox(joint: Node) -> bool:
@@ -135,6 +147,9 @@ class _Reader:
             gravity=gravity,
             bases={
                 body: self.frames.pose(body, model) for body in bodies if body in self.frames.placed
+            },
+            where={
+                (node.tag, name): source.where(node) for name, node in self.frames.nodes.items()
             },
             notes=[Note(what, count, WHY.get(what, UNKNOWN)) for what, count in found if count],
         )

@@ -20,7 +20,8 @@ def open_includes(source: Source) -> None:
     """Put models of included files where these are included, with the include's name and pose.
 
     A file is looked for from the folder of the file that includes it: a path, or the folder of a
-    model, which is there or beside that folder. Nothing else is searched, and no network.
+    model, which is there or beside that folder. Nothing else is searched, and no network. What a
+    world includes and is not there, such as its sun, stays an ``include``.
 
     Raises:
         SceneError: no such file, no model in it, too many, or files that include each other;
@@ -42,7 +43,9 @@ class _Includes:
         """Open what is included in a world or model, and in the models in it."""
         for place, child in enumerate(scope.children):
             if child.tag == "include":
-                scope.children[place] = self._model(child, files, depth)
+                is_optional = scope.tag == "world"
+                if not is_optional or self._found(child, files[-1].parent) is not None:
+                    scope.children[place] = self._model(child, files, depth)
             elif child.tag == "model":
                 self._open(child, files, version, depth + 1)
             elif child.tag == "joint" and len(files) > 1:
@@ -57,10 +60,16 @@ class _Includes:
         self._count += 1
         if self._count > INCLUDE_LIMIT:
             raise source.error(node, self._count, f"at most {INCLUDE_LIMIT} includes")
-        uri = node.first("uri")
+        uri, folder = node.first("uri"), files[-1].parent
         if uri is None or not uri.text.strip():
             raise source.error(node, node.attributes.get("name"), "an include needs a <uri>")
-        path = self._find(uri, files[-1].parent)
+        path = self._found(node, folder)
+        if path is None:
+            rule = (
+                f"no such file, nor a folder with a model.sdf, in {folder}, nor for {SCHEME} beside"
+                " it; nothing else is searched"
+            )
+            raise source.error(uri, uri.text.strip(), rule)
         if path.resolve() in {file.resolve() for file in files}:
             raise source.error(uri, uri.text.strip(), "files include each other in a circle")
         if len(files) > DEEP:
@@ -75,14 +84,14 @@ class _Includes:
         self._open(model, (*files, path), found.attributes.get("version", ""), depth + 1)
         return _placed(model, node)
 
-    def _find(self, uri: Node, folder: Path) -> Path:
-        written = uri.text.strip()
+    def _found(self, node: Node, folder: Path) -> Path | None:
+        """Return the file that an include names; None if there is none."""
+        uri = node.first("uri")
+        written = "" if uri is None else uri.text.strip()
         named = written.removeprefix(SCHEME)
-        if "://" in named:
-            rule = "files are included from this machine only: a path from the file, or model://"
-            raise self._source.error(uri, written, rule)
-        folders = [folder, folder.parent] if written.startswith(SCHEME) else [folder]
-        for one in folders:
+        if not named or "://" in named:
+            return None
+        for one in (folder, folder.parent) if named != written else (folder,):
             try:
                 found = one / named
                 if found.is_dir():
@@ -91,8 +100,7 @@ class _Includes:
                     return found
             except (OSError, ValueError):  # too long a name, or one with a zero byte
                 continue
-        rule = f"no such file, nor a folder with a model.sdf, in {[str(one) for one in folders]}"
-        raise self._source.error(uri, written, rule)
+        return None
 
 
 def _placed(model: Node, include: Node) -> Node:

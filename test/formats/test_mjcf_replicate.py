@@ -9,15 +9,17 @@ from formats.imports import notes_in
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import read_model
 
-BODIES = """<body name="a"><joint name="j" axis="0 1 0"/><geom size=".1"/><body name="b" pos="1 0 0">
-    <joint name="k" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/></body></body>"""
+BODIES = """<body name="a"><joint name="j" axis="0 1 0"/><geom size=".1"/>
+    <body name="b" pos="1 0 0"><joint name="k" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/></body>
+    </body>"""
 OUTSIDE = '<body name="z"><joint name="zz"/><geom size=".1" pos=".1 0 0"/></body>'
-EQUALITIES = """<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed>
-    <fixed name="u"><joint joint="k" coef="2"/></fixed></tendon>
+EQUALITIES = """<tendon><fixed name="t"><joint joint="j" coef="1"/>
+    <joint joint="k" coef="2"/></fixed></tendon>
     <actuator><motor name="m" joint="j" armature="0.3" gear="2"/></actuator><equality>
     <joint name="e" joint1="j" joint2="k"/><joint name="f" joint1="j" joint2="zz"/>
-    <connect name="c" body1="a" body2="b" anchor="1 0 0"/><connect name="w" body1="b" anchor=".5 0 0"/>
-    <tendon name="g" tendon1="t" tendon2="u"/><joint name="h" joint1="j1" joint2="zz"/></equality>"""
+    <connect name="c" body1="a" body2="b" anchor="1 0 0"/>
+    <connect name="w" body1="b" anchor=".5 0 0"/>
+    <tendon name="g" tendon1="t"/><joint name="h" joint1="j1" joint2="zz"/></equality>"""
 
 
 def written(folder, inside, rest=""):

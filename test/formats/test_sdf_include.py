@@ -53,27 +53,24 @@ def test_an_included_model_is_as_if_it_were_written_there(tmp_path, uri, version
 
 
 def test_files_include_files_from_their_own_folders(tmp_path):
-    included(tmp_path / "parts", name="lower")
-    text = (
-        include("../lower", "<name>inner</name>"),
-        link("base"),
-        joint("b", "base", "inner::upper"),
-    )
+    of_base = [joint("base", "base", "inner::upper"), link("base")]
     fixed = '<joint name="f" type="fixed"><parent>world</parent><child>base</child></joint>'
-    arm = [part for part in text]
-    included(
-        tmp_path / "parts", parts=(*(part for part in ARM if "shoulder" not in part),), name="lower"
-    )
-    included(tmp_path / "parts", parts=(*arm, fixed), name="arm")
+    inner = include("../lower", "<name>inner</name>")
+    included(tmp_path / "parts", parts=[p for p in ARM if "shoulder" not in p], name="lower")
+    included(tmp_path / "parts", parts=[inner, *of_base, fixed])
+    with pytest.raises(SceneError, match="names of links, joints, frames must be unique"):
+        read_model(written(tmp_path, (include("parts/arm"),)))
+    of_base[0] = joint("turns", "base", "inner::upper")
+    included(tmp_path / "parts", parts=[inner, *of_base, fixed])
     found = read_model(written(tmp_path, (include("parts/arm"),)))
-    assert set(found.joints) == {"left::b", "left::inner::elbow"}
+    assert set(found.joints) == {"left::turns", "left::inner::elbow"}
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         (include("nowhere.sdf"), r"model.sdf: scene refused\n  line 2, <uri>: no such file"),
-        (include("https://fuel/arm"), "from this machine only"),
+        (include("https://fuel/arm"), "nothing else is searched"),
         (include("model://nowhere"), "nor a folder with a model.sdf"),
         ("<include><name>a</name></include>", "line 2, <include>: an include needs a <uri>"),
         (include("model.sdf"), "include each other in a circle"),
@@ -128,8 +125,8 @@ def screw(inside):
 def test_a_screw_moves_by_its_pitch_in_a_turn(tmp_path, inside, pitch):
     path = written(tmp_path, screw(inside))
     (tmp_path / "scene.yaml").write_text(
-        "format: hapticmech-scene/1\nmodel: model.sdf\ninitial_state: {q: {spindle: 0.7, spindle_slide: "
-        f"{0.7 * pitch / (2.0 * np.pi)!r}}}}}\n"
+        "format: hapticmech-scene/1\nmodel: model.sdf\n"
+        f"initial_state: {{q: {{spindle: 0.7, spindle_slide: {0.7 * pitch / (2.0 * np.pi)!r}}}}}\n"
     )
     start, turned = (Mechanism(load_scene(one)) for one in (path, tmp_path / "scene.yaml"))
     poses = [one.frame_pose(consistent_initial_state(one)[0], "nut") for one in (start, turned)]
@@ -195,3 +192,15 @@ def test_what_looks_like_a_comment_in_text_is_none(tmp_path):
     inside = "<![CDATA[ <!-- a -- b ]]>" + INERTIAL
     path = written(tmp_path, (f'<link name="upper">{inside}</link>', *ARM[1:]))
     assert set(read_model(path).joints) == {"shoulder", "elbow"}
+
+
+def test_a_world_may_include_what_is_not_there(tmp_path):
+    included(tmp_path)
+    included(tmp_path, parts=("<static>true</static>", link("plane")), name="ground_plane")
+    path = tmp_path / "world.sdf"
+    sun, plane = include("model://sun", ""), include("model://ground_plane", "")
+    text = f"{sun}{plane}{include('arm')}{include('https://fuel/x', '')}"
+    path.write_text(f'<sdf version="1.9"><world name="w">{text}</world></sdf>')
+    found = read_model(path)
+    assert set(found.joints) == {"shoulder", "elbow"}
+    assert {note.what: note.count for note in found.notes} == {"include of a world": 2}
