@@ -15,21 +15,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.mechanism.constraint_space import solve_lower
+from hapticmech_ros.mechanism.closures import Active, LoopClosure
+from hapticmech_ros.mechanism.constraint_space import Closing, solve_lower
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
-from hapticmech_ros.mechanism.model import authored_state, se3
+from hapticmech_ros.mechanism.model import TreeModel, authored_state, se3
 from hapticmech_ros.mechanism.tolerances import SOLVER_RANK_TOLERANCE
 from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.mechanism import Origin
-
-if TYPE_CHECKING:
-    from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.scene.mechanism import Joint, LinkFrame, Origin
 
 # No frame is moved by more: a fraction of the mechanism's length, or rad. Rows that are no further
 # than that from following from others are meant to, if they stay so along the motion.
@@ -44,6 +42,32 @@ _SAMPLES, _STRETCH, _APART = 48, 8, 0.15
 _STEPS, _STEP_LIMIT, _SMALL_STEP = 300, 0.1, 1e-13
 # Of that in the frames; singular values below this share of the largest are the rounding of files.
 _ROUNDS, _DETERMINED = 8, 1e-5
+
+
+Displaced = TypeVar("Displaced", Joint, LinkFrame)
+
+
+class _Fittable(Protocol):
+    """What is needed of a :class:`~hapticmech_ros.mechanism.mechanism.Mechanism`; see there."""
+
+    scene: Scene
+    tree: TreeModel
+    model: pin.Model
+    data: pin.Data
+    closures: tuple[LoopClosure, ...]
+    length: float
+    nv: int
+    initially_active: Active
+
+    def closing_terms(self, q: Array, active: Active) -> Closing: ...
+
+    def row_units(self, indices: Sequence[int]) -> Array: ...
+
+    def span(self, change: Array) -> float: ...
+
+    def integrate(self, q: Array, change: Array) -> Array: ...
+
+    def difference(self, start: Array, end: Array) -> Array: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +139,7 @@ class _At(NamedTuple):
         return self.rates(lifted - kept @ (kept.T @ lifted))
 
 
-def fitted(scene: Scene, mechanism_of: Callable[[Scene], Mechanism]) -> Fit | None:
+def fitted(scene: Scene, mechanism_of: Callable[[Scene], _Fittable]) -> Fit | None:
     """Return the loops that are closed at the start with frames fitted; None if none has to be.
 
     Args:
@@ -145,7 +169,7 @@ def fitted(scene: Scene, mechanism_of: Callable[[Scene], Mechanism]) -> Fit | No
 class _Fitting:
     """The conditions of one mechanism's loops, and what is moved to meet them."""
 
-    def __init__(self, mechanism: Mechanism, mechanism_of: Callable[[Scene], Mechanism]) -> None:
+    def __init__(self, mechanism: _Fittable, mechanism_of: Callable[[Scene], _Fittable]) -> None:
         self._written, self._mechanism_of = mechanism, mechanism_of
         self._active = mechanism.initially_active
         used = [index for index, on in enumerate(self._active) if on]
@@ -182,7 +206,7 @@ class _Fitting:
                 return self._result(scene, change, along, now)
         return None
 
-    def _at(self, mechanism: Mechanism, q: Array) -> _At:
+    def _at(self, mechanism: _Fittable, q: Array) -> _At:
         closing = mechanism.closing_terms(q, self._active)
         parts, units = closing.dense.parts, self._units
         columns = solve_lower(parts.factor, (parts.jacobian / units[:, None]).T)
@@ -198,7 +222,7 @@ class _Fitting:
             self._by_frames(mechanism, q, parts.pairs) / units[:, None],
         )
 
-    def _by_frames(self, mechanism: Mechanism, q: Array, pairs: Array) -> Array:
+    def _by_frames(self, mechanism: _Fittable, q: Array, pairs: Array) -> Array:
         """Return (m, p) derivatives of φ by displacements of frames in their own axes.
 
         Translations are in lengths of the mechanism. A row's wrenches are about the world's
@@ -230,7 +254,7 @@ class _Fitting:
                 found[rows, self._rods + number] = -self._length
         return found
 
-    def _closed(self, mechanism: Mechanism, q: Array) -> _At | None:
+    def _closed(self, mechanism: _Fittable, q: Array) -> _At | None:
         """Return the configuration next to q that closes what joints can close, if it is close."""
         for _ in range(_STEPS):
             at = self._at(mechanism, q)
@@ -305,12 +329,14 @@ class _Fitting:
             number, closure = numbers.get(written.name), written
             if number is not None:
                 at = self._joints + 2 * number
-                ends = {"a": _displaced(closure.a, scaled[at])}
-                ends["b"] = _displaced(closure.b, scaled[at + 1])
-                if closure.length is not None:
-                    added = float(change[self._rods + number]) * self._length
-                    ends["length"] = closure.length + added
-                closure = written.model_copy(update=ends)
+                ends = [
+                    _displaced(end, twist)
+                    for end, twist in zip((written.a, written.b), scaled[at : at + 2], strict=True)
+                ]
+                closure = written.model_copy(update={"a": ends[0], "b": ends[1]})
+                if written.length is not None:
+                    longer = float(change[self._rods + number]) * self._length
+                    closure = closure.model_copy(update={"length": written.length + longer})
             closures.append(closure)
         return scene.model_copy(update={"links": links, "closures": tuple(closures)})
 
@@ -335,7 +361,7 @@ class _Fitting:
         )
 
 
-def _displaced(part: object, twist: Array) -> object:
+def _displaced(part: Displaced, twist: Array) -> Displaced:
     """Return a joint or a closure's end whose origin is moved by a twist (6,), m and rad."""
     if not twist.any():
         return part

@@ -245,17 +245,14 @@ class _Drawing:
         linkage = self._linkage
         used = [("ground", name) for name in linkage.ground]
         used += [("hinges", name) for name in linkage.hinges]
-        for kind, parts in (("bars", linkage.bars), ("ties", linkage.ties)):
-            used += [
-                (f"{kind}[{at}].points", name)
-                for at, one in enumerate(parts)
-                for name in one.points
-            ]
+        named = [(f"bars[{at}]", bar.points) for at, bar in enumerate(linkage.bars)]
+        named += [(f"ties[{at}]", tie.points) for at, tie in enumerate(linkage.ties)]
+        used += [(f"{key}.points", name) for key, points in named for name in points]
         used += [(f"sliders[{at}].point", one.point) for at, one in enumerate(linkage.sliders)]
         for key, name in used:
             if name not in self._points:
                 raise self._error(f"linkage.{key}", name, self._unknown(name))
-        names = [one.name for one in (*linkage.bars, *linkage.sliders)]
+        names = [*(bar.name for bar in linkage.bars), *(one.name for one in linkage.sliders)]
         for name in names:
             if names.count(name) > 1 or name == WORLD:
                 rule = "names of bars and sliders must be unique, and not 'world'"
@@ -353,7 +350,9 @@ class _Drawing:
         return {"type": "spherical"}
 
     def _loop(self, body: _Body, other: _Body, point: str) -> Document:
-        ends = [{"link": one.name, "origin": self._origin(one, point)} for one in (body, other)]
+        ends: list[Document] = [
+            {"link": one.name, "origin": self._origin(one, point)} for one in (body, other)
+        ]
         kind = "planar_pin" if self._planar else "spherical"
         if point in self._linkage.hinges:
             kind = "revolute"

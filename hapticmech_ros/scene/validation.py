@@ -63,8 +63,8 @@ def problems_of(error: ValidationError, key: str = "") -> list[SceneProblem]:
     return [
         SceneProblem(_key_path((*prefix, *item["loc"])), _value(item), rule_of(item))
         for item in error.errors()
-        # Of a list whose items are refused pydantic says that it is empty.
-        if item["type"] != "too_short" or not item["input"]
+        # Of a list whose items are refused pydantic says that it is too short as well.
+        if item["type"] != "too_short" or len(item["input"]) < item["ctx"]["min_length"]
     ]
 
 

@@ -1,5 +1,8 @@
 """Linkages by points: what they stand for is what one would have written by hand."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
@@ -12,6 +15,7 @@ from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.scene.linkage import with_linkage
 
+ROOT = Path(__file__).resolve().parents[2]
 # Rounding of a few sines of angles of order one.
 SAME = 1e-12
 BASE = {
@@ -241,3 +245,18 @@ def test_a_copy_can_be_written_out(tmp_path):
     assert load_scene(copy) == load_scene(path)
     moved = load_scene(path, changes=["linkage.points.B=[0.02, 0.05]"])
     assert moved.links[1].joint.origin.xyz[0] == pytest.approx(np.hypot(0.02, 0.05), rel=SAME)
+
+
+def test_the_mechanisms_of_the_page_are_scenes(tmp_path):
+    page = (ROOT / "docs" / "write-a-mechanism.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    example = (ROOT / "examples" / "four_bar.yaml").read_text(encoding="utf-8")
+    assert yaml.safe_load(blocks[0]) == yaml.safe_load(example)
+    mobility = {}
+    for number, block in enumerate(blocks):
+        path = tmp_path / f"{number}.yaml"
+        path.write_text(block, encoding="utf-8")
+        sim, _, terms = state_of(load_scene(path))
+        mobility[sim.scene.name] = sim.mechanism.nv - terms.closing.rank
+    # The rod turns about its own line too.
+    assert mobility == {"four_bar": 1, "slider_crank": 1, "rod_on_balls": 2}
