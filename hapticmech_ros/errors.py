@@ -6,8 +6,9 @@ the message is there for people.
 
 from __future__ import annotations
 
+import difflib
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 _BRIEF = reprlib.Repr()
@@ -19,6 +20,20 @@ _BRIEF.maxlevel = 3
 def shown(value: object) -> str:
     """Return ``value`` for a message, cut short before it is written out in full."""
     return _BRIEF.repr(value)
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
+    """Return what follows a rule that a name breaks: the known name that it may be meant for.
+
+    Args:
+        name: that was given.
+        known: those there are.
+
+    Returns:
+        ``; did you mean 'joint1'?``, or nothing if none is like it.
+    """
+    found = difflib.get_close_matches(str(name)[:200], list(known)[:1000], n=1, cutoff=0.6)
+    return f"; did you mean {found[0]!r}?" if found else ""
 
 
 class HapticMechError(Exception):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 from xml.parsers import expat
 
@@ -12,6 +13,15 @@ DEPTH_LIMIT = 200
 ATTRIBUTE_LIMIT = 100
 # Tag, attributes as written, line where it begins, text in it, and the elements in it.
 Element = list[Any]
+
+
+# A declaration at the start, before which files may have blank lines; what it is, and its encoding.
+_DECLARATION = re.compile(r"(?:\xef\xbb\xbf)?(\s*)(<\?xml\s[^<>?]*\?>)")
+_ENCODING = re.compile(r"encoding\s*=\s*[\"']([^\"']*)[\"']")
+_SHOWN = re.compile(r"[^\r\n]")
+# What is no markup, and where it ends.
+_APART = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
+_BEGIN = re.compile("|".join(re.escape(one) for one in _APART))
 
 
 def elements(item: list[Any]) -> Element:
@@ -27,7 +37,8 @@ def elements(item: list[Any]) -> Element:
     file, text, count, depth = item
     above: list[Element] = [["", {}, 0, "", []]]
     texts: list[list[str]] = [[]]
-    parser = expat.ParserCreate()
+    text, encoding = _as_parsers_take_it(text)
+    parser = expat.ParserCreate(encoding)
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal count
@@ -70,3 +81,34 @@ def elements(item: list[Any]) -> Element:
         raise FileError(file, str(error), "not valid XML") from None
     outermost: Element = above[0][4][0]
     return outermost
+
+
+def _as_parsers_take_it(text: str) -> tuple[str, str | None]:
+    """Return a text in which expat finds what libxml and TinyXML find, lines as they were.
+
+    Comments with two hyphens in them are blank; so is a declaration after blank lines, or one that
+    calls UTF-8 ``utf8``. Also return the encoding that such a declaration gave.
+    """
+    encoding, start = None, _DECLARATION.match(text)
+    if start is not None:
+        given = _ENCODING.search(start[2])
+        named = given[1] if given is not None else ""
+        is_alias = named.lower() == "utf8"
+        if start[1] or is_alias:
+            encoding = "UTF-8" if is_alias else named or None
+            text = text[: start.start(2)] + _SHOWN.sub(" ", start[2]) + text[start.end() :]
+    parts, at = [], 0
+    while (begin := _BEGIN.search(text, at)) is not None:
+        ending = _APART[begin[0]]
+        inside = begin.end()
+        end = text.find(ending, inside)
+        if end < 0:
+            break
+        after = end + len(ending)
+        parts.append(text[at : begin.start()])
+        part = text[begin.start() : after]
+        # The last hyphen of a comment such as <!-- a ---> counts too.
+        is_strange = begin[0] == "<!--" and "--" in text[inside : end + 1]
+        parts.append(_SHOWN.sub(" ", part) if is_strange else part)
+        at = after
+    return "".join((*parts, text[at:])), encoding

@@ -155,11 +155,14 @@ def copy(
     scene: SceneArgument,
     out: Annotated[Path, typer.Argument(help="YAML file to make")],
     changes: ChangesOption = None,
+    expanded: Annotated[
+        bool, typer.Option("--expanded", help="a linkage as the links and loops that it stands for")
+    ] = False,
 ) -> None:
     """Write a copy of SCENE with other values, for nodes and for editing."""
     from hapticmech_ros.scene.copying import copy_scene
 
-    copy_scene(scene, out, changes or ())
+    copy_scene(scene, out, changes or (), expanded)
     console.print(f"{out}", highlight=False, markup=False, soft_wrap=True)
 
 

@@ -50,6 +50,8 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
         "mechanism": f"{check.links} links of {check.mass_kg:.4g} kg, {check.joints} moving joints",
         "coordinates": f"nv = {check.nv}, closures of rank {check.rank}, mobility {check.mobility}",
     }
+    if check.fitted:
+        lines["fitted loops"] = check.fitted
     for name, text in lines.items():
         console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
     if check.closures:

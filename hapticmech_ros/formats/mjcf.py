@@ -14,6 +14,8 @@ from hapticmech_ros.formats.mjcf_classes import Context, settings
 from hapticmech_ros.formats.mjcf_equalities import Equalities
 from hapticmech_ros.formats.mjcf_inertias import body_of, shape_of
 from hapticmech_ros.formats.mjcf_keyframes import read_keyframes
+from hapticmech_ros.formats.mjcf_replicate import WHY as WHY_REPLICAS
+from hapticmech_ros.formats.mjcf_replicate import open_replicas
 from hapticmech_ros.formats.mjcf_rotors import WHY as WHY_ROTORS
 from hapticmech_ros.formats.mjcf_rotors import with_rotors
 from hapticmech_ros.formats.mjcf_shapes import collides, solid_of
@@ -53,6 +55,7 @@ WHY = {
     "range of a ball": "only joints of one coordinate have stops",
     "stiffness of a ball or free joint": "only joints of one coordinate have springs",
     "frictionloss of a ball or free joint": "only joints of one coordinate have friction",
+    **WHY_REPLICAS,
     **WHY_ROTORS,
 }
 UNKNOWN = "not of a mechanism, or not known"
@@ -81,7 +84,9 @@ def read_mjcf(source: Source) -> Model:
     Raises:
         SceneError: it breaks a rule; names line, element, value and rule.
     """
-    return _Reader(source, Context(source)).read()
+    reader = _Reader(source, Context(source))
+    open_replicas(reader.context, reader.notes)
+    return reader.read()
 
 
 @dataclass
@@ -90,7 +95,7 @@ class _Reader:
     context: Context
     bodies: dict[str, Body] = field(default_factory=dict)
     hinges: list[Joint] = field(default_factory=list)
-    joints: set[str] = field(default_factory=set)
+    nodes: dict[tuple[str, str], Node] = field(default_factory=dict)
     refs: dict[str, float] = field(default_factory=dict)
     free: dict[str, list[float]] = field(default_factory=dict)
     sites: dict[str, tuple[str, pin.SE3]] = field(default_factory=dict)
@@ -132,6 +137,7 @@ class _Reader:
             start=start,
             floating="a <freejoint/> makes a body float",
             keyframes=read_keyframes(source, hinges, start),
+            where={key: source.where(node) for key, node in self.nodes.items()},
         )
 
     def _weigh(self) -> None:
@@ -215,15 +221,19 @@ class _Reader:
     def _site(self, node: Node, body: str, place: pin.SE3) -> None:
         name = node.attributes.get("name", "").strip()
         if name in self.sites:
-            raise self.source.error(node, name, "names of sites must be unique")
+            rule = "names of sites must be unique"
+            raise self.source.twice(node, name, self.nodes["site", name], rule)
         if name:
+            self.nodes["site", name] = node
             self.sites[name] = (body, place)
 
     def _body(self, node: Node, parent: str, frame: pin.SE3, childclass: str, moving: bool) -> None:
         given = node.attributes.get("name", "").strip()
         name = given or self._new(f"body{len(self.bodies) + 1}")
         if name in self.poses:
-            raise self.source.error(node, name, "names of bodies must be unique, and not 'world'")
+            rule = "names of bodies must be unique, and not 'world'"
+            raise self.source.twice(node, name, self.nodes.get(("link", name)), rule)
+        self.nodes["link", name] = node
         childclass = node.attributes.get("childclass", childclass)
         place = frame * self.context.place(node)
         self.poses[name] = self.poses[parent] * place
@@ -266,9 +276,11 @@ class _Reader:
         kind = context.word(node, "type", "hinge") if node.tag == "joint" else "free"
         if kind not in JOINT_TYPES:
             raise source.error(node, kind, f"type must be one of {sorted(JOINT_TYPES)}")
-        if name in self.joints:
-            raise source.error(node, name, "names of joints must be unique")
-        self.joints.add(name)
+        if ("joint", name) in self.nodes:
+            raise source.twice(
+                node, name, self.nodes["joint", name], "names of joints must be unique"
+            )
+        self.nodes["joint", name] = node
         self.notes["springdamper"] += any(source.values(node, "springdamper", (0.0, 0.0)))
         self.notes["align"] += kind == "free" and node.attributes.get("align") == "true"
         damping, armature = (source.value(node, key, 0.0) for key in ("damping", "armature"))

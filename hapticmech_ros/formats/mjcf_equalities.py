@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.errors import nearest
 from hapticmech_ros.formats.mjcf_classes import Context, settings
 from hapticmech_ros.formats.model import WORLD, Coupling, LoopJoint
 from hapticmech_ros.formats.xml_nodes import Node
@@ -83,7 +84,8 @@ class Equalities:
         other = node.attributes.get("body2", WORLD).strip()
         for name in (one, other):
             if name not in self.poses:
-                raise self.context.source.error(node, name, "no such body")
+                rule = f"no such body{nearest(name, self.poses)}"
+                raise self.context.source.error(node, name, rule)
         return one, other
 
     def _connected(self, node: Node) -> tuple[Place, Place]:
@@ -122,7 +124,7 @@ class Equalities:
 
     def _ref(self, node: Node, joint: str) -> float:
         if joint not in self.refs:
-            rule = "must be a hinge or slide joint of the file"
+            rule = f"must be a hinge or slide joint of the file{nearest(joint, self.refs)}"
             raise self.context.source.error(node, joint, rule)
         return self.refs[joint]
 

@@ -176,6 +176,7 @@ class Model:
         start: positions of joints, as in a scene's ``initial_state``, where these are not zero.
         floating: how a body comes to float, for messages.
         keyframes: by name.
+        where: "link" or "joint", and name -> line and element.
     """
 
     name: str
@@ -191,6 +192,7 @@ class Model:
     start: Mapping[str, State] = field(default_factory=dict)
     floating: str = "with base: free it floats"
     keyframes: Mapping[str, Keyframe] = field(default_factory=dict)
+    where: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +207,7 @@ class Imported:
         tips: links at the ends of the tree, the one furthest from the world first.
         notes: what the scene does not have, but shapes.
         keyframes: by name, with the scene's names of joints.
+        where: link or joint of the scene -> line and element of the file.
     """
 
     document: Document
@@ -214,6 +217,7 @@ class Imported:
     tips: Sequence[str]
     notes: Sequence[Note]
     keyframes: Mapping[str, Keyframe]
+    where: Mapping[str, str]
 
 
 def origin_of(place: pin.SE3) -> Document:

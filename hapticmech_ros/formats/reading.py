@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 import pinocchio as pin
 from pydantic import ValidationError
 
-from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.errors import SceneError, SceneProblem, nearest
 from hapticmech_ros.formats.mjcf import read_mjcf
 from hapticmech_ros.formats.mjcf_include import open_includes
 from hapticmech_ros.formats.model import Document, Imported, Model, Note, origin_of
 from hapticmech_ros.formats.model_part import ModelPart
 from hapticmech_ros.formats.sdf import read_sdf
+from hapticmech_ros.formats.sdf_include import open_includes as open_sdf_includes
 from hapticmech_ros.formats.shapes import KINDS, notes_of_shapes, used, with_shapes
 from hapticmech_ros.formats.stops import with_metrics, with_start, with_stops
 from hapticmech_ros.formats.tree import LINK_LIMIT, to_scene
@@ -26,7 +27,11 @@ from hapticmech_ros.formats.xml_nodes import Source
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Origin
-from hapticmech_ros.scene.validation import rule_of, scene_from_document, written_document
+from hapticmech_ros.scene.validation import (
+    problems_of,
+    scene_from_document,
+    written_document,
+)
 
 # What reads a file, by its outermost element.
 READERS = {"robot": read_urdf, "mujoco": read_mjcf, "sdf": read_sdf}
@@ -54,6 +59,8 @@ def read_model(path: Path, free_base: bool = False, name: str = "") -> Imported:
         raise source.error(source.root, source.root.tag, rule)
     if reader is read_mjcf:
         open_includes(source)
+    elif reader is read_sdf:
+        open_sdf_includes(source)
     _refuse_many(source)
     if reader is not read_sdf and name:
         raise source.error(source.root, name, "only an SDF file has several models to name")
@@ -107,14 +114,22 @@ def left_out(path: Path) -> LeftOut:
     return LeftOut(notes, tuple(name for name in nameable if name not in there))
 
 
-def _named(error: SceneError, links: list[Document]) -> SceneError:
-    """Return an error that names links by their names."""
+def _named(error: SceneError, links: list[Document], imported: Imported, file: str) -> SceneError:
+    """Return an error that names links by their names, and where the file has them."""
     problems = []
     for problem in error.problems:
         found = re.match(r"links\[(\d+)\]", problem.key_path)
         if found is not None:
             rest = problem.key_path[found.end() :]
-            path = f"link {links[int(found[1])]['name']}{rest}"
+            link = links[int(found[1])]
+            kind, name = "link", link["name"]
+            if rest.startswith(".joint."):
+                kind, name, rest = "joint", link["joint"]["name"], rest.removeprefix(".joint")
+            line = imported.where.get(name)
+            place = "" if line is None else f"{line}: "
+            if line is not None and file != error.source:
+                place = f"{file}, {place}"
+            path = f"{place}{kind} {name}{rest}"
             problems.append(replace(problem, key_path=path))
         else:
             problems.append(problem)
@@ -159,7 +174,8 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
     try:
         return with_stops(with_start(with_metrics(found)), str(source))
     except SceneError as error:
-        raise _named(error, found["links"]) from None
+        file = str(source.parent / part.file)
+        raise _named(error, found["links"], imported, file) from None
 
 
 def _model_part(written: object, source: Path) -> ModelPart:
@@ -167,11 +183,7 @@ def _model_part(written: object, source: Path) -> ModelPart:
     try:
         return ModelPart.model_validate(given)
     except ValidationError as error:
-        problems = [
-            SceneProblem(".".join(("model", *map(str, item["loc"]))), item["input"], rule_of(item))
-            for item in error.errors()
-        ]
-        raise SceneError(str(source), problems) from None
+        raise SceneError(str(source), problems_of(error, "model")) from None
 
 
 def _begin_at_keyframe(own: Document, imported: Imported, source: str) -> None:
@@ -186,6 +198,7 @@ def _begin_at_keyframe(own: Document, imported: Imported, source: str) -> None:
     name = state["keyframe"]
     if not isinstance(name, str) or name not in imported.keyframes:
         rule = f"must be one of the model's keyframes, {sorted(imported.keyframes)}"
+        rule += nearest(name, imported.keyframes)
         raise SceneError(source, [SceneProblem("initial_state.keyframe", name, rule)])
     rest = {key: value for key, value in state.items() if key != "keyframe"}
     for part, held in zip("qv", imported.keyframes[name], strict=True):
@@ -263,7 +276,11 @@ def _changed(link: Document, part: ModelPart, imported: Imported) -> Document:
 def _refuse_unknown(part: ModelPart, imported: Imported, source: Path) -> None:
     known = {*imported.joints, *imported.joints.values()}
     problems = [
-        SceneProblem(f"model.joints.{name}", name, f"must be one of {sorted(imported.joints)}")
+        SceneProblem(
+            f"model.joints.{name}",
+            name,
+            f"must be one of {sorted(imported.joints)}{nearest(name, imported.joints)}",
+        )
         for name in part.joints
         if name not in known
     ]

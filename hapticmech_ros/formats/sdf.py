@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -29,6 +29,7 @@ from hapticmech_ros.formats.model import (
 )
 from hapticmech_ros.formats.sdf_frames import Frames
 from hapticmech_ros.formats.sdf_gears import INEXACT, WHY_INEXACT, gearbox, mimic
+from hapticmech_ros.formats.sdf_include import OF_MODEL
 from hapticmech_ros.formats.sdf_nested import HERE, opened
 from hapticmech_ros.formats.sdf_shapes import solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
@@ -40,9 +41,12 @@ JOINT_TYPES = {
     "prismatic": "prismatic",
     "ball": "spherical",
     "fixed": "fixed",
+    "screw": "revolute",
 }
+ELSEWHERE = "include of a world"
 WHY = {
     "visual": DRAWN,
+    ELSEWHERE: "no such file beside this one: that model is not read",
     "plugin": "of another simulator",
     "sensor": SENSED,
     ROTOR_ELSEWHERE: WHY_ELSEWHERE,
@@ -53,8 +57,8 @@ WHY = {
     "limit velocity": "nothing drives a joint but the hand and what the scene says",
 }
 UNKNOWN = "not of a mechanism, or not known"
-# Versions of the format in which axes are those of the model.
-OF_MODEL = ("1.0", "1.2", "1.3", "1.4")
+# m per turn, right-handed; and its older form, rad/m, left-handed.
+PITCH, OLD_PITCH = "screw_thread_pitch", "thread_pitch"
 JOINT_KNOWN = {"parent", "child", "pose", "axis", ROTOR, GEAR}
 LINK_KNOWN = {"pose", "inertial", "collision"}
 
@@ -76,6 +80,8 @@ def read_sdf(source: Source, name: str = "") -> Model:
         models = [model for model in models if model.attributes.get("name", "") == name]
         if len(models) != 1:
             raise source.error(source.root, name, f"must name one of the models, {sorted(names)}")
+    if len(models) > 1:
+        models = [model for model in models if not _is_static(model)] or models
     if len(models) != 1:
         rule = f"needs one <model>, or model: {{file, name}} in a scene that names one of {names}"
         raise source.error(source.root, len(models), rule)
@@ -84,7 +90,15 @@ def read_sdf(source: Source, name: str = "") -> Model:
     if gravity is not None:
         x, y, z = source.numbers(gravity, gravity.text, 3)
         vector = (x, y, z)
-    return _Reader(source, models[0]).read(vector)
+    reader = _Reader(source, models[0])
+    if world is not None:
+        reader.notes[ELSEWHERE] = len(world.all("include"))
+    return reader.read(vector)
+
+
+def _is_static(model: Node) -> bool:
+    static = model.first("static")
+    return static is not None and static.text.strip() in ("true", "1")
 
 
 def _is_gearbox(joint: Node) -> bool:
@@ -112,7 +126,12 @@ class _Reader:
         for link in links:
             body = self._body(link)
             bodies[body.name] = body
-        hinges = [self._hinge(joint, bodies) for joint in joints if not _is_gearbox(joint)]
+        hinges: list[Joint] = []
+        for joint in joints:
+            if not _is_gearbox(joint):
+                hinge = self._hinge(joint, bodies)
+                is_screw = self.source.text(joint, "type") == "screw"
+                hinges += self._screw(joint, hinge, bodies) if is_screw else [hinge]
         for joint in filter(_is_gearbox, joints):
             self._gear(joint, hinges, bodies)
         hinges, couplings = mimics.settled(hinges, self.couplings, self.notes)
@@ -126,7 +145,12 @@ class _Reader:
             points=points,
             solids=self.solids,
             gravity=gravity,
-            bases={body: self.frames.pose(body, model) for body in bodies},
+            bases={
+                body: self.frames.pose(body, model) for body in bodies if body in self.frames.placed
+            },
+            where={
+                (node.tag, name): source.where(node) for name, node in self.frames.nodes.items()
+            },
             notes=[Note(what, count, WHY.get(what, UNKNOWN)) for what, count in found if count],
         )
 
@@ -134,9 +158,6 @@ class _Reader:
         """Return the links and joints of the model and of those in it, all placed."""
         found: dict[str, list[Node]] = {"link": [], "joint": []}
         for node, scope in opened(self.source, self.model):
-            if node.tag == "include":
-                rule = "includes are not read: give the file with its models written out"
-                raise self.source.error(node, node.attributes.get("name"), rule)
             if node.tag in ("link", "joint", "frame", "model"):
                 self.frames.place(node, scope)
                 found.get(node.tag, []).append(node)
@@ -190,14 +211,15 @@ class _Reader:
         if kind not in JOINT_TYPES:
             rule = f"type must be one of {sorted(JOINT_TYPES)}"
             raise self.source.error(joint, kind, rule)
-        self.notes.update(part.tag for part in joint.children if part.tag not in JOINT_KNOWN)
+        known = JOINT_KNOWN | {PITCH, OLD_PITCH} if kind == "screw" else JOINT_KNOWN
+        self.notes.update(part.tag for part in joint.children if part.tag not in known)
         parent, child = (
             self.frames.body_of(self.frames.end_name(joint, end), joint, bodies)
             for end in ("parent", "child")
         )
         place = self.frames.pose(name, joint)
         before, behind = (self.frames.pose(body, joint) for body in (parent, child))
-        moves = kind in ("revolute", "continuous", "prismatic")
+        moves = kind not in ("ball", "fixed")
         axis = joint.first("axis")
         if moves and axis is None:
             raise self.source.error(joint, name, "needs an <axis>")
@@ -221,8 +243,31 @@ class _Reader:
             stiffness=self._number(dynamics, "spring_stiffness", 0.0) if moves else 0.0,
             rest=self._number(dynamics, "spring_reference", 0.0) if moves else 0.0,
             armature=armature if moves else 0.0,
-            limits=self._limits(axis) if kind in ("revolute", "prismatic") else None,
+            limits=self._limits(axis) if moves and kind != "continuous" else None,
         )
+
+    def _screw(self, joint: Node, hinge: Joint, bodies: dict[str, Body]) -> list[Joint]:
+        """Return the hinge of a screw, and the slide along its axis that is coupled to it."""
+        pitch = self._number(joint, PITCH, 1.0)
+        if joint.first(PITCH) is None and joint.first(OLD_PITCH) is not None:
+            turning = self._number(joint, OLD_PITCH, 0.0)
+            if turning == 0.0:
+                raise self.source.error(joint, turning, f"{OLD_PITCH} must not be zero")
+            pitch = -2.0 * np.pi / turning
+        if pitch == 0.0:
+            raise self.source.error(joint, pitch, f"{PITCH} must not be zero")
+        nut, slide = f"{hinge.name}_nut", f"{hinge.name}_slide"
+        for name in (nut, slide):
+            if name in self.frames.placed:
+                rule = f"a screw takes this name for itself: rename {name}"
+                raise self.source.error(joint, hinge.name, rule)
+        bodies[nut] = Body(nut)
+        ratio = float(pitch / (2.0 * np.pi))
+        self.couplings.append(Coupling(f"{hinge.name}_thread", slide, hinge.name, ratio, 0.0))
+        turning_part = replace(hinge, child=nut, of_child=pin.SE3.Identity())
+        at = pin.SE3.Identity()
+        sliding = Joint(slide, "prismatic", nut, hinge.child, at, hinge.of_child, hinge.axis)
+        return [turning_part, sliding]
 
     def _armature(self, joint: Node) -> float:
         """Return what a joint feels of a rotor that Drake's tags give it, kg m² or kg."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.errors import nearest
 from hapticmech_ros.formats.model import WORLD
 from hapticmech_ros.formats.sdf_nested import HERE, Scope
 from hapticmech_ros.formats.xml_nodes import Node, Source
@@ -25,7 +26,7 @@ class Frames:
         poses: in the world, as far as they were asked for.
         scopes: the models that links, joints, frames and models are in.
         canonical: by name of a model's frame, the link that moves it; empty if there is none.
-        joints, frames: elements by name.
+        nodes: elements of all of these by name; joints, frames: those of a kind.
     """
 
     source: Source
@@ -33,6 +34,7 @@ class Frames:
     poses: dict[str, pin.SE3] = field(default_factory=dict)
     scopes: dict[str, Scope] = field(default_factory=dict)
     canonical: dict[str, str] = field(default_factory=dict)
+    nodes: dict[str, Node] = field(default_factory=dict)
     joints: dict[str, Node] = field(default_factory=dict)
     frames: dict[str, Node] = field(default_factory=dict)
 
@@ -44,7 +46,9 @@ class Frames:
         """
         name = self.source.text(node, "name")
         if name in self.placed or name in (WORLD, HERE):
-            raise self.source.error(node, name, "names of links, joints, frames must be unique")
+            rule = "names of links, joints, frames must be unique"
+            raise self.source.twice(node, name, self.nodes.get(name), rule)
+        self.nodes[name] = node
         relative, pose = self.written(node)
         if not relative and node.tag == "joint":
             relative = self.end_name(node, "child")
@@ -106,7 +110,8 @@ class Frames:
         name = first = self._known(name)
         while name not in self.poses:
             if name not in self.placed:
-                raise self.source.error(node, name, "no such link, joint or frame")
+                rule = f"no such link, joint or frame{nearest(name, self.placed)}"
+                raise self.source.error(node, name, rule)
             if name in chain:
                 rule = "poses are relative to each other in a circle"
                 raise self.source.error(node, list(chain)[:5], rule)
@@ -153,7 +158,8 @@ class Frames:
             return attached or self.scopes[name].canonical
         model = self._known(name)
         if model not in self.canonical:
-            raise self.source.error(node, name, "no such link, joint or frame")
+            rule = f"no such link, joint or frame{nearest(name, self.placed)}"
+            raise self.source.error(node, name, rule)
         return self.canonical[model]
 
     def _known(self, name: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.errors import SceneError, SceneProblem, nearest
 from hapticmech_ros.formats.inertias import balanced
 from hapticmech_ros.formats.model import (
     WORLD,
@@ -79,6 +79,7 @@ class _Builder:
         self._closing: list[Joint] = []
         self._depth = {WORLD: 0}
         self._raised = self._dropped = 0
+        self._lines: dict[str, str] = {}
 
     def build(self) -> Imported:
         if not self._model.bodies:
@@ -90,7 +91,8 @@ class _Builder:
             rule = f"no joint moves: {self._model.floating}"
             raise _refused(self._source, "joints", len(self._model.hinges), rule)
         closures = [
-            self._loop_joint(_loop_joint_of(hinge, self._source)) for hinge in self._closing
+            self._loop_joint(_loop_joint_of(hinge, self._source, self._where("joint", hinge.name)))
+            for hinge in self._closing
         ]
         closures += [self._loop_joint(loop_joint) for loop_joint in self._model.loop_joints]
         document: Document = {"links": self._links}
@@ -116,7 +118,13 @@ class _Builder:
             self._tips(),
             self._notes(),
             {name: self._keyframe(found) for name, found in self._model.keyframes.items()},
+            self._lines,
         )
+
+    def _where(self, kind: str, name: str) -> str:
+        """Return where the file has a link or joint, for errors."""
+        line = self._model.where.get((kind, name))
+        return f"{kind} {name}" if line is None else f"{line}: {kind} {name}"
 
     def _keyframe(self, found: Keyframe) -> Keyframe:
         """Return a keyframe with the scene's names; joints that close loops have none."""
@@ -131,8 +139,9 @@ class _Builder:
         carried = {hinge.child for hinge in self._model.hinges}
         bases = [name for name in self._model.bodies if name not in carried]
         if not bases and not any(hinge.parent == WORLD for hinge in self._model.hinges):
+            lost = sorted(self._model.bodies)[:5]
             raise _refused(
-                self._source, "bodies", sorted(self._model.bodies)[:5], "joints go in a circle"
+                self._source, self._where("link", lost[0]), lost, "joints go in a circle"
             )
         kind = "free" if self._free else "fixed"
         for name in bases:
@@ -155,7 +164,8 @@ class _Builder:
             for hinge in below.get(parent, []):
                 if hinge.child == WORLD:
                     rule = "a joint carries the world: it must be a parent"
-                    raise _refused(self._source, f"joint {hinge.name}", hinge.parent, rule)
+                    where = self._where("joint", hinge.name)
+                    raise _refused(self._source, where, hinge.parent, rule)
                 if hinge.child in self._places:
                     self._closing.append(hinge)
                 else:
@@ -163,7 +173,8 @@ class _Builder:
             waiting += [hinge.child for hinge in reversed(below.get(parent, []))]
         lost = sorted(set(self._model.bodies) - set(self._places))
         if lost:
-            raise _refused(self._source, "bodies", lost[:5], "joints of these go in a circle")
+            rule = "joints of these go in a circle"
+            raise _refused(self._source, self._where("link", lost[0]), lost[:5], rule)
 
     def _carry(self, hinge: Joint) -> None:
         link, place = self._places[hinge.parent]
@@ -178,9 +189,14 @@ class _Builder:
             origin, own = origin * own, pin.SE3.Identity()
         name = self._names.new(hinge.child)
         self._places[hinge.child] = (name, own)
+        if ("link", hinge.child) in self._model.where:
+            self._lines[name] = self._model.where["link", hinge.child]
         if hinge.name in self._joints:
-            raise _refused(self._source, "joint", hinge.name, "names must be unique")
-        self._joints[hinge.name] = self._names.new(hinge.name)
+            where = self._where("joint", hinge.name)
+            raise _refused(self._source, where, hinge.name, "names must be unique")
+        joint = self._joints[hinge.name] = self._names.new(hinge.name)
+        if ("joint", hinge.name) in self._model.where:
+            self._lines[joint] = self._model.where["joint", hinge.name]
         self._links.append(
             {
                 "name": name,
@@ -222,7 +238,9 @@ class _Builder:
     def _coupling(self, coupling: Coupling) -> Document:
         for joint in (coupling.joint, coupling.leader):
             if joint not in self._joints:
-                raise _refused(self._source, f"coupling {coupling.name}", joint, "no such joint")
+                where = f"{self._where('joint', coupling.joint)}: coupling {coupling.name}"
+                rule = f"no such joint{nearest(joint, self._joints)}"
+                raise _refused(self._source, where, joint, rule)
         return {
             "name": self._names.new(coupling.name),
             "joint": self._joints[coupling.joint],
@@ -276,11 +294,11 @@ def _joint(hinge: Joint, name: str, origin: pin.SE3) -> Document:
     return found
 
 
-def _loop_joint_of(hinge: Joint, source: str) -> LoopJoint:
+def _loop_joint_of(hinge: Joint, source: str, where: str) -> LoopJoint:
     """Return the closure that a hinge is where it carries a body that others carry already."""
     if hinge.type not in LOOP_JOINTS:
         rule = f"closes a loop, which only these can: {sorted(LOOP_JOINTS)}"
-        raise _refused(source, f"joint {hinge.name}", hinge.type, rule)
+        raise _refused(source, where, hinge.type, rule)
     level = pin.SE3.Identity()
     if hinge.type == "revolute":
         up = np.array((0.0, 0.0, 1.0))

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.errors import nearest
 from hapticmech_ros.formats import mimics
 from hapticmech_ros.formats.model import (
     DRAWN,
@@ -71,28 +72,33 @@ def read_urdf(source: Source) -> Model:
     bodies: dict[str, Body] = {}
     hinges: list[Joint] = []
     couplings: list[Coupling] = []
-    joints: set[str] = set()
+    links: dict[str, Node] = {}
+    joints: dict[str, Node] = {}
     solids: list[Solid] = []
     for node in source.root.children:
         if node.tag == "link":
             body = _body(source, node, notes)
             if body.name in bodies:
-                raise source.error(node, body.name, "names of links must be unique")
-            bodies[body.name] = body
+                rule = "names of links must be unique"
+                raise source.twice(node, body.name, links[body.name], rule)
+            bodies[body.name], links[body.name] = body, node
             solids += [solid_of(source, one, body.name) for one in node.all("collision")]
         elif node.tag == "joint":
-            hinges.append(_hinge(source, node, notes))
-            if hinges[-1].name in joints:
-                raise source.error(node, hinges[-1].name, "names of joints must be unique")
-            joints.add(hinges[-1].name)
-            couplings += _mimic(source, node, hinges[-1].type)
+            hinge = _hinge(source, node, notes)
+            if hinge.name in joints:
+                rule = "names of joints must be unique"
+                raise source.twice(node, hinge.name, joints[hinge.name], rule)
+            hinges.append(hinge)
+            joints[hinge.name] = node
+            couplings += _mimic(source, node, hinge.type)
         else:
             notes[node.tag] += 1
     for hinge in hinges:
         for name in (hinge.parent, hinge.child):
             # The world need not be written down.
             if name not in bodies and name != WORLD:
-                raise source.error(None, name, f"joint {hinge.name!r} needs this link")
+                rule = f"joint {hinge.name!r} needs this link{nearest(name, bodies)}"
+                raise source.error(joints[hinge.name], name, rule)
     hinges = _with_rotors(source, hinges, notes)
     hinges, couplings = mimics.settled(hinges, couplings, notes)
     found = [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in notes.items() if count]
@@ -103,6 +109,11 @@ def read_urdf(source: Source) -> Model:
         couplings=couplings,
         solids=solids,
         notes=found,
+        where={
+            (kind, name): source.where(node)
+            for kind, nodes in (("link", links), ("joint", joints))
+            for name, node in nodes.items()
+        },
     )
 
 
@@ -218,5 +229,7 @@ def _mimic(source: Source, node: Node, kind: str) -> list[Coupling]:
     name, leader = source.text(node, "name"), source.text(mimic, "joint")
     if kind not in ("revolute", "prismatic", "fixed"):
         raise source.error(mimic, name, "only a joint of one coordinate can mimic another")
+    if leader == name:
+        raise source.error(mimic, name, "a joint mimics another one, not itself")
     ratio, offset = source.value(mimic, "multiplier", 1.0), source.value(mimic, "offset", 0.0)
     return [Coupling(f"{name}_mimics_{leader}", name, leader, ratio, offset)]

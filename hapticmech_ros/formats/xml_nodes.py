@@ -89,6 +89,16 @@ class Source:
         file = self.path if node is None else node.file or self.path
         return SceneError(str(file), [SceneProblem(where, value, rule)])
 
+    def where(self, node: Node) -> str:
+        """Return the line and tag of an element, and its file if that is an included one."""
+        file = f"{node.file}, " if node.file is not None else ""
+        return f"{file}line {node.line}, <{node.tag}>"
+
+    def twice(self, node: Node, name: str, first: Node | None, rule: str) -> SceneError:
+        """Return the error of a name that an element before has as well, if it is known."""
+        also = "" if first is None else f": {self.where(first)} has it too"
+        return self.error(node, name, rule + also)
+
     def text(self, node: Node, attribute: str, default: str | None = None) -> str:
         """Return an attribute; required where there is no default.
 

@@ -13,6 +13,7 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
 from hapticmech_ros.mechanism.evaluation import Evaluation, PointKinematics
+from hapticmech_ros.mechanism.fitting import Fit, fitted
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.closure_kernels import KINDS
 from hapticmech_ros.mechanism.kernels.layout import sparse_or_dense
@@ -36,15 +37,20 @@ class Mechanism(MultibodyModel):
 
     Args:
         scene: what to model.
+        fit: whether frames of loops that are written with about seven digits are fitted.
 
     Attributes:
         needs_matrix: whether the scene's integrator needs D as a matrix, as implicit ones do.
+        fit: how frames of the scene's loops were moved; None if they are as written.
 
     Raises:
         SingularInertiaError: a joint moves no mass.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, fit: bool = True) -> None:
+        self.fit: Fit | None = fitted(scene, _as_written) if fit else None
+        if self.fit is not None:
+            scene = self.fit.scene
         super().__init__(scene)
         # Copying a pose is a fifth of making one.
         poses = pin.StdVec_SE3([pin.SE3.Identity()] * len(self.point_names))
@@ -232,6 +238,10 @@ class Mechanism(MultibodyModel):
             elif loop.kind == "coupling":
                 placements[loop.frame_a, :2] = loop.gear
         return placements
+
+
+def _as_written(scene: Scene) -> Mechanism:
+    return Mechanism(scene, fit=False)
 
 
 def placement_view(poses: pin.StdVec_SE3) -> Array:

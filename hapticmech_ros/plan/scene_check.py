@@ -62,6 +62,7 @@ class SceneCheck:
         closures: name, kind, rows m, and number of rows independent of those of earlier closures.
         rank: of all active closures.
         mobility: nv - rank.
+        fitted: how frames of loops were moved that are written with few digits; empty if none was.
         points: operational points.
         accuracy: of the mechanism's steps.
         warnings: to the author.
@@ -75,6 +76,7 @@ class SceneCheck:
     closures: tuple[tuple[str, str, int, int], ...]
     rank: int
     mobility: int
+    fitted: str
     points: tuple[PointCheck, ...]
     accuracy: StepAccuracy
     warnings: tuple[str, ...]
@@ -104,6 +106,7 @@ def check_scene(scene: Scene) -> SceneCheck:
         ),
         rank=rows.rank,
         mobility=rows.mobility,
+        fitted="" if mechanism.fit is None else str(mechanism.fit),
         points=points,
         accuracy=accuracy,
         warnings=(

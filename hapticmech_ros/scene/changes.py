@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from hapticmech_ros.errors import FileError, SceneError, SceneProblem
+from hapticmech_ros.errors import FileError, SceneError, SceneProblem, nearest
 from hapticmech_ros.yaml_text import read_yaml
 
 # Between several in one text.
@@ -81,7 +81,8 @@ def _place(items: Sequence[Any], step: str | int, key: str, source: str) -> int:
     if step in names:
         return names.index(step)
     known = [name for name in names if name is not None]
-    raise _refused(source, key, step, f"must be one of {known}, or a place in brackets")
+    rule = f"must be one of {known}, or a place in brackets{nearest(step, known)}"
+    raise _refused(source, key, step, rule)
 
 
 def _refused(source: str, key: str, value: object, rule: str) -> SceneError:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from hapticmech_ros.errors import FileError, SceneProblem
+from hapticmech_ros.errors import FileError, SceneProblem, nearest
 from hapticmech_ros.files import check_file, is_file
 from hapticmech_ros.scene.contacts import ContactPair, Shape
 from hapticmech_ros.scene.document import Scene
@@ -58,6 +58,7 @@ def _shapes(scene: Scene) -> Iterator[SceneProblem]:
     for index, shape in enumerate(scene.shapes):
         if shape.link != "world" and shape.link not in links:
             rule = f"unknown frame: must be 'world' or one of {sorted(links)}"
+            rule += nearest(shape.link, links)
             yield SceneProblem(f"shapes[{index}].link", shape.link, rule)
         if shape.geometry.kind == "mesh":
             yield from _mesh_file(f"shapes[{index}].geometry.file", shape.geometry.file)
@@ -83,8 +84,9 @@ def _pair(
     """Yield what is wrong with the two shapes that a contact joins."""
     unknown = [side for side in ("a", "b") if getattr(contact, side) not in shapes]
     for side in unknown:
-        rule = f"unknown shape: must be one of {sorted(shapes)}"
-        yield SceneProblem(f"{key}.{side}", getattr(contact, side), rule)
+        name = getattr(contact, side)
+        rule = f"unknown shape: must be one of {sorted(shapes)}{nearest(name, shapes)}"
+        yield SceneProblem(f"{key}.{side}", name, rule)
     if unknown:
         return
     a, b = shapes[contact.a], shapes[contact.b]

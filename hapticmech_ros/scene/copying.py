@@ -10,17 +10,24 @@ import yaml
 
 from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.scene.changes import with_changes
+from hapticmech_ros.scene.linkage import with_linkage
 from hapticmech_ros.scene.loader import find_scene, load_scene, with_own_paths
 from hapticmech_ros.scene.validation import written_document
 
 
-def copy_scene(scene: str | os.PathLike[str], out: Path, changes: Sequence[str] = ()) -> None:
+def copy_scene(
+    scene: str | os.PathLike[str],
+    out: Path,
+    changes: Sequence[str] = (),
+    expanded: bool = False,
+) -> None:
     """Write a scene's file anew, with some keys set and its own files by their whole paths.
 
     Args:
         scene: path, or name of a shipped scene.
         out: file to make.
         changes: see :func:`~hapticmech_ros.scene.changes.with_changes`.
+        expanded: whether a ``linkage`` is written as the links and loops that it stands for.
 
     Raises:
         SceneError: as :func:`~hapticmech_ros.scene.loader.load_scene`; or the file exists, or
@@ -29,6 +36,8 @@ def copy_scene(scene: str | os.PathLike[str], out: Path, changes: Sequence[str] 
     load_scene(scene, changes=changes)
     path = find_scene(scene)
     document = with_own_paths(with_changes(written_document(path), changes, str(path)), path)
+    if expanded:
+        document = with_linkage(document, str(path))
     if isinstance(document, Mapping) and "model" in document:
         model = document["model"]
         part = {"file": model} if isinstance(model, str) else dict(model)

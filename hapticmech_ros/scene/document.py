@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, nearest
 from hapticmech_ros.scene.contacts import ContactPair, Shape
 from hapticmech_ros.scene.controller import Connection, Controller
 from hapticmech_ros.scene.device import Device
@@ -112,4 +112,5 @@ class Scene(Part):
             if point.name == name:
                 return point
         known = [point.name for point in self.operational_points]
-        raise InvalidInputError("operational point", name, f"must be one of {known}")
+        rule = f"must be one of {known}{nearest(name, known)}"
+        raise InvalidInputError("operational point", name, rule)

@@ -13,6 +13,7 @@ from hapticmech_ros.files import is_file
 from hapticmech_ros.scene.changes import with_changes
 from hapticmech_ros.scene.contact_rules import with_mesh_paths
 from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.linkage import with_linkage
 from hapticmech_ros.scene.script import with_script_path
 from hapticmech_ros.scene.validation import scene_from_document, written_document
 from hapticmech_ros.share import shared
@@ -26,8 +27,8 @@ def load_scene(
 ) -> Scene:
     """Return a scene from a file, or a shipped scene by its bare name (``five_bar``).
 
-    A file is YAML, with its links or with ``model``, the file that they come from; or that file
-    itself, URDF, MJCF or SDF (see ``formats``).
+    A file is YAML, with its links, with ``linkage``, their points, or with ``model``, the file that
+    they come from; or that file itself, URDF, MJCF or SDF (see ``formats``).
 
     Args:
         scene: path or name.
@@ -43,7 +44,7 @@ def load_scene(
     path = find_scene(scene)
     document = with_changes(written_document(path), changes, str(path))
     document = _over_network(_at_rate(document, control_rate), network_delay)
-    document = with_own_paths(document, path)
+    document = with_own_paths(with_linkage(document, str(path)), path)
     if isinstance(document, Mapping) and "model" in document:
         found: Scene = import_module("hapticmech_ros.formats").scene_of(document, path)
         return found

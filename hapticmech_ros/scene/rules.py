@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from hapticmech_ros.errors import SceneProblem
+from hapticmech_ros.errors import SceneProblem, nearest
 from hapticmech_ros.scene.contact_rules import broken_contact_rules
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.holding_rules import broken_holding_rules, hand_vectors
@@ -77,6 +77,7 @@ def _tree(scene: Scene) -> Iterator[SceneProblem]:
     for index, link in enumerate(scene.links):
         if link.parent not in known:
             rule = f"parent must be 'world' or a link listed before, one of {sorted(known)}"
+            rule += nearest(link.parent, known)
             yield SceneProblem(f"links[{index}].parent", link.parent, rule)
         if link.parent == "world" and link.joint.type == "fixed":
             rule = "a link fixed to the world does not move: leave it out"
@@ -121,7 +122,7 @@ def _references(scene: Scene) -> Iterator[SceneProblem]:
     for index, point in enumerate(scene.operational_points):
         key = f"operational_points[{index}]"
         if point.link not in links:
-            rule = f"unknown frame: must be one of {sorted(links)}"
+            rule = f"unknown frame: must be one of {sorted(links)}{nearest(point.link, links)}"
             yield SceneProblem(f"{key}.link", point.link, rule)
         elif point.metric is None and not has_own_metric(links[point.link]):
             rule = "the link has no full inertia of its own: give metric: {mass, length}"
@@ -133,6 +134,7 @@ def _ends(key: str, part: Closure | Spring, links: Collection[str]) -> Iterator[
     for side, frame in (("a", part.a), ("b", part.b)):
         if frame.link not in links and frame.link != "world":
             rule = f"unknown frame: must be 'world' or one of {sorted(links)}"
+            rule += nearest(frame.link, links)
             yield SceneProblem(f"{key}.{side}.link", frame.link, rule)
     if part.a.link == part.b.link:
         rule = f"a {type(part).__name__.lower()} joins two different links"
@@ -175,7 +177,7 @@ def _couplings(scene: Scene) -> Iterator[SceneProblem]:
         for end, name in (("joint", coupling.joint), ("leader", coupling.leader)):
             joint = joints.get(name)
             if joint is None:
-                rule = f"unknown joint: must be one of {sorted(joints)}"
+                rule = f"unknown joint: must be one of {sorted(joints)}{nearest(name, joints)}"
                 yield SceneProblem(f"{key}.{end}", name, rule)
             elif joint.type not in ("revolute", "prismatic") or joint.locked:
                 rule = "only revolute and prismatic joints that are not locked can be coupled"
@@ -196,7 +198,8 @@ def _initial_state(scene: Scene) -> Iterator[SceneProblem]:
         for name, value in given.items():
             key = f"initial_state.{field}.{name}"
             if name not in joints:
-                yield SceneProblem(key, value, f"unknown joint: must be one of {sorted(joints)}")
+                rule = f"unknown joint: must be one of {sorted(joints)}{nearest(name, joints)}"
+                yield SceneProblem(key, value, rule)
                 continue
             size = sizes[joints[name].type]
             length = len(value) if isinstance(value, tuple) else 1

@@ -45,15 +45,27 @@ def scene_from_document(document: object, source: str = "<document>") -> Scene:
     try:
         scene = Scene.model_validate(with_angles(document))
     except ValidationError as error:
-        problems = [
-            SceneProblem(_key_path(item["loc"]), _value(item), rule_of(item))
-            for item in error.errors()
-        ]
-        raise SceneError(source, problems) from None
+        raise SceneError(source, problems_of(error)) from None
     problems = broken_rules(scene)
     if problems:
         raise SceneError(source, problems)
     return scene
+
+
+def problems_of(error: ValidationError, key: str = "") -> list[SceneProblem]:
+    """Return what is wrong with a part of a scene.
+
+    Args:
+        error: of its validation.
+        key: of the part; empty if it is the scene.
+    """
+    prefix = (key,) if key else ()
+    return [
+        SceneProblem(_key_path((*prefix, *item["loc"])), _value(item), rule_of(item))
+        for item in error.errors()
+        # Of a list whose items are refused pydantic says that it is too short as well.
+        if item["type"] != "too_short" or len(item["input"]) < item["ctx"]["min_length"]
+    ]
 
 
 def _key_path(location: tuple[int | str, ...]) -> str:

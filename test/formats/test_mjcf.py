@@ -113,6 +113,16 @@ TREES = {
         {BALL}<geom size=".1 .2 .3" type="box" pos="1 0 0"/></body></worldbody>""",
     "shell": """<worldbody><body name="a"><joint name="j" axis="0 1 0"/>
         <geom type="box" size=".1 .2 .3" pos="1 0 0" shellinertia="true"/></body></worldbody>""",
+    "replicas": f"""<compiler eulerseq="XYZ"/><default><default class="x"><geom size=".2"/>
+        </default></default><worldbody><frame pos="1 2 3" euler="10 20 30">
+        <replicate count="3" offset="0 1 .2" euler="5 10 30" sep="_" childclass="x">
+        <body name="a" pos="1 0 0"><joint name="j" axis="0 1 1"/><geom pos=".1 0 0"/>
+        <replicate count="2" offset=".3 0 0" euler="0 40 0"><body name="b" pos="0 0 1">
+        <joint name="k" axis="1 0 0"/>{BALL}</body></replicate></body></replicate></frame>
+        </worldbody>""",
+    "replicated geoms": """<worldbody><body name="a"><joint name="j" axis="0 1 0"/>
+        <replicate count="10" offset=".1 0 0" euler="0 0 20"><geom name="g" size=".05 .02 .01"
+        type="box" pos=".3 0 .1"/></replicate></body></worldbody>""",
     "any order": f"""<worldbody><body name="a"><body name="b" pos="0 0 1">{BALL}
         <joint name="k" axis="1 0 0"/></body>{BALL}<joint name="j"/></body></worldbody>""",
 }
@@ -493,7 +503,7 @@ BROKEN = {
         "names of keyframes must be unique",
     ),
     "no world": ("<option/>", "needs a <worldbody>"),
-    "replicate": ('<worldbody><replicate count="3"/></worldbody>', "written out"),
+    "replicate": ("<worldbody><replicate/></worldbody>", "needs count"),
     "composite": ('<worldbody><body><composite type="cable"/></body></worldbody>', "written out"),
     "type": ('<worldbody><body><joint type="screw"/></body></worldbody>', "type must be one of"),
     "axis": ('<worldbody><body><joint axis="0 0 0"/></body></worldbody>', "must not be zero"),

@@ -267,7 +267,7 @@ BROKEN = {
         "in a circle",
     ),
     "link of a joint": ([link("a"), joint("i", "world", "b")], "no such link"),
-    "type": ([link("a"), joint("i", "world", "a", kind="screw")], "type must be one of"),
+    "type": ([link("a"), joint("i", "world", "a", kind="universal")], "type must be one of"),
     "axis": ([link("a"), joint("i", "world", "a", "0 0 0")], "must not be zero"),
     "names": ([link("a"), joint("a", "world", "a")], "must be unique"),
     "quaternion": (
@@ -276,7 +276,7 @@ BROKEN = {
     ),
     "old frame": ([link("a", '<pose frame="b">0 0 0 0 0 0</pose>'), HINGE], "say relative_to"),
     "numbers": ([link("a", "<pose>0 0 0</pose>"), HINGE], "a pose must be 6"),
-    "included": ([link("a"), HINGE, "<include><uri>b</uri></include>"], "includes are not read"),
+    "included": ([link("a"), HINGE, "<include><uri>b</uri></include>"], "no such file"),
     "static": ([link("a"), HINGE, "<static>true</static>"], "does not move"),
     "automatic": (['<link name="a"><inertial auto="true"/></link>', HINGE], "write it"),
     "elsewhere": ([pose(pin.SE3.Identity(), "a"), link("a"), HINGE], "placed by its own"),
@@ -295,7 +295,7 @@ def test_errors_name_line_element_and_rule(tmp_path, parts, rule):
     (problem,) = caught.value.problems
     assert rule in problem.rule
     assert str(path) in str(caught.value)
-    assert problem.key_path.startswith("line" if rule != "which only these can" else "joint k")
+    assert problem.key_path.startswith("line")
 
 
 def test_a_model_placed_by_one_of_its_frames_is_refused(tmp_path):

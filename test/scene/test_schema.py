@@ -35,7 +35,7 @@ def refs(value):
 
 def test_it_has_the_keys_of_a_scene_and_the_model():
     schema = scene_schema()
-    assert set(schema["properties"]) == {*Scene.model_fields, "model"}
+    assert set(schema["properties"]) == {*Scene.model_fields, "model", "linkage"}
     assert schema["additionalProperties"] is False
     assert set(schema["$defs"]["ModelPart"]["properties"]) == set(ModelPart.model_fields)
 
@@ -47,10 +47,11 @@ def test_every_reference_leads_somewhere():
     assert "#/$defs/Link" in found
 
 
-def test_a_scene_has_links_or_a_model():
-    with_links, with_model = scene_schema()["oneOf"]
+def test_a_scene_has_links_or_a_model_or_a_linkage():
+    with_links, with_model, with_linkage = scene_schema()["oneOf"]
     assert {"format", "name", "links", "operational_points", "hand"} == set(with_links["required"])
     assert set(with_model["required"]) == {"format", "model"}
+    assert {*with_links["required"], "linkage"} - {"links"} == set(with_linkage["required"])
 
 
 def test_shipped_scenes_use_its_keys():
