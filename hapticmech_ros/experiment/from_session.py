@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InaccurateStepError, InvalidInputError
 from hapticmech_ros.experiment.record import ExperimentRecord, first_push
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene.document import Scene
@@ -21,6 +21,8 @@ class UnfinishedRunError(HapticMechError):
     Attributes:
         record: of the run until then; None if there was no tick.
         time: of the session when it happened, s.
+        joint: whose rate changed most in the step that failed, or else is largest in the last state,
+            rad/s or m/s; empty in a mechanism without joints.
         positions, velocities: of the last state, by joint, as a scene's ``initial_state`` has them.
     """
 
@@ -29,10 +31,11 @@ class UnfinishedRunError(HapticMechError):
         error: HapticMechError,
         record: ExperimentRecord | None,
         time: float,
+        joint: str,
         positions: dict[str, list[float]],
         velocities: dict[str, list[float]],
     ) -> None:
-        self.record, self.time = record, time
+        self.record, self.time, self.joint = record, time, joint
         self.positions, self.velocities = positions, velocities
         super().__init__(f"at {time:g} s: {error}")
 
@@ -124,8 +127,10 @@ class SessionRecorder:
             in_q, in_v = mechanism.joint_slices(joint)
             positions[joint] = state.q[in_q].tolist()
             velocities[joint] = state.v[in_v].tolist()
-        record = self.record() if self._rows else None
-        return UnfinishedRunError(error, record, self._session.time, positions, velocities)
+        fastest = max(velocities, key=lambda name: max(map(abs, velocities[name])), default="")
+        joint = error.joint if isinstance(error, InaccurateStepError) else fastest
+        record, time = self.record() if self._rows else None, self._session.time
+        return UnfinishedRunError(error, record, time, joint, positions, velocities)
 
     def record(self) -> ExperimentRecord:
         """Return the record of the collected samples.

@@ -51,7 +51,7 @@ def test_5a_draws_the_count(session_record, scene):
     for index in range(3):
         drawn = np.asarray(bottom.get_lines()[index].get_ydata())
         assert (drawn == np.maximum(session_record.s[:, index], 1e-3)).all()
-    assert top.get_ylabel() == "joint constraints"
+    assert top.get_ylabel() == "joint constraints (1)"
     assert bottom.get_xlabel().endswith("(s)")
     assert figure.texts[0].get_text().startswith("Fig. 5a. Number of virtual joint constraints")
 
