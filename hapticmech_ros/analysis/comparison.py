@@ -40,8 +40,8 @@ from hapticmech_ros.experiment.figure_style import (
     SKY,
     SMALL,
     VERMILION,
-    dress,
     about,
+    dress,
     new_figure,
 )
 from hapticmech_ros.scene import load_scene

@@ -21,8 +21,8 @@ class UnfinishedRunError(HapticMechError):
     Attributes:
         record: of the run until then; None if there was no tick.
         time: of the session when it happened, s.
-        joint: whose rate changed most in the step that failed, or else is largest in the last state,
-            rad/s or m/s; empty in a mechanism without joints.
+        joint: whose rate changed most in the step that failed, or else is largest in the last
+            state, rad/s or m/s; empty in a mechanism without joints.
         positions, velocities: of the last state, by joint, as a scene's ``initial_state`` has them.
     """
 

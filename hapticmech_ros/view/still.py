@@ -21,7 +21,6 @@ from hapticmech_ros.view.drawn import SIDE_PIXELS, draw_shapes
 from hapticmech_ros.view.picture import Picture, Snapshot
 from hapticmech_ros.view.placement import Placer
 
-
 # Behind the name of a scene that is drawn as it is written.
 OPEN = "open as written: its loops do not close"
 
