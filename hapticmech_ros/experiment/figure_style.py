@@ -28,6 +28,8 @@ TIME_LABEL = "time since the hand started to push (s)"
 
 # The scene whose results are the paper's Fig. 5.
 PAPER = "five_bar"
+# What of it makes that experiment: not its rate, device and gains, which a laboratory chooses.
+EXPERIMENT = ("links", "closures", "operational_points", "initial_state", "hand")
 # More scenes than this are told as their number.
 NAMES_SHOWN = 3
 # What axes show at least, in their units, N, N mm, mm or degrees: less is rounding.
@@ -75,7 +77,9 @@ def dress(axes: Axes, x_label: str, y_label: str) -> None:
 
 def titled(scene: Scene, figure: str, caption: str) -> str:
     """Return a caption that begins with its scene, or with the paper's figure if it is that."""
-    return f"{figure if scene == load_scene(PAPER) else scene.name}. {caption}"
+    paper = load_scene(PAPER)
+    same = all(getattr(scene, key) == getattr(paper, key) for key in ("name", *EXPERIMENT))
+    return f"{figure if same else scene.name}. {caption}"
 
 
 def about(scenes: Sequence[str], caption: str) -> str:

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InaccurateStepError, InvalidInputError
 from hapticmech_ros.experiment import SessionRecorder, run_session
 from hapticmech_ros.experiment.from_session import UnfinishedRunError
 from hapticmech_ros.session import Session
@@ -103,6 +103,8 @@ def test_a_run_that_an_error_ends_leaves_what_there_was(tmp_path):
     assert written["time_s"] == caught.value.time > 0.0
     scene = load_scene("two_link", changes=TOO_STIFF)
     assert set(written["last_state"]["q"]) == {link.joint.name for link in scene.links}
+    rates = {name: abs(v[0]) for name, v in written["last_state"]["v"].items()}
+    assert written["joint"] == max(rates, key=rates.get)
     record = caught.value.record
     assert record is not None
     assert record.times.size == round(caught.value.time / scene.simulation.period)
@@ -121,3 +123,8 @@ def test_a_record_until_an_error_is_that_of_a_run_without_it(scene):
     assert failure.time == pytest.approx(20 * session.period)
     q = np.concatenate(list(failure.positions.values()))
     np.testing.assert_array_equal(q, session.mechanism.q)
+
+
+def test_the_joint_of_an_inaccurate_step_is_told(scene):
+    recorder = SessionRecorder(Session(scene))
+    assert recorder.unfinished(InaccurateStepError("joint3", 1.0, 2.0)).joint == "joint3"
