@@ -8,6 +8,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from hapticmech_ros.control import ControlArchitecture, ControlOutput
+    from hapticmech_ros.device import DeviceState, HandLaw, SimulatedDevice
     from hapticmech_ros.errors import (
         BagError,
         ClosureError,
@@ -18,21 +20,27 @@ if TYPE_CHECKING:
     from hapticmech_ros.mechanism import Mechanism
     from hapticmech_ros.operational import OperationalAnalysis, analyse
     from hapticmech_ros.scene import Scene, changed_scene, load_scene
-    from hapticmech_ros.session import Sample, Session
+    from hapticmech_ros.session import Run, Sample, Session
     from hapticmech_ros.simulation import MechanismState, Simulator
 
 _HOMES = {
     "BagError": "errors",
     "ClosureError": "errors",
+    "ControlArchitecture": "control",
+    "ControlOutput": "control",
+    "DeviceState": "device",
+    "HandLaw": "device",
     "HapticMechError": "errors",
     "InvalidInputError": "errors",
     "Mechanism": "mechanism",
     "MechanismState": "simulation",
     "OperationalAnalysis": "operational",
+    "Run": "session",
     "Sample": "session",
     "Scene": "scene",
     "SceneError": "errors",
     "Session": "session",
+    "SimulatedDevice": "device",
     "Simulator": "simulation",
     "analyse": "operational",
     "changed_scene": "scene",
@@ -42,15 +50,21 @@ _HOMES = {
 __all__ = [
     "BagError",
     "ClosureError",
+    "ControlArchitecture",
+    "ControlOutput",
+    "DeviceState",
+    "HandLaw",
     "HapticMechError",
     "InvalidInputError",
     "Mechanism",
     "MechanismState",
     "OperationalAnalysis",
+    "Run",
     "Sample",
     "Scene",
     "SceneError",
     "Session",
+    "SimulatedDevice",
     "Simulator",
     "analyse",
     "changed_scene",

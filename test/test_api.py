@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -61,13 +64,82 @@ def test_a_changed_scene_is_validated_and_the_first_one_stays() -> None:
 def test_objects_say_what_they_are_in_a_line() -> None:
     session = Session(load_scene("five_bar"))
     run = session.run(5)
+    sample = Session(session.scene).tick()
     for thing, words in (
         (session.scene, ["five_bar", "links"]),
         (session, ["five_bar", "0.005 s"]),
         (session.simulator.mechanism, ["five_bar", "nv 4", "ground_pin", "handle"]),
-        (run, ["5 ticks", "twist"]),
+        (session.simulator, ["five_bar", "0.001 s"]),
+        (session.mechanism, ["0.005 s", "nv 4", "1 of 1 closures"]),
+        (sample, ["0 s", "1 joint constraints"]),
+        (sample.analysis, ["rank 2 of 3"]),
+        (sample.device, ["m"]),
+        (run, ["5 ticks", "time, q, v"]),
     ):
         shown = repr(thing)
         assert "\n" not in shown
-        assert len(shown) < 600
+        assert len(shown) < 130, shown
         assert all(word in shown for word in words), shown
+
+
+def test_a_scene_with_other_keys_is_validated() -> None:
+    scene = load_scene("two_link")
+    links = [link.model_copy() for link in scene.links]
+    other = scene.with_("device.mass=0.4", gravity=np.array((0.0, -9.81, 0.0)), links=links)
+    assert other == changed_scene(scene, "device.mass=0.4", "gravity=[0, -9.81, 0]")
+    assert other.with_(gravity=scene.gravity, device=scene.device) == scene
+    for wrong, rule in (
+        ({"gravity": (0.0, 1.0)}, "gravity"),
+        ({"masss": 1.0}, "unknown key"),
+        ({"hand": scene.device}, "hand"),
+    ):
+        with pytest.raises(SceneError, match=rule):
+            scene.with_(**wrong)
+    with pytest.raises(TypeError, match="cannot be written into a scene"):
+        scene.with_(name={1, 2})
+
+
+def test_joints_with_one_degree_of_freedom_have_an_index() -> None:
+    mechanism = Mechanism(load_scene("five_bar"))
+    assert [mechanism.joint_index(f"joint{k}") for k in (1, 2, 3, 4)] == [0, 1, 2, 3]
+    floating = Mechanism(load_scene("shared_payload"))
+    base = next(name for name in floating.tree.joint_names if _size(floating, name) > 1)
+    with pytest.raises(InvalidInputError, match="one degree of freedom"):
+        floating.joint_index(base)
+    with pytest.raises(InvalidInputError, match="must be one of"):
+        floating.joint_index("nobody")
+
+
+def _size(mechanism: Mechanism, joint: str) -> int:
+    _, in_v = mechanism.joint_slices(joint)
+    return in_v.stop - in_v.start
+
+
+@pytest.mark.parametrize("name", ["five_bar", "spatial_arm", "peg_in_hole"])
+def test_a_sample_has_the_numbers_of_the_run(name: str) -> None:
+    scene = load_scene(name)
+    ticked, run = Session(scene), Session(scene).run(30).columns()
+    samples = [ticked.tick().columns() for _ in range(30)]
+    for column in samples[0]:
+        found = np.array([sample[column] for sample in samples])
+        np.testing.assert_array_equal(found, run[column], err_msg=column)
+    assert len(samples[0]) > 150
+    sample = Session(scene).tick()
+    np.testing.assert_array_equal(sample.to_numpy(), list(sample.columns().values()))
+
+
+def test_a_run_is_an_array_and_a_data_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Session(load_scene("two_link")).run(20)
+    assert run.to_numpy() is run.rows
+    chosen = run.to_numpy("time", "twist")
+    np.testing.assert_array_equal(chosen[:, 0], run["time"])
+    np.testing.assert_array_equal(chosen[:, 1:], run["twist"])
+    with pytest.raises(KeyError, match="must be one of"):
+        run.to_numpy("nothing")
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match="pip install pandas"):
+        run.to_dataframe()
+    monkeypatch.setitem(sys.modules, "pandas", SimpleNamespace(DataFrame=dict))
+    frame = run.to_dataframe()
+    assert list(frame) == list(run.columns())
+    np.testing.assert_array_equal(frame["twist_1"], run["twist"][:, 1])

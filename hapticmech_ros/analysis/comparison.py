@@ -40,6 +40,7 @@ from hapticmech_ros.experiment.figure_style import (
     SKY,
     SMALL,
     VERMILION,
+    about,
     dress,
     new_figure,
 )
@@ -272,7 +273,7 @@ def _drawn(columns: Sequence[Column]) -> Figure:
     delays = sorted({row.delay for row in columns})
     over_delay = len(scenes) == 1 and len(delays) > 1
     height = 4.2 if over_delay else 1.6 + 0.34 * len(scenes)
-    figure = new_figure(13.0, height, CAPTION)
+    figure = new_figure(13.0, height, about(scenes, CAPTION))
     axes = figure.subplots(1, 3, sharey=not over_delay)
     shown = columns if over_delay else [row for row in columns if row.delay == delays[0]]
     for panel, least, value in zip(axes, LEAST, VALUES, strict=True):
@@ -315,4 +316,6 @@ def _dots(axes: Axes, rows: list[int], values: list[float], name: str) -> None:
 
 def _line(axes: Axes, delays: list[int], values: list[float], name: str) -> None:
     colour, mark = COLOURS[name], MARKS[name]
-    axes.plot(delays, values, color=colour, marker=mark, linewidth=1.3, label=name)
+    # Hollow, and smaller from one to the next: where values are equal, all marks are seen.
+    style = {"markersize": 11.0 - 1.7 * list(COLOURS).index(name), "fillstyle": "none"}
+    axes.plot(delays, values, color=colour, marker=mark, linewidth=1.3, label=name, **style)

@@ -22,6 +22,7 @@ from hapticmech_ros.experiment.figure_style import (
     PURPLE,
     SMALL,
     VERMILION,
+    about,
     dress,
     new_figure,
 )
@@ -33,16 +34,18 @@ Z_CAPTION = (
     "without units, m the device's mass along the constraint and τ = T / 2 + t_d; what little "
     "differs is the shortest delay."
 )
+# Marks of a group of the M-width are between 1 / APART and APART times their place.
+APART = 1.25
 M_CAPTION = (
     "Lightest felt inertia that is stable, over the mass of a hand fixed to the device, both "
-    "over the device's. Marks: sessions. Line: the rule m_a / (m_d + 2 m_a). Left of the dashed "
-    "line: the scene's own hand, without mass."
+    "over the device's. Marks: sessions, set apart sideways about the mass that they are of. Line: "
+    "the rule m_a / (m_d + 2 m_a). Left of the dashed line: the scene's own hand, without mass."
 )
 
 
 def z_width_figure(points: Sequence[ZPoint]) -> Figure:
     """Return the Z-width of the first scene, with and without units."""
-    figure = new_figure(12.0, 4.6, Z_CAPTION)
+    figure = new_figure(12.0, 4.6, about([points[0].scene], Z_CAPTION))
     left, right = figure.subplots(1, 2)
     first = points[0].scene
     alone = [one for one in points if one.hand == "nobody" and one.scene == first]
@@ -102,23 +105,27 @@ def _walls(
 
 def m_width_figure(points: Sequence[MPoint]) -> Figure:
     """Return the M-width of every scene."""
-    figure = new_figure(8.5, 4.2, M_CAPTION)
+    figure = new_figure(8.5, 4.2, about([one.scene for one in points], M_CAPTION))
     axes = figure.subplots()
     shares = np.geomspace(0.15, 6.0, 60)
     rule = [lightest_mass(1.0, share) for share in shares]
     axes.plot(shares, rule, color=BLACK, linewidth=1.2, label="rule")
     alone = 0.1
     axes.axvline(0.13, color=GREY, linestyle="--", linewidth=1.0)
-    colours = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
     scenes = list(dict.fromkeys(one.scene for one in points))
+    few = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
+    colours = few if len(scenes) <= len(few) else colormaps["tab20"].colors
+    # Series that agree would hide each other.
+    apart = iter(np.geomspace(1.0 / APART, APART, 2 * len(scenes)))
     for index, scene in enumerate(scenes):
         for local, mark in ((True, "o"), (False, "x")):
+            sideways = next(apart)
             rows = [one for one in points if one.scene == scene and one.local is local]
-            x = [one.share or alone for one in rows]
+            x = [sideways * (one.share or alone) for one in rows]
             y = [np.nan if one.measured is None else one.measured for one in rows]
             label = f"{scene}, loop in {'device' if local else 'controller'}"
-            colour, size = colours[index % len(colours)], 6 + 2 * (index % 3)
-            axes.plot(x, y, mark, markersize=size, fillstyle="none", color=colour, label=label)
+            colour = colours[index % len(colours)]
+            axes.plot(x, y, mark, markersize=6, fillstyle="none", color=colour, label=label)
     axes.set_xscale("log")
     axes.set_yscale("log")
     dress(axes, "mass of the hand / mass of the device (1)", "lightest felt / device inertia (1)")

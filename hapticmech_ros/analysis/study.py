@@ -19,6 +19,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console, ConsoleOptions, JustifyMethod, RenderResult
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,7 +30,7 @@ Show = Callable[[str], None]
 # Text for a value that does not exist.
 NOTHING = "-"
 # Least width of a column of text, and what is between two columns, characters.
-NAME_WIDTH, APART = 20, 2
+NAME_WIDTH, APART = 18, 2
 
 
 def silent(line: str) -> None:
@@ -63,6 +64,7 @@ class Sheet:
         rows: of texts, one for each heading; shorter rows are padded.
         words: headings of text columns besides the first; all others are aligned to the right.
         caption: below the table.
+        kept: width up to which names in the first column are not folded, characters.
     """
 
     title: str
@@ -70,50 +72,67 @@ class Sheet:
     rows: tuple[tuple[str, ...], ...]
     words: tuple[str, ...] = ()
     caption: str = ""
+    kept: int = NAME_WIDTH
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Yield the sheet for a terminal: columns for which it is too narrow as further tables."""
         groups = self._groups(options.max_width)
         for number, columns in enumerate(groups):
-            last = number == len(groups) - 1
-            yield self._table(columns, number > 0, self.caption if last else "")
+            continued = " (continued)" * (number > 0)
+            if self.title or continued:
+                yield Text((self.title + continued).strip(), style="table.title")
+            yield self._table(columns, options.max_width)
+        if self.caption:
+            yield Text(self.caption, style="table.caption")
 
     def _groups(self, width: int) -> list[list[int]]:
         """Return which columns stand in which table, the first one in each."""
-        groups, used = [[0]], self._least(0) + APART
+        groups, used = [[0]], self._least(0)
         for index in range(1, len(self.headings)):
-            needed = self._least(index) + APART
+            needed = APART + self._least(index)
             if used + needed > width and len(groups[-1]) > 1:
                 groups.append([0])
-                used = self._least(0) + APART
+                used = self._least(0)
             groups[-1].append(index)
             used += needed
         return groups
 
+    def _cells(self, index: int) -> list[str]:
+        """Return the cells of a column."""
+        return [row[index] for row in self.rows if index < len(row)]
+
+    def _is_text(self, index: int) -> bool:
+        return index == 0 or self.headings[index] in self.words
+
     def _least(self, index: int) -> int:
         """Return the least width of a column: numbers are not folded, headings between words."""
-        cells = [len(row[index]) for row in self.rows if index < len(row)]
-        widest = max(cells, default=0)
-        if index == 0 or self.headings[index] in self.words:
-            return min(NAME_WIDTH, widest)
-        return max(widest, *map(len, self.headings[index].split()), 1)
+        cells = self._cells(index)
+        heading = max(map(len, self.headings[index].split()), default=1)
+        widest = max(map(len, cells), default=0)
+        if index == 0:
+            return max(min(self.kept, widest), 1)
+        if self._is_text(index):
+            longest = max((len(word) for cell in cells for word in cell.split()), default=0)
+            return max(min(NAME_WIDTH, widest), min(self.kept, longest), heading)
+        return max(widest, heading)
 
-    def _table(self, columns: Sequence[int], continued: bool, caption: str) -> Table:
+    def _widths(self, columns: Sequence[int], width: int) -> list[int]:
+        """Return how wide each column of a table is: what is left over unfolds the first ones."""
+        found = [self._least(index) for index in columns]
+        left = width - sum(found) - APART * (len(columns) - 1)
+        for at, index in enumerate(columns):
+            unfolded = max(map(len, (self.headings[index], *self._cells(index))))
+            more = max(min(unfolded - found[at], left), 0)
+            found[at] += more
+            left -= more
+        return found
+
+    def _table(self, columns: Sequence[int], width: int) -> Table:
         """Return some of the columns as a table."""
-        table = Table(
-            title=escape(self.title) + " (continued)" * continued,
-            title_justify="left",
-            caption=escape(caption) or None,
-            caption_justify="left",
-            box=SIMPLE_HEAD,
-            padding=(0, 1, 0, 0),
-        )
-        for index in columns:
-            heading = self.headings[index]
-            left = index == 0 or heading in self.words
-            justify: JustifyMethod = "left" if left else "right"
-            least = self._least(index)
-            table.add_column(heading, justify=justify, overflow="fold", min_width=least)
+        table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, pad_edge=False)
+        for index, wide in zip(columns, self._widths(columns, width), strict=True):
+            justify: JustifyMethod = "left" if self._is_text(index) else "right"
+            table.add_column(self.headings[index], justify=justify, overflow="fold", width=wide)
         for row in self.rows:
             table.add_row(*(_cell(row[index]) if index < len(row) else "" for index in columns))
         return table

@@ -9,25 +9,37 @@ from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from hapticmech_ros.analysis.impedance import Felt, felt
 from hapticmech_ros.analysis.over_graph import felt_over_graph
 from hapticmech_ros.analysis.scene_variants import LOOPS, with_loop
 from hapticmech_ros.analysis.study import Results, Sheet, Show, silent
-from hapticmech_ros.experiment.figure_style import BLUE, GREY, ORANGE, dress, new_figure
+from hapticmech_ros.experiment.figure_style import (
+    BLUE,
+    GREY,
+    ORANGE,
+    SMALL,
+    about,
+    at_least,
+    dress,
+    new_figure,
+)
 from hapticmech_ros.scene import load_scene
 
 # Measured with a session, or with a graph of nodes in one process or in four.
 OVER = ("session", "composed", "processes")
 FIGURE_CAPTION = (
     "Felt over desired impedance along each free direction of each scene, at the smallest delay. "
-    "Blue: the device corrects commands by what the hand has done since. Orange: it does not. "
-    "Lines: measured. Circles: predicted by the model. Dotted: 3 dB."
+    "With the loop in the device it corrects commands by what the hand has done since. Dotted: "
+    "3 dB."
 )
 TABLE_CAPTION = (
     "steady: error to 10 Hz that the model leaves once the start has died away; "
     "model: how far it is from what was measured, to 30 Hz"
 )
+# What the axis of the phase shows at least, degrees.
+LEAST_PHASE = 1.0
 CIRCLES = {"marker": "o", "markersize": 4.0, "fillstyle": "none", "linestyle": "none"}
 
 
@@ -113,24 +125,40 @@ class Transparency(Results):
 
     def figures(self) -> Mapping[str, Figure]:
         """Return magnitude and phase of felt over desired impedance."""
-        figure = new_figure(9.0, 4.0, FIGURE_CAPTION)
+        figure = new_figure(9.0, 4.0, about([row.scene for row in self.rows], FIGURE_CAPTION))
         sizes, phases = figure.subplots(1, 2)
         least = min((row.delay for row in self.rows), default=0)
+        legend: dict[str, Line2D] = {}
         for row in self.rows:
             if row.delay != least:
                 continue
             colour = ORANGE if row.loop == "controller" else BLUE
-            ways = (row.felt.ratio, {"linewidth": 1.0}), (row.felt.predicted, CIRCLES)
-            for ratio, style in ways:
+            ways = (
+                ("measured", row.felt.ratio, {"linewidth": 1.0}),
+                ("predicted by the model", row.felt.predicted, CIRCLES),
+            )
+            for way, ratio, style in ways:
                 for axes, values in (
                     (sizes, 20.0 * np.log10(np.abs(ratio))),
                     (phases, np.rad2deg(np.angle(ratio))),
                 ):
-                    axes.semilogx(row.felt.frequencies, values, color=colour, alpha=0.7, **style)
+                    (line,) = axes.semilogx(
+                        row.felt.frequencies, values, color=colour, alpha=0.7, **style
+                    )
+                legend.setdefault(f"loop in {row.loop}, {way}", line)
         for level in (-3.0, 3.0):
             sizes.axhline(level, color=GREY, linestyle=":", linewidth=1.0)
-        dress(sizes, "frequency (Hz)", "size (dB)")
+        dress(sizes, "frequency (Hz)", "magnitude (dB)")
         dress(phases, "frequency (Hz)", "phase (°)")
+        at_least(phases, span=LEAST_PHASE)
+        figure.legend(
+            list(legend.values()),
+            list(legend),
+            loc="outside upper left",
+            fontsize=SMALL,
+            ncols=2,
+            frameon=False,
+        )
         return {"impedance.png": figure}
 
 

@@ -50,7 +50,7 @@ def analyse(
     taken = time.perf_counter() - begun
     out.mkdir(parents=True, exist_ok=True)
     table = found.save(out / "analysis.npz")
-    picture = save(analysis_figure(found), out / "analysis.png")
+    picture = save(analysis_figure(found, mechanism.scene), out / "analysis.png")
     counts = ", ".join(str(count) for count in np.unique(found.count).tolist())
     console.print(
         f"{found.times.size} states of {states.topic}, {found.times[-1]:.3f} s:"
@@ -78,12 +78,13 @@ def sweep(
     from hapticmech_ros.scene import load_scene
 
     prescribed = [_prescribed(text) for text in joint]
+    loaded = load_scene(scene)
     begun = time.perf_counter()
     places = math.prod(len(one.values) for one in prescribed)
     with progress() as bar:
         task = bar.add_task("sweeping", total=places)
         found = run_sweep(
-            load_scene(scene),
+            loaded,
             prescribed,
             point,
             processes,
@@ -92,7 +93,7 @@ def sweep(
     taken = time.perf_counter() - begun
     out.mkdir(parents=True, exist_ok=True)
     table = found.save(out / "sweep.npz")
-    picture = save(sweep_figure(found, prescribed), out / "sweep.png")
+    picture = save(sweep_figure(found, prescribed, loaded), out / "sweep.png")
     console.print(
         f"{found.count.size} of {places} places reached and analysed in {taken:.2f} s",
         highlight=False,

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from datetime import datetime, timezone
 
-from rich.console import Console
-from rich.table import Table
-
+from hapticmech_ros.analysis.study import Sheet
 from hapticmech_ros.bag.check import BagCheck
 from hapticmech_ros.bag.compare import BagComparison
 from hapticmech_ros.bag.info import BagInfo
 from hapticmech_ros.bag.repair import RepairReport
 from hapticmech_ros.cli.console import console
 
-WIDEST = 1000
+# Names of topics are not folded up to this width, characters.
+WIDEST_NAME = 60
 
 
 def show_info(info: BagInfo) -> None:
@@ -29,39 +28,43 @@ def show_info(info: BagInfo) -> None:
         count = "" if file.messages is None else f", {file.messages} messages"
         span = "" if file.duration_s is None else f", {file.duration_s:.3f} s"
         _say(f"  {file.name}: {_size(file.bytes)}{count}{span}")
-    table = _table("topic", "type", "messages", "Hz", "QoS", "type hash")
-    for topic in info.topics:
-        table.add_row(
+    rows = tuple(
+        (
             topic.name,
-            topic.type.replace("/msg/", "/"),
             str(topic.count),
             f"{topic.rate_hz:.1f}",
             ", ".join((*topic.reliability, *topic.durability)) or "?",
-            _short(topic.type_hash),
+            topic.type.replace("/msg/", "/"),
         )
-    _show(table)
+        for topic in info.topics
+    )
+    headings = ("topic", "messages", "Hz", "QoS", "type")
+    _show(Sheet("", headings, rows, ("QoS", "type"), kept=WIDEST_NAME))
+    hashes = {(topic.type.replace("/msg/", "/"), _short(topic.type_hash)) for topic in info.topics}
+    _show(Sheet("", ("type", "type hash"), tuple(sorted(hashes)), kept=WIDEST_NAME))
 
 
 def show_check(checked: BagCheck) -> None:
     """Print the result of a bag's check."""
-    table = _table("topic", "messages", "Hz", "missing", "largest gap", "stamps back", "notes")
+    rows = []
     for topic in checked.topics:
         notes = list(topic.notes)
         if topic.undecodable:
             notes.append(f"{topic.undecodable} cannot be decoded")
         if topic.repeated:
             notes.append(f"{topic.repeated} repeated stamps")
-        table.add_row(
-            topic.name,
+        cells = (
             str(topic.count),
             f"{topic.rate_hz:.1f}",
             "?" if topic.lost is None else str(topic.lost),
-            f"{1e3 * topic.largest_gap_s:.1f} ms",
+            f"{1e3 * topic.largest_gap_s:.1f}",
             str(topic.backwards) if topic.stamped else "-",
             "; ".join(notes),
         )
-    if checked.topics:
-        _show(table)
+        rows.append((topic.name, *cells))
+    headings = ("topic", "messages", "Hz", "missing", "gap ms", "stamps back", "notes")
+    if rows:
+        _show(Sheet("", headings, tuple(rows), ("notes",), kept=WIDEST_NAME))
     for name in checked.absent:
         _say(f"not recorded: {name}", "yellow")
     for trouble in checked.damage:
@@ -74,14 +77,11 @@ def show_check(checked: BagCheck) -> None:
 
 def show_comparison(compared: BagComparison) -> None:
     """Print the deviations of a second bag from the first."""
-    table = _table(
-        "topic", "matched by", "matched", "missing", "extra", "equal bits", "largest", "rms", "at"
-    )
+    rows = []
     for topic in compared.topics:
         worst = topic.worst
         differs = worst is not None and worst.largest > 0.0
-        table.add_row(
-            topic.name,
+        cells = (
             topic.matched_by,
             str(topic.matched),
             str(topic.missing),
@@ -91,7 +91,10 @@ def show_comparison(compared: BagComparison) -> None:
             f"{worst.rms:.3g}" if worst is not None else "-",
             f"{worst.name} at {worst.worst_at_ns} ns" if worst is not None and differs else "",
         )
-    _show(table)
+        rows.append((topic.name, *cells))
+    numbers = ("matched", "missing", "extra", "equal bits", "largest", "rms")
+    headings = ("topic", "matched by", *numbers, "at")
+    _show(Sheet("", headings, tuple(rows), ("matched by", "at"), kept=WIDEST_NAME))
     for name in compared.missing_topics:
         _say(f"not in {compared.actual}: {name}", "yellow")
     for name in compared.extra_topics:
@@ -117,17 +120,8 @@ def _say(text: str, style: str | None = None) -> None:
     console.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
 
 
-def _table(*columns: str) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for column in columns:
-        right = column in ("messages", "Hz", "matched", "missing", "extra", "equal bits")
-        table.add_column(column, justify="right" if right else "left", no_wrap=True)
-    return table
-
-
-def _show(table: Table) -> None:
-    # As wide as needed, so that topic names are not broken.
-    Console(width=WIDEST).print(table)
+def _show(sheet: Sheet) -> None:
+    console.print(sheet)
 
 
 def _size(size: int) -> str:

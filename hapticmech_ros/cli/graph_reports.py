@@ -69,9 +69,10 @@ def show_ends(reports: Reports, endings: Reports) -> None:
     """Print how each node was, and what it counted."""
     if not endings:
         return
-    table = Table(box=SIMPLE_HEAD)
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, pad_edge=False)
     for heading in ("node", "at the end", "Hz", "missed", "age p50 / p99, ms"):
-        table.add_column(heading, justify="left" if heading in ("node", "at the end") else "right")
+        left = heading in ("node", "at the end")
+        table.add_column(heading, justify="left" if left else "right", overflow="fold")
     for name, ending in sorted(endings.items()):
         # Nodes end one after the other, and what the last ones miss then is no news.
         sentence = reports.get(name, ending).sentence

@@ -94,12 +94,22 @@ def show(
     changes: ChangesOption = None,
 ) -> None:
     """Draw SCENE at its start: the point held, and its rigid and free directions."""
+    from hapticmech_ros.errors import ClosureError
+    from hapticmech_ros.formats import shapes_left_out
     from hapticmech_ros.scene import load_scene
-    from hapticmech_ros.view.still import draw_scene
+    from hapticmech_ros.scene.loader import find_scene
+    from hapticmech_ros.view.still import draw_scene, readable
 
     loaded = load_scene(scene, changes=changes or ())
     path = Path(f"{loaded.name}.png") if out is None else out
-    draw_scene(loaded, path, point, pixels)
+    besides, errors = readable(shapes_left_out(find_scene(scene)))
+    for error in errors:
+        console.print(f"not drawn: {error}", highlight=False, markup=False, soft_wrap=True)
+    try:
+        draw_scene(loaded, path, point, pixels, besides)
+    except ClosureError:
+        console.print(f"as written: {path}", highlight=False, markup=False, soft_wrap=True)
+        raise
     console.print(f"{path}", highlight=False, markup=False, soft_wrap=True)
 
 

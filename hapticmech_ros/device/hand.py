@@ -6,7 +6,7 @@ own mass, in :mod:`~hapticmech_ros.device.grasp_schedule`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -17,9 +17,20 @@ from hapticmech_ros.device.grasp_schedule import GraspSchedule
 from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, ScriptedHand, TargetHand
 from hapticmech_ros.scene.script import read_script
 
-# The law of a hand of one's own: (elapsed s since the hand could take hold, pose, twist (6,), pose
-# when it took hold) -> F_h (6,) on the device, N and N m. All in the world and along its axes.
-HandLaw = Callable[[float, pin.SE3, Array, pin.SE3], Array]
+
+class HandLaw(Protocol):
+    """The law of a hand of one's own: a function of time, pose and twist of the device."""
+
+    def __call__(self, elapsed: float, pose: pin.SE3, twist: Array, anchor: pin.SE3, /) -> Array:
+        """Return F_h (6,) on the device, N and N m, world axes.
+
+        Args:
+            elapsed: s since the hand could take hold.
+            pose: of the device, in the world.
+            twist: (6,) of the device, m/s and rad/s, world axes.
+            anchor: pose of the device when the hand took hold.
+        """
+        ...
 
 
 def hand_numbers(hand: Hand | None, schedule: GraspSchedule) -> Array:

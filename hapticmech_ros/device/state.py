@@ -52,6 +52,10 @@ class DeviceState:
     def __init__(self, flat: Array) -> None:
         self.flat = flat
 
+    def __repr__(self) -> str:
+        x, y, z = self.pose.translation
+        return f"DeviceState at ({x:.4g}, {y:.4g}, {z:.4g}) m"
+
     @classmethod
     def resting(cls, pose: pin.SE3) -> DeviceState:
         """Return a state at rest at a pose, ideal encoders, with nothing that acts and no hand."""

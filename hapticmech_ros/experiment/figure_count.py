@@ -15,12 +15,13 @@ from hapticmech_ros.experiment.figure_style import (
     legend,
     mark_changes,
     new_figure,
+    titled,
 )
 from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.scene.document import Scene
 
 CAPTION = (
-    "Fig. 5a. Number of virtual joint constraints felt by the user (top), and s = √μ of every "
+    "Number of virtual joint constraints felt by the user (top), and s = √μ of every "
     "direction of the task space (bottom): 0 is rigid (drawn at the lower edge), 1 as free as the "
     "link alone."
 )
@@ -32,7 +33,7 @@ def count_figure(
     record: ExperimentRecord, scene: Scene, reference: ExperimentRecord | None = None
 ) -> Figure:
     """Return the figure; ``reference`` is drawn behind, in grey."""
-    figure = new_figure(8.0, 4.8, CAPTION)
+    figure = new_figure(8.0, 4.8, titled(scene, "Fig. 5a", CAPTION))
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.1, 1.0))
     if reference is not None:
         style = {"color": GREY, "linewidth": 4.0, "alpha": 0.45}
@@ -49,7 +50,7 @@ def count_figure(
     highest = max(int(run.count.max()) for run in (record, reference) if run is not None)
     top.set_ylim(-0.15, highest + 0.6)
     top.set_yticks(range(highest + 1))
-    dress(top, "", "joint constraints")
+    dress(top, "", "joint constraints (1)")
     mark_changes(top, record, label=True)
     if reference is not None:
         legend(top, 2)
@@ -69,16 +70,16 @@ def count_figure(
         bottom.axhline(threshold, color=VERMILION, linestyle="--", linewidth=1.0)
         bottom.annotate(
             f"{name} {threshold:g}",
-            (0.995, threshold),
+            (1.01, threshold),
             xycoords=("axes fraction", "data"),
-            ha="right",
+            ha="left",
             va="top" if threshold == perception.s_on else "bottom",
             fontsize=SMALL,
             color=VERMILION,
         )
     bottom.set_yscale("log")
     bottom.set_ylim(0.8 * LOWEST_S, 1.5)
-    dress(bottom, TIME_LABEL, "s of each direction")
+    dress(bottom, TIME_LABEL, "s of each direction (1)")
     mark_changes(bottom, record)
     bottom.set_xlim(record.times[0], record.times[-1])
     return figure

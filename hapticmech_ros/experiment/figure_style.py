@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.axes import Axes
@@ -12,6 +13,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.experiment.summary import count_changes
+from hapticmech_ros.scene import load_scene
+from hapticmech_ros.scene.document import Scene
 
 # Okabe and Ito's colours, distinguishable with colour vision deficiencies.
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
@@ -22,6 +25,19 @@ DPI = 150
 TEXT = 11.0
 SMALL = 9.5
 TIME_LABEL = "time since the hand started to push (s)"
+
+# The scene whose results are the paper's Fig. 5.
+PAPER = "five_bar"
+# What of it makes that experiment: not its rate, device and gains, which a laboratory chooses.
+EXPERIMENT = ("links", "closures", "operational_points", "initial_state", "hand")
+# More scenes than this are told as their number.
+NAMES_SHOWN = 3
+# What axes show at least, in their units, N, N mm, mm or degrees: less is rounding.
+LEAST_SPAN = 1e-6
+# Of a logarithmic axis, its end over its beginning.
+LEAST_RATIO = 1.1
+# Width of a label of a change as a share of the axes, rows of them, and the height of a row.
+_LABEL_SHARE, _LABEL_ROWS, _LABEL_POINTS, _ROW_SHARE = 0.2, 3, 13.0, 0.1
 
 # Width of an average character of the caption, and height of its lines, in inches.
 _CHARACTER, _LINE = 0.0735, 0.19
@@ -59,22 +75,67 @@ def dress(axes: Axes, x_label: str, y_label: str) -> None:
         axes.spines[side].set_visible(False)
 
 
+def titled(scene: Scene, figure: str, caption: str) -> str:
+    """Return a caption that begins with its scene, or with the paper's figure if it is that."""
+    paper = load_scene(PAPER)
+    same = all(getattr(scene, key) == getattr(paper, key) for key in ("name", *EXPERIMENT))
+    return f"{figure if same else scene.name}. {caption}"
+
+
+def about(scenes: Sequence[str], caption: str) -> str:
+    """Return a caption that begins with the scenes it is about."""
+    names = list(dict.fromkeys(scenes))
+    return f"{', '.join(names) if len(names) <= NAMES_SHOWN else f'{len(names)} scenes'}. {caption}"
+
+
+def at_least(axes: Axes, names: str = "y", span: float = LEAST_SPAN) -> None:
+    """Widen axes that would otherwise be filled by rounding errors.
+
+    Args:
+        axes: whose; what they show stays in their middle.
+        names: of the axes, x, y or both.
+        span: what a linear axis shows at least, in its unit.
+    """
+    for name in names:
+        low, high = getattr(axes, f"get_{name}lim")()
+        if getattr(axes, f"get_{name}scale")() == "log":
+            middle, half = (low * high) ** 0.5, LEAST_RATIO**0.5
+            wider = (middle / half, middle * half) if high < LEAST_RATIO * low else None
+        else:
+            middle, half = 0.5 * (low + high), 0.5 * span
+            wider = (middle - half, middle + half) if high - low < span else None
+        if wider is not None:
+            getattr(axes, f"set_{name}lim")(*wider)
+
+
 def mark_changes(axes: Axes, record: ExperimentRecord, label: bool = False) -> None:
-    """Draw a dotted vertical line where the constraint count changes, annotated if ``label``."""
+    """Draw a dotted vertical line where the constraint count changes.
+
+    With ``label`` each is annotated above what is drawn until then, in as many rows as are needed;
+    changes for whose labels there is no room have a line alone.
+    """
+    ends: list[float] = []
+    duration = max(float(record.times[-1] - record.times[0]), record.period)
     for change in count_changes(record):
         axes.axvline(change["time_s"], color=GREY, linestyle=":", linewidth=1.2, zorder=1)
-        if label:
+        at = (change["time_s"] - float(record.times[0])) / duration
+        row = next((index for index, end in enumerate(ends) if end <= at), len(ends))
+        if label and row < _LABEL_ROWS:
+            ends[row : row + 1] = [at + _LABEL_SHARE]
             axes.annotate(
                 f"{change['from']} → {change['to']} at {change['time_s']:.2f} s",
                 (change["time_s"], 1.0),
                 xycoords=("data", "axes fraction"),
-                xytext=(4, -1),
+                xytext=(4, -1 - _LABEL_POINTS * row),
                 textcoords="offset points",
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85},
                 va="top",
                 fontsize=SMALL,
                 color="#555555",
             )
+    if len(ends) > 1:
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high + _ROW_SHARE * (len(ends) - 1) * (high - low))
 
 
 def legend(axes: Axes, columns: int) -> None:

@@ -13,15 +13,18 @@ from hapticmech_ros.experiment.figure_style import (
     BLUE,
     GREEN,
     GREY,
+    LEAST_SPAN,
     PURPLE,
     SMALL,
     TEXT,
     TIME_LABEL,
     VERMILION,
+    at_least,
     dress,
     legend,
     mark_changes,
     new_figure,
+    titled,
 )
 from hapticmech_ros.experiment.reach import taut_circle
 from hapticmech_ros.experiment.record import ExperimentRecord
@@ -30,10 +33,12 @@ from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.view.skeleton import Skeleton, skeleton
 
 MM = 1e3
+# What a view shows at least, mm.
+LEAST_VIEW = 1e-3
 # The circle of reach is drawn if the point comes nearer to it than this share of its radius.
 NEAR_REACH = 0.05
 CAPTION = (
-    "Fig. 5b. Trajectory of the user's hand on the haptic device and of the operational point in "
+    "Trajectory of the user's hand on the haptic device and of the operational point in "
     "the simulation. The hand follows with an error due to the finite stiffness of the "
     "joint-constraint controller."
 )
@@ -48,13 +53,13 @@ def trajectory_figure(
     ``reference`` is drawn behind, in grey.
     """
     if scene.task_space == "planar":
-        figure = new_figure(10.0, 6.2, CAPTION)
+        figure = new_figure(10.0, 6.2, titled(scene, "Fig. 5b", CAPTION))
         grid = figure.add_gridspec(2, 2, width_ratios=(1.45, 1.0))
         views = [(figure.add_subplot(grid[:, 0]), (0, 1))]
         close_up, error = figure.add_subplot(grid[0, 1]), figure.add_subplot(grid[1, 1])
         _close_up(close_up, record)
     else:
-        figure = new_figure(11.0, 7.0, CAPTION)
+        figure = new_figure(11.0, 7.0, titled(scene, "Fig. 5b", CAPTION))
         grid = figure.add_gridspec(2, 3, height_ratios=(1.5, 1.0))
         planes = ((0, 1), (0, 2), (1, 2))
         views = [(figure.add_subplot(grid[0, i]), plane) for i, plane in enumerate(planes)]
@@ -93,6 +98,7 @@ def _view(
         label = f"hand, reference ({reference.source})"
         axes.plot(path[:, 0], path[:, 1], color=GREY, linewidth=5.0, alpha=0.45, label=label)
     _paths(axes, record, columns)
+    at_least(axes, "xy", LEAST_VIEW)
     axes.set_aspect("equal", adjustable="datalim")
     dress(axes, f"{_NAMES[plane[0]]} (mm)", f"{_NAMES[plane[1]]} (mm)")
 
@@ -111,21 +117,24 @@ def _paths(axes: Axes, record: ExperimentRecord, columns: list[int]) -> None:
         linestyle=(0, (5, 2)),
         label="hand on the device",
     )
-    axes.plot(*device[0], "o", color=GREEN, markersize=7, zorder=5, label="start")
-    axes.plot(*device[-1], "s", color=PURPLE, markersize=7, zorder=5, label="end")
+    # Where both are at one place the end stands in the ring of the start.
+    ring = {"markersize": 12, "fillstyle": "none", "markeredgewidth": 2.0}
+    axes.plot(*device[0], "o", color=GREEN, zorder=5, label="start", **ring)
+    axes.plot(*device[-1], "s", color=PURPLE, markersize=5, zorder=5, label="end")
 
 
 def _mechanism(
     axes: Axes, drawing: Skeleton, columns: list[int], label: str, colour: str, style: str
 ) -> None:
-    for index, (_, ends) in enumerate(drawing.links):
+    lines = [(ends, 2.2) for _, ends in drawing.links] + [(ends, 1.2) for ends in drawing.bars]
+    for index, (ends, width) in enumerate(lines):
         line = MM * ends[:, columns]
         axes.plot(
             line[:, 0],
             line[:, 1],
             color=colour,
             linestyle=style,
-            linewidth=2.2,
+            linewidth=width,
             solid_capstyle="round",
             zorder=1,
             label=label if index == 0 else None,
@@ -207,7 +216,7 @@ def _errors(axes: Axes, record: ExperimentRecord) -> None:
         label="rotation (degrees)",
     )
     axes.set_xlim(record.times[0], record.times[-1])
-    axes.set_ylim(bottom=0.0)
+    axes.set_ylim(0.0, max(axes.get_ylim()[1], LEAST_SPAN))
     dress(axes, TIME_LABEL, "error of the hand (mm, °)")
     mark_changes(axes, record)
     legend(axes, 2)

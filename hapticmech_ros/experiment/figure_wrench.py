@@ -13,16 +13,18 @@ from hapticmech_ros.experiment.figure_style import (
     GREY,
     PURPLE,
     TIME_LABEL,
+    at_least,
     dress,
     legend,
     mark_changes,
     new_figure,
+    titled,
 )
 from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.scene.document import Scene
 
 CAPTION = (
-    "Fig. 5c. Virtual joint-constraint wrench on the user: by the joint-constraint controller, at "
+    "Virtual joint-constraint wrench on the user: by the joint-constraint controller, at "
     "the point held, axes of the world. Dashed: the wrench with which the joints balance the "
     "hand's push, from $\\Lambda_h^{-1}$ alone{less}. Dotted: the number of constraints changes. "
     "At the start springs come in over the engagement ramp."
@@ -35,7 +37,8 @@ def wrench_figure(
     """Return the figure; the norm of ``reference`` is drawn behind, in grey."""
     fed_forward = scene.controller.joint_constraint.feedforward > 0.0
     less = ", less the share that is fed forward" if fed_forward else ""
-    figure = new_figure(8.0, 6.0, CAPTION.replace("{less}", less))
+    caption = titled(scene, "Fig. 5c", CAPTION.replace("{less}", less))
+    figure = new_figure(8.0, 6.0, caption)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
     planar = scene.task_space == "planar"
     force = [(0, "x"), (1, "y")] if planar else [(0, "x"), (1, "y"), (2, "z")]
@@ -51,9 +54,11 @@ def wrench_figure(
     dress(top, "", "force (N)")
     dress(bottom, TIME_LABEL, "torque (N mm)")
     for axes in (top, bottom):
+        axes.get_lines()[-1].set_label("expected")
         axes.axhline(0.0, color="#BBBBBB", linewidth=0.8, zorder=0)
-        mark_changes(axes, record, label=axes is top)
         axes.margins(y=0.14)
+        at_least(axes)
+        mark_changes(axes, record, label=axes is top)
         legend(axes, 6)
     top.set_xlim(record.times[0], record.times[-1])
     return figure
@@ -78,9 +83,9 @@ def _norm(axes: Axes, record: ExperimentRecord) -> None:
     norm = np.linalg.norm(record.constraint_wrench[:, :3], axis=1)
     axes.plot(record.wrench_times, norm, color=PURPLE, linewidth=2.2, label="norm")
     expected = np.linalg.norm(record.expected_wrench[:, :3], axis=1)
-    _expected(axes, record.analysis_times, expected, "expected")
+    _expected(axes, record.analysis_times, expected)
 
 
-def _expected(axes: Axes, times: Array, values: Array, label: str | None = None) -> None:
+def _expected(axes: Axes, times: Array, values: Array) -> None:
     style = (0, (3, 3))
-    axes.plot(times, values, color=BLACK, linestyle=style, linewidth=1.1, label=label)
+    axes.plot(times, values, color=BLACK, linestyle=style, linewidth=1.1)

@@ -8,11 +8,12 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InaccurateStepError, InvalidInputError
 from hapticmech_ros.experiment.record import ExperimentRecord, first_push
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session import Sample, Session
+from hapticmech_ros.simulation import MechanismState
 
 
 class UnfinishedRunError(HapticMechError):
@@ -21,7 +22,11 @@ class UnfinishedRunError(HapticMechError):
     Attributes:
         record: of the run until then; None if there was no tick.
         time: of the session when it happened, s.
-        positions, velocities: of the last state, by joint, as a scene's ``initial_state`` has them.
+        joint: whose rate changed most in the step that failed, or else is largest in the last
+            state, rad/s or m/s; empty in a mechanism without joints.
+        positions, velocities: of the last state within the scene's limits of numbers, by joint, as
+            a scene's ``initial_state`` has them.
+        good_time: of that state, s.
     """
 
     def __init__(
@@ -29,11 +34,13 @@ class UnfinishedRunError(HapticMechError):
         error: HapticMechError,
         record: ExperimentRecord | None,
         time: float,
+        joint: str,
         positions: dict[str, list[float]],
         velocities: dict[str, list[float]],
+        good_time: float,
     ) -> None:
-        self.record, self.time = record, time
-        self.positions, self.velocities = positions, velocities
+        self.record, self.time, self.joint = record, time, joint
+        self.positions, self.velocities, self.good_time = positions, velocities, good_time
         super().__init__(f"at {time:g} s: {error}")
 
 
@@ -84,10 +91,13 @@ class SessionRecorder:
         self._scene = session.scene
         self._point = session.scene.operational_point(point).name
         self._rows: dict[str, list[Array | float]] = {}
+        self._good = session.mechanism
 
     def add(self, sample: Sample) -> None:
         """Add a sample, which must be the session's latest."""
         mechanism, analysis = sample.mechanism, sample.analysis
+        if self._is_good(mechanism):
+            self._good = mechanism
         kinetic, potential = self._session.simulator.mechanism.energy(mechanism.q, mechanism.v)
         beta = self._scene.controller.joint_constraint.feedforward
         device, point = sample.device.measured_pose, sample.point.pose
@@ -119,13 +129,25 @@ class SessionRecorder:
     def unfinished(self, error: HapticMechError) -> UnfinishedRunError:
         """Return the error of a run that another one ended, with what there was until then."""
         mechanism, state = self._session.simulator.mechanism, self._session.mechanism
-        positions, velocities = {}, {}
+        good = state if self._is_good(state) else self._good
+        positions, velocities, rates = {}, {}, {}
         for joint in mechanism.tree.joint_names:
             in_q, in_v = mechanism.joint_slices(joint)
-            positions[joint] = state.q[in_q].tolist()
-            velocities[joint] = state.v[in_v].tolist()
-        record = self.record() if self._rows else None
-        return UnfinishedRunError(error, record, self._session.time, positions, velocities)
+            positions[joint] = good.q[in_q].tolist()
+            velocities[joint] = good.v[in_v].tolist()
+            rates[joint] = float(np.abs(state.v[in_v]).max())
+        fastest = max(rates, key=rates.__getitem__, default="")
+        joint = error.joint if isinstance(error, InaccurateStepError) else fastest
+        record, time = self.record() if self._rows else None, self._session.time
+        return UnfinishedRunError(error, record, time, joint, positions, velocities, good.time)
+
+    def _is_good(self, state: MechanismState) -> bool:
+        """Return whether numbers of a state are within the limits of the scene's messages."""
+        limits = self._scene.limits
+        return bool(
+            (np.abs(state.q) <= limits.joint_position).all()
+            and (np.abs(state.v) <= limits.joint_velocity).all()
+        )
 
     def record(self) -> ExperimentRecord:
         """Return the record of the collected samples.

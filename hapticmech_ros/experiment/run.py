@@ -35,6 +35,8 @@ def write_unfinished(
     found = {
         "error": str(failure),
         "time_s": failure.time,
+        "joint": failure.joint,
+        "last_state_time_s": failure.good_time,
         "last_state": {"q": failure.positions, "v": failure.velocities},
     }
     (folder / FAILURE).write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")

@@ -18,15 +18,15 @@ class JointChange(Part):
     ``limits: null`` takes the stops away.
 
     Attributes:
-        damping: as of a scene's joint; left out: as in the file.
-        armature: likewise.
-        stiffness: likewise.
-        rest: likewise.
-        friction: likewise.
-        friction_speed: likewise.
-        effort: likewise.
-        limits: likewise.
-        locked: likewise.
+        damping: viscous damping per degree of freedom, N m s/rad or N s/m.
+        armature: inertia of a rotor as the joint feels it, kg m² or kg.
+        stiffness: of a spring in the joint, N m/rad or N/m.
+        rest: position at which that spring is slack, rad or m.
+        friction: Coulomb friction, N m or N.
+        friction_speed: rad/s or m/s, at which friction is nearly full.
+        effort: constant torque or force on the link, N m or N.
+        limits: where the joint stops; ``null`` for nowhere.
+        locked: whether the joint is held where it starts.
     """
 
     damping: NonNegative = 0.0

@@ -19,12 +19,19 @@ from hapticmech_ros.formats.model import Document, Imported, Model, Note, origin
 from hapticmech_ros.formats.model_part import ModelPart
 from hapticmech_ros.formats.sdf import read_sdf
 from hapticmech_ros.formats.sdf_include import open_includes as open_sdf_includes
-from hapticmech_ros.formats.shapes import KINDS, notes_of_shapes, used, with_shapes
+from hapticmech_ros.formats.shapes import (
+    KINDS,
+    document_of_shape,
+    notes_of_shapes,
+    used,
+    with_shapes,
+)
 from hapticmech_ros.formats.stops import with_metrics, with_start, with_stops
 from hapticmech_ros.formats.tree import LINK_LIMIT, to_scene
 from hapticmech_ros.formats.urdf import read_urdf
 from hapticmech_ros.formats.xml_nodes import Source
 from hapticmech_ros.mechanism.model import se3
+from hapticmech_ros.scene.contacts import Shape
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.scene.validation import (
@@ -112,6 +119,24 @@ def left_out(path: Path) -> LeftOut:
     notes = (*imported.notes, *notes_of_shapes(imported, there))
     nameable = (name for name, solid in imported.shapes.items() if solid.kind in KINDS)
     return LeftOut(notes, tuple(name for name in nameable if name not in there))
+
+
+def shapes_left_out(path: Path) -> tuple[Shape, ...]:
+    """Return the shapes that contacts of a scene could name, but for those that are invalid.
+
+    Raises:
+        SceneError: see :func:`read_model`.
+    """
+    document, found = written_document(path), []
+    if isinstance(document, Mapping) and "model" in document:
+        part = _model_part(document["model"], path)
+        imported = read_model(path.parent / part.file, part.base == "free", part.name)
+        for name in left_out(path).shapes:
+            try:
+                found.append(Shape.model_validate(document_of_shape(name, imported)))
+            except (SceneError, ValidationError):
+                continue
+    return tuple(found)
 
 
 def _named(error: SceneError, links: list[Document], imported: Imported, file: str) -> SceneError:

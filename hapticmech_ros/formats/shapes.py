@@ -61,7 +61,7 @@ def with_shapes(document: Document, imported: Imported, source: str) -> Document
         raise SceneError(source, problems)
     found = dict(document)
     found["contacts"] = [_renamed(contact, own, names) for contact in contacts]
-    added = [_shape(name, imported) for name in used(document, imported)]
+    added = [document_of_shape(name, imported) for name in used(document, imported)]
     if added and isinstance(written, list | tuple):
         found["shapes"] = [*written, *added]
     return found
@@ -145,7 +145,12 @@ def _renamed(contact: object, own: Collection[str], names: Mapping[str, str]) ->
     return {**contact, **{side: names[name] for side, name in ends.items()}}
 
 
-def _shape(name: str, imported: Imported) -> Document:
+def document_of_shape(name: str, imported: Imported) -> Document:
+    """Return a shape of a model as a scene has it.
+
+    Raises:
+        SceneError: what the file says of it is no shape, or its mesh is not there.
+    """
     solid = imported.shapes[name]
     place, geometry = solid.read()
     link, own = imported.places[solid.body]

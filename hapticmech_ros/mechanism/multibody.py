@@ -317,6 +317,18 @@ class MultibodyModel:
         index = names.index(name)
         return self.tree.position_slice(index), self.tree.velocity_slice(index)
 
+    def joint_index(self, name: str) -> int:
+        """Return where a joint with one degree of freedom is in v, and in q if all others are such.
+
+        Raises:
+            InvalidInputError: no such joint, or one with several degrees of freedom.
+        """
+        _, in_v = self.joint_slices(name)
+        if in_v.stop - in_v.start != 1:
+            rule = "must have one degree of freedom; joint_slices has the places of others"
+            raise InvalidInputError("joint", name, rule)
+        return in_v.start
+
     def closure_index(self, name: str) -> int:
         """Return the index of a closure.
 

@@ -13,14 +13,18 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.experiment.figure_style import (
     AXIS_COLOURS,
     BLUE,
+    LEAST_RATIO,
     SMALL,
     VERMILION,
+    about,
+    at_least,
     dress,
     legend,
     new_figure,
 )
 from hapticmech_ros.offline.analysis import AnalysedStates, FeltStates
 from hapticmech_ros.offline.sweep import PrescribedJoint, SweptStates
+from hapticmech_ros.scene.document import Scene
 
 WHAT = (
     "Mass felt along each axis of the world, 1 / X_ii (top; none is drawn above {largest:g} kg, "
@@ -33,28 +37,44 @@ WHERE = (
     "smallest s = √μ that is not rigid (right). White: the mechanism cannot come there."
 )
 LARGEST_KG = 1e3
+# Of a joint's coordinate, by its type; rad of all others.
+UNITS = {"prismatic": "m"}
 # s below this is drawn at the lower edge; it is zero up to rounding.
 LOWEST_S = 1e-3
 
 
-def analysis_figure(found: AnalysedStates, largest: float = LARGEST_KG) -> Figure:
-    """Return the figure of a recording."""
-    return _lines(found, found.count, found.times, "time since the first sample (s)", largest)
+def analysis_figure(found: AnalysedStates, scene: Scene, largest: float = LARGEST_KG) -> Figure:
+    """Return the figure of a recording of a scene."""
+    title = about([scene.name], WHAT.format(largest=largest))
+    label = "time since the first sample (s)"
+    return _lines(found, found.count, found.times, label, title, largest)
 
 
 def sweep_figure(
-    found: SweptStates, prescribed: Sequence[PrescribedJoint], largest: float = LARGEST_KG
+    found: SweptStates,
+    prescribed: Sequence[PrescribedJoint],
+    scene: Scene,
+    largest: float = LARGEST_KG,
 ) -> Figure:
     """Return the figure of a sweep: lines over one joint, maps over the last two of several."""
+    units = {link.joint.name: UNITS.get(link.joint.type, "rad") for link in scene.links}
+    labels = [f"{one.joint} ({units.get(one.joint, 'rad')})" for one in prescribed]
     if len(prescribed) == 1:
-        return _lines(found, found.count, found.places[:, 0], _label(prescribed[0]), largest)
-    return _maps(found, prescribed, largest)
+        title = about([scene.name], WHAT.format(largest=largest))
+        return _lines(found, found.count, found.places[:, 0], labels[0], title, largest)
+    title = about([scene.name], WHERE.format(largest=largest))
+    return _maps(found, prescribed, labels, title, largest)
 
 
 def _lines(
-    found: FeltStates, count: npt.NDArray[np.int64], over: Array, label: str, largest: float
+    found: FeltStates,
+    count: npt.NDArray[np.int64],
+    over: Array,
+    label: str,
+    title: str,
+    largest: float,
 ) -> Figure:
-    figure = new_figure(8.0, 6.4, WHAT.format(largest=largest))
+    figure = new_figure(8.0, 6.4, title)
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(1.3, 1.2, 0.8))
     for axis, (name, colour) in enumerate(AXIS_COLOURS.items()):
         felt = _mass(found, axis, largest)
@@ -62,51 +82,55 @@ def _lines(
             top.plot(over, felt, color=colour, linewidth=1.4, label=f"along {name}")
     if top.lines:
         top.set_yscale("log")
+        at_least(top)
         legend(top, 3)
     dress(top, "", "mass felt (kg)")
     for direction in range(found.s.shape[1]):
         middle.plot(over, np.maximum(found.s[:, direction], LOWEST_S), color=BLUE, linewidth=1.2)
     middle.set_yscale("log")
-    dress(middle, "", "s")
+    middle.set_ylim(0.8 * LOWEST_S, 1.5)
+    dress(middle, "", "s (1)")
     bottom.step(over, count, where="post", color=VERMILION, linewidth=1.8)
     most = int(count.max(initial=0))
     bottom.set_ylim(-0.15, most + 0.6)
     bottom.set_yticks(range(most + 1))
-    dress(bottom, label, "constraints")
+    dress(bottom, label, "joint constraints (1)")
     return figure
 
 
-def _maps(found: SweptStates, prescribed: Sequence[PrescribedJoint], largest: float) -> Figure:
-    figure = new_figure(11.0, 4.0, WHERE.format(largest=largest))
+def _maps(
+    found: SweptStates,
+    prescribed: Sequence[PrescribedJoint],
+    labels: Sequence[str],
+    title: str,
+    largest: float,
+) -> Figure:
+    figure = new_figure(11.0, 4.0, title)
     rigid = found.s <= LOWEST_S
     smallest = np.where(rigid, np.inf, found.s).min(axis=1)
     smallest[np.isinf(smallest)] = np.nan
     shown = (
         ("mass along x (kg)", _mass(found, 0, largest)),
         ("mass along y (kg)", _mass(found, 1, largest)),
-        ("smallest s", smallest),
+        ("smallest s (1)", smallest),
     )
     across, up = prescribed[-1], prescribed[-2]
     # Further joints are shown at their first place.
     kept = (found.grid[:, :-2] == found.grid[0, :-2]).all(axis=1)
-    for axes, (title, values) in zip(figure.subplots(1, 3, sharey=True), shown, strict=True):
+    for axes, (what, values) in zip(figure.subplots(1, 3, sharey=True), shown, strict=True):
         grid = np.full((len(up.values), len(across.values)), np.nan)
         grid[found.grid[kept, -2], found.grid[kept, -1]] = values[kept]
         if np.isnan(grid).all():
             # There are no finite values for a colour scale.
-            axes.set_title(f"{title}: rigid at all places", fontsize=SMALL)
+            axes.set_title(f"{what}: rigid at all places", fontsize=SMALL)
         else:
-            drawn = axes.pcolormesh(
-                across.values, up.values, grid, norm=LogNorm(), shading="nearest"
-            )
+            low, high = float(np.nanmin(grid)), float(np.nanmax(grid))
+            scale = LogNorm(low, max(high, LEAST_RATIO * low))
+            drawn = axes.pcolormesh(across.values, up.values, grid, norm=scale, shading="nearest")
             figure.colorbar(drawn, ax=axes, shrink=0.9)
-            axes.set_title(title, fontsize=SMALL)
-        dress(axes, _label(across), _label(up) if values is shown[0][1] else "")
+            axes.set_title(what, fontsize=SMALL)
+        dress(axes, labels[-1], labels[-2] if values is shown[0][1] else "")
     return figure
-
-
-def _label(prescribed: PrescribedJoint) -> str:
-    return f"{prescribed.joint} (rad or m)"
 
 
 def _mass(found: FeltStates, axis: int, largest: float) -> Array:

@@ -43,6 +43,10 @@ class OperationalAnalysis:
     free_acceleration: Array
     rows: Array
 
+    def __repr__(self) -> str:
+        s = ", ".join(f"{value:.3g}" for value in self.spectrum.s)
+        return f"OperationalAnalysis: rank {self.rank} of {self.spectrum.s.size}, s {s}"
+
     @property
     def rank(self) -> int:
         """Rank of X."""

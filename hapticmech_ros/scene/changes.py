@@ -9,8 +9,6 @@ from typing import Any
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem, nearest
 from hapticmech_ros.yaml_text import read_yaml
 
-# Between several in one text.
-SEPARATOR = ";"
 _STEP = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 
 
@@ -38,11 +36,6 @@ def with_changes(document: object, changes: Sequence[str], source: str) -> objec
                 raise _refused(source, key, written, str(error)) from None
             document = _set(document, list(_steps(key, source)), value, key, source)
     return document
-
-
-def split_changes(text: str) -> list[str]:
-    """Return the changes in one text, separated by semicolons."""
-    return [change for change in text.split(SEPARATOR) if change.strip()]
 
 
 def _steps(key: str, source: str) -> Iterator[str | int]:

@@ -7,8 +7,11 @@ Unknown keys, NaN, wrong sizes and wrong types are refused; nothing is converted
 
 from __future__ import annotations
 
+import json
+from importlib import import_module
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from hapticmech_ros.errors import InvalidInputError, nearest
@@ -90,6 +93,24 @@ class Scene(Part):
             f"{points}"
         )
 
+    def with_(self, *changes: str, **keys: object) -> Scene:
+        """Return a scene like this one, with some keys set, validated anew.
+
+        ``scene.with_("device.mass=0.2", gravity=(0.0, 0.0, -9.81))``
+
+        Args:
+            changes: ``key=value`` each, see :func:`~hapticmech_ros.scene.loader.changed_scene`.
+            keys: of the scene's outermost level: numbers, texts, sequences, mappings, or parts.
+
+        Raises:
+            SceneError: a key that is none, or a rule that is broken.
+        """
+        written = [f"{key}={json.dumps(value, default=_plain)}" for key, value in keys.items()]
+        # What validates a scene knows the scene; here it is known by its name alone.
+        loader = import_module("hapticmech_ros.scene.loader")
+        found: Scene = loader.changed_scene(self, *changes, *written)
+        return found
+
     @model_validator(mode="after")
     def _gains_by_rule(self) -> Scene:
         """Fill in gains that were not given; see :mod:`~hapticmech_ros.scene.gain_rule`."""
@@ -114,3 +135,16 @@ class Scene(Part):
         known = [point.name for point in self.operational_points]
         rule = f"must be one of {known}{nearest(name, known)}"
         raise InvalidInputError("operational point", name, rule)
+
+
+def _plain(value: object) -> object:
+    """Return parts of scenes and arrays as mappings, lists and numbers.
+
+    Raises:
+        TypeError: it is neither.
+    """
+    if isinstance(value, Part):
+        return value.model_dump(mode="json")
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"{value!r} cannot be written into a scene")

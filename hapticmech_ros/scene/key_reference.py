@@ -20,6 +20,96 @@ _REFERENCE = "#/$defs/"
 # Longer examples are not shown.
 LONGEST_EXAMPLE = 40
 Examples = Mapping[tuple[str, str], str]
+# Of keys that no shipped scene writes and whose default shows little; a test checks their rules.
+OTHERS: dict[tuple[str, str], str] = {
+    ("Scene", "description"): "Door with a latch",
+    ("Coupling", "name"): "gear",
+    ("Coupling", "joint"): "wheel",
+    ("Coupling", "leader"): "crank",
+    ("Coupling", "ratio"): "-2.5",
+    ("Coupling", "offset"): "90 deg",
+    ("Spring", "name"): "return",
+    ("Spring", "stiffness"): "150.0",
+    ("Spring", "damping"): "0.5",
+    ("Spring", "rest_length"): "0.08",
+    ("ContactPair", "dissipation"): "0.2",
+    ("InitialState", "v"): "{joint1: 0.5}",
+    ("Device", "preset"): "touch",
+    ("Device", "damping"): "0.1",
+    ("Device", "angular_damping"): "1e-4",
+    ("Device", "coulomb_friction"): "0.2",
+    ("Device", "angular_coulomb_friction"): "1e-3",
+    ("Device", "gravity_load"): "[0, 0, -0.4]",
+    ("Device", "actuator_bandwidth"): "250.0",
+    ("Device", "position_resolution"): "5e-5",
+    ("Device", "angle_resolution"): "1e-3",
+    ("Hand", "release_at"): "[2.0, 4.0]",
+    ("Hand", "grab_at"): "[3.0]",
+    ("ScriptedHand", "file"): "hand.csv",
+    ("Connection", "delay"): "0.02",
+    ("Connection", "jitter"): "0.005",
+    ("Connection", "loss"): "0.01",
+    ("Connection", "seed"): "7",
+    ("Connection", "expected"): "0.02",
+    ("ModelPart", "file"): "robot.urdf",
+    ("ModelPart", "name"): "arm",
+    ("Joint", "armature"): "0.05",
+    ("Sphere", "radius"): "0.02",
+    ("Cylinder", "radius"): "0.01",
+    ("Cylinder", "length"): "0.1",
+    ("Capsule", "radius"): "0.01",
+    ("Capsule", "length"): "0.1",
+    ("Mesh", "file"): "cup.stl",
+    ("Mesh", "scale"): "[0.001, 0.001, 0.001]",
+    ("Accuracy", "tolerance"): "1e-5",
+    ("Workspace", "radius"): "0.1",
+    ("Workspace", "angle"): "60 deg",
+    ("Compensation", "friction"): "0.8",
+    ("Servo", "stiffness"): "1500.0",
+    ("Servo", "angular_stiffness"): "2.0",
+    ("Safety", "workspace_radius"): "0.12",
+    ("Tremor", "frequency"): "9.0",
+    ("Tremor", "force"): "[0.05, 0.05, 0]",
+    ("Tremor", "torque"): "[0, 0, 1e-3]",
+    ("Tremor", "xyz"): "[0.0005, 0, 0]",
+    ("Tremor", "rotation"): "[0, 0, 0.01]",
+    ("JointConstraintGains", "feedforward"): "0.5",
+    ("ForceChannelGains", "mechanism_feedback"): "0.5",
+    ("ForceChannelGains", "device_feedback"): "0.5",
+    ("JointChange", "damping"): "0.1",
+    ("JointChange", "armature"): "0.05",
+    ("JointChange", "stiffness"): "2.0",
+    ("JointChange", "rest"): "0.3",
+    ("JointChange", "friction"): "0.02",
+    ("JointChange", "effort"): "0.5",
+    ("Linkage", "points"): "{A: [0, 0], B: [0.03, 0.05]}",
+    ("Linkage", "ground"): "[A, D]",
+    ("Linkage", "hinges"): "{A: [0, 0, 1]}",
+    ("Bar", "name"): "crank",
+    ("Bar", "points"): "[A, B]",
+    ("Bar", "mass"): "0.2",
+    ("Bar", "density"): "2.0",
+    ("Bar", "radius"): "0.005",
+    ("Bar", "com"): "[0.02, 0.03]",
+    ("Bar", "inertia"): "1e-4",
+    ("Slider", "name"): "block",
+    ("Slider", "point"): "C",
+    ("Slider", "along"): "[1, 0]",
+    ("Slider", "on"): "crank",
+    ("Slider", "mass"): "0.1",
+    ("Rod", "name"): "link_rod",
+    ("Rod", "points"): "[B, C]",
+    ("PinJoint", "name"): "elbow",
+    ("PinJoint", "damping"): "0.1",
+    ("PinJoint", "armature"): "0.05",
+    ("PinJoint", "friction"): "0.02",
+    ("Shape", "point"): "P",
+    ("OperationalPoint", "point"): "P",
+    ("LinkFrame", "point"): "P",
+    ("Inertia", "ixy"): "1e-5",
+    ("Inertia", "ixz"): "1e-5",
+    ("Inertia", "iyz"): "1e-5",
+}
 
 
 def meanings(part: type[Part]) -> dict[str, str]:
@@ -108,11 +198,32 @@ def _section(name: str, definition: Mapping[str, Any], written: Examples) -> str
     ]
     for key, value in definition.get("properties", {}).items():
         default = "required" if key in required else _default(value)
-        example = f"`{written[name, key]}`" if (name, key) in written else ""
+        text = _example(name, key, value, written)
+        example = f"`{text}`" if text else ""
         meaning = _plain(str(value.get("description", "")))
         cells = f"`{key}`", _kind(value), default, example, meaning
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(lines) + "\n"
+
+
+def _example(part: str, key: str, value: Mapping[str, Any], written: Examples) -> str:
+    """Return what may be written for a key: as some scene does, as above, or otherwise its default.
+
+    Empty for keys whose values are parts, which have tables of their own.
+    """
+    hand = ("Hand", key) if part.endswith("Hand") else (part, key)
+    for found in (written, OTHERS):
+        for name in ((part, key), hand):
+            if name in found:
+                return found[name]
+    default, choices = value.get("default"), value.get("enum", [])
+    if "const" in value:
+        return str(value["const"])
+    if choices:
+        return str(next(one for one in choices if one != default))
+    if isinstance(default, bool):
+        return str(not default).lower()
+    return str(default) if isinstance(default, int | float) else ""
 
 
 def _kind(value: Mapping[str, Any]) -> str:

@@ -33,10 +33,10 @@ class PinJoint(Part):
 
     Attributes:
         name: of the joint; left out: ``<bar>_at_<point>``.
-        damping: as of a joint.
-        armature: likewise.
-        friction: likewise.
-        friction_speed: likewise.
+        damping: viscous damping, N m s/rad or N s/m.
+        armature: inertia of a rotor as the joint feels it, kg m² or kg.
+        friction: Coulomb friction, N m or N.
+        friction_speed: rad/s or m/s, at which friction is nearly full.
     """
 
     name: Name | None = None
@@ -92,7 +92,7 @@ class Slider(Part):
     joint: PinJoint = PinJoint()
 
 
-class Tie(Part):
+class Rod(Part):
     """A rod without mass between two points of different bars; its ends are balls.
 
     Attributes:
@@ -116,7 +116,7 @@ class Linkage(Part):
         ground: points that are fixed in the world.
         bars: in the order in which they carry each other.
         sliders: blocks on lines.
-        ties: rods without mass.
+        rods: rods without mass.
         hinges: axis by point, in space: bars turn about it there.
     """
 
@@ -124,7 +124,7 @@ class Linkage(Part):
     ground: tuple[Name, ...] = ()
     bars: Annotated[tuple[Bar, ...], Field(min_length=1)]
     sliders: tuple[Slider, ...] = ()
-    ties: tuple[Tie, ...] = ()
+    rods: tuple[Rod, ...] = ()
     hinges: dict[Name, Vector3] = Field(default_factory=dict)
 
 
@@ -210,8 +210,8 @@ class _Drawing:
         self._check_names()
         self._bodies = {WORLD: _Body(WORLD, linkage.ground, np.zeros(3))}
         self._grow()
-        for index, tie in enumerate(linkage.ties):
-            self._tie(f"ties[{index}]", tie)
+        for index, rod in enumerate(linkage.rods):
+            self._rod(f"rods[{index}]", rod)
 
     def placed(self, item: object, key: str) -> object:
         """Return something with ``point`` as ``link`` and ``origin``."""
@@ -246,7 +246,7 @@ class _Drawing:
         used = [("ground", name) for name in linkage.ground]
         used += [("hinges", name) for name in linkage.hinges]
         named = [(f"bars[{at}]", bar.points) for at, bar in enumerate(linkage.bars)]
-        named += [(f"ties[{at}]", tie.points) for at, tie in enumerate(linkage.ties)]
+        named += [(f"rods[{at}]", rod.points) for at, rod in enumerate(linkage.rods)]
         used += [(f"{key}.points", name) for key, points in named for name in points]
         used += [(f"sliders[{at}].point", one.point) for at, one in enumerate(linkage.sliders)]
         for key, name in used:
@@ -360,23 +360,23 @@ class _Drawing:
                 end["origin"]["rpy"] = _onto(self._axis(point))
         return {"name": f"{body.name}_at_{point}", "kind": kind, "a": ends[0], "b": ends[1]}
 
-    def _tie(self, key: str, tie: Tie) -> None:
-        owners = [self._owners(name) for name in tie.points]
-        for name, found in zip(tie.points, owners, strict=True):
+    def _rod(self, key: str, rod: Rod) -> None:
+        owners = [self._owners(name) for name in rod.points]
+        for name, found in zip(rod.points, owners, strict=True):
             if not found:
                 rule = f"point {name} is of no bar, slider or the ground"
                 raise self._error(f"linkage.{key}.points", name, rule)
         a, b = owners[0][0], owners[1][0]
-        length = float(np.linalg.norm(self._points[tie.points[0]] - self._points[tie.points[1]]))
+        length = float(np.linalg.norm(self._points[rod.points[0]] - self._points[rod.points[1]]))
         if a is b or not length > 0.0:
-            rule = "a tie joins points of two bars that are apart"
-            raise self._error(f"linkage.{key}.points", tie.points, rule)
+            rule = "a rod joins points of two bars that are apart"
+            raise self._error(f"linkage.{key}.points", rod.points, rule)
         ends = [
             {"link": one.name, "origin": self._origin(one, name)}
-            for one, name in zip((a, b), tie.points, strict=True)
+            for one, name in zip((a, b), rod.points, strict=True)
         ]
         self.closures.append(
-            {"name": tie.name, "kind": "rod", "a": ends[0], "b": ends[1], "length": length}
+            {"name": rod.name, "kind": "rod", "a": ends[0], "b": ends[1], "length": length}
         )
 
     def _axis(self, point: str) -> Array:

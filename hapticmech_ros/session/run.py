@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, TWIST, WRENCH, Field, Layout
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 ENERGIES = ("to_mechanism", "stored", "injected", "dissipated", "actuators")
 SCALARS = frozenset(("time", *ENERGIES, "count"))
 ONE, FORCE = Field(1), Field(6, WRENCH)
 POSE_ERROR = ("position",) * 3 + ("angle",) * 3
+# Letters of names of fields that a repr shows.
+REPR_NAMES = 60
 # Rows of a ControlOutput, and then its pose error.
 CONTROL = ("device_command", "mechanism_command", "impedance", "joint_constraint", "four_channel")
 
@@ -87,18 +97,59 @@ class Run:
         if not len(self):
             return "Run of no ticks"
         first, last = self["time"][[0, -1]]
-        return f"Run of {len(self)} ticks, {first:g} to {last:g} s: {', '.join(self.layout)}"
+        names = ", ".join(self.layout)
+        return f"Run of {len(self)} ticks, {first:g} to {last:g} s: {names[:REPR_NAMES]}…"
 
     def columns(self) -> dict[str, Array]:
         """Return every number as a column (k,), as ``pandas.DataFrame`` takes them.
 
         Fields of one number have their own name, others it with an index: ``twist_0``.
         """
-        found: dict[str, Array] = {}
-        for name in self.layout:
-            values = self.rows[:, self.layout.slice(name)]
-            if name in SCALARS:
-                found[name] = values[:, 0]
-            else:
-                found.update({f"{name}_{k}": values[:, k] for k in range(values.shape[1])})
-        return found
+        fields = {name: self.rows[:, self.layout.slice(name)] for name in self.layout}
+        return {
+            column: fields[name][:, k]
+            for name in self.layout
+            for k, column in enumerate(column_names(name, self.layout.fields[name].size))
+        }
+
+    def to_numpy(self, *names: str) -> Array:
+        """Return fields side by side (k, n), in the order of their names; all if none are given.
+
+        Args:
+            names: of fields, such as ``time`` or ``twist``.
+
+        Raises:
+            KeyError: no such field; it names those that there are.
+        """
+        if not names:
+            return self.rows
+        return np.hstack([self[name].reshape(len(self), -1) for name in names])
+
+    def to_dataframe(self) -> DataFrame:
+        """Return the run as a data frame of pandas: a row for each tick, its columns as above.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        return data_frame(self.columns())
+
+
+def column_names(field: str, size: int) -> list[str]:
+    """Return the names of a field's columns: its own, or with an index where it is a vector."""
+    return [field] if field in SCALARS else [f"{field}_{k}" for k in range(size)]
+
+
+def data_frame(columns: Mapping[str, Array]) -> DataFrame:
+    """Return columns as a data frame of pandas.
+
+    Args:
+        columns: (k,) each, by name.
+
+    Raises:
+        ImportError: pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise ImportError("data frames need pandas: pip install pandas") from None
+    return pandas.DataFrame(dict(columns))

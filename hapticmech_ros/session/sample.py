@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlOutput, OperationalModel
 from hapticmech_ros.control.flat import model_of
 from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.device import DeviceState
-from hapticmech_ros.layout import DEVICE_SAMPLE
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import PointKinematics
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.session.data import TOTALS, SessionData
+from hapticmech_ros.session.run import CONTROL, column_names
 from hapticmech_ros.simulation.state import EnergyAccount, MechanismState
 
 if TYPE_CHECKING:
@@ -95,6 +98,40 @@ class Sample:
         self.time, self._numbers, self._values = time, numbers, values
         self._analyser, self._mechanism, self._device = analyser, mechanism, device
         self._seen: Observation | None = None
+
+    def __repr__(self) -> str:
+        return f"Sample at {self.time:g} s: {self.count} joint constraints"
+
+    def columns(self) -> dict[str, float]:
+        """Return the numbers of the sample by the names that columns of a run have.
+
+        Those of a :class:`~hapticmech_ros.session.run.Run` but the true state of the device, what
+        its actuators do, and energies: for ``pandas.DataFrame``, which takes a list of them.
+        """
+        state, sample = self.mechanism, self._data.sample
+        on_hand, on_mechanism = self.acting
+        model = self.seen.model
+        fields = {
+            "time": np.array([self.time]),
+            "q": state.q,
+            "v": state.v,
+            **{f"device_{name}": sample[DEVICE_SAMPLE.slice(name)] for name in DEVICE_SAMPLE},
+            **{name: model[OPERATIONAL_MODEL.slice(name)] for name in OPERATIONAL_MODEL},
+            **dict(zip((*CONTROL, "pose_error"), self.wrenches, strict=True)),
+            "on_hand": on_hand,
+            "on_mechanism": on_mechanism,
+            "external": self.external_wrench,
+            "count": np.array([float(self.count)]),
+        }
+        return {
+            column: float(number)
+            for name, values in fields.items()
+            for column, number in zip(column_names(name, values.size), values, strict=True)
+        }
+
+    def to_numpy(self) -> Array:
+        """Return the numbers of :meth:`columns` (n,), in their order."""
+        return np.array(list(self.columns().values()))
 
     @property
     def _data(self) -> SessionData:

@@ -59,6 +59,9 @@ class Simulator:
         self._projected: tuple[MechanismState, Closing] | None = None
         self._latches = Latches(self.mechanism)
 
+    def __repr__(self) -> str:
+        return f"Simulator of {self.scene.name}: steps of {self.period:g} s"
+
     def may_latch(self, state: MechanismState) -> bool:
         """Return whether a closure is open that may latch by itself."""
         return self._latches.waiting(state.active)

@@ -95,6 +95,10 @@ class MechanismState:
     touching: Touching | None = None
     released: frozenset[int] = frozenset()
 
+    def __repr__(self) -> str:
+        closed = f"{sum(self.active)} of {len(self.active)} closures closed"
+        return f"MechanismState at {self.time:g} s: nq {self.q.size}, nv {self.v.size}, {closed}"
+
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:

@@ -9,11 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Polygon
 from scipy.spatial import ConvexHull, QhullError
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.view.palette import Colour
+from hapticmech_ros.view.palette import AXES, LEGEND, MEANING, Colour
 from hapticmech_ros.view.shapes import Shape, rotation_to
 
 SIDE_INCHES, SIDE_PIXELS = 7.0, 1050
@@ -22,7 +23,13 @@ ABOVE = np.array((0.0, 0.0, 1.0))
 ASIDE = np.array((1.0, -1.6, 0.9))
 MARGIN = 0.08
 CORNERS = 24
-LETTERS_PT = 11.0
+LETTERS_PT, SMALL_PT = 11.0, 9.5
+# As shares of the side: lower left corner and side of the square in which shapes are, left end and
+# height of the scale bar, its greatest length, and origin and length of the world's axes.
+SQUARE = (0.065, 0.115, 0.87)
+BAR_AT, LONGEST_BAR = (0.05, 0.105), 0.25
+AXES_AT, AXES_LENGTH = (0.88, 0.87), 0.06
+LEGEND_COLUMNS = 5
 
 
 def view_from(towards: Array) -> Array:
@@ -45,7 +52,7 @@ def draw_shapes(
     title: str = "",
     side_pixels: int = SIDE_PIXELS,
 ) -> None:
-    """Write a picture of shapes as a PNG file.
+    """Write a picture of shapes as a PNG file, with a scale bar, the world's axes and a legend.
 
     Args:
         shapes: what is seen.
@@ -57,7 +64,7 @@ def draw_shapes(
     view = view_from(ABOVE if planar else ASIDE)
     figure = Figure(figsize=(SIDE_INCHES, SIDE_INCHES), dpi=side_pixels / SIDE_INCHES)
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.01, 0.01, 0.98, 0.93))
+    axes = figure.add_axes((*SQUARE, SQUARE[2]))
     axes.set_aspect("equal")
     axes.set_axis_off()
     seen = [shape for shape in shapes if shape.kind != "text"]
@@ -67,7 +74,9 @@ def draw_shapes(
     parts.sort(key=lambda part: float(part[0][:, 2].mean()))
     for outline, colour in parts:
         _fill(axes, outline[:, :2], colour)
-    _frame(axes, np.vstack([outline[:, :2] for outline, _ in parts]))
+    _bar(figure, _frame(axes, np.vstack([outline[:, :2] for outline, _ in parts])))
+    _world(figure, view)
+    _legend(figure, {shape.namespace.partition("/")[0] for shape in seen})
     words = [shape.text for shape in shapes if shape.kind == "text"]
     figure.text(0.02, 0.97, "  ·  ".join([title, *words]), fontsize=LETTERS_PT, va="top")
     figure.savefig(path)
@@ -87,6 +96,8 @@ def _outlines(shape: Shape, view: Array) -> list[Array]:
         half = 0.5 * shape.size[2] * shape.pose.rotation[:, 2]
         centre, (first, last, _) = shape.pose.translation, shape.size
         return [_tube(centre - half, centre + half, first, last)]
+    if shape.kind == "triangles":  # of a convex hull
+        return [shape.points]
     if shape.kind == "strip":
         ends = zip(shape.points[:-1], shape.points[1:], strict=True)
         return [_tube(start, end, shape.size[0], shape.size[0]) for start, end in ends]
@@ -114,9 +125,55 @@ def _fill(axes: Axes, points: Array, colour: Colour) -> None:
     axes.add_patch(Polygon(hull, closed=True, facecolor=colour, edgecolor=edge, linewidth=0.5))
 
 
-def _frame(axes: Axes, points: Array) -> None:
+def _frame(axes: Axes, points: Array) -> float:
+    """Put points in the middle of axes; return what their side shows, m."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = (0.5 + MARGIN) * max(float((high - low).max()), 1e-6)
     centre = 0.5 * (low + high)
     axes.set_xlim(centre[0] - half, centre[0] + half)
     axes.set_ylim(centre[1] - half, centre[1] + half)
+    return 2.0 * half
+
+
+def scale_of(longest: float) -> tuple[float, str]:
+    """Return the length of a scale bar, 1, 2 or 5 times a power of ten, and what is beside it.
+
+    Args:
+        longest: m, which it may have.
+    """
+    power = 10.0 ** np.floor(np.log10(longest))
+    length = float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest))
+    return length, f"{length:g} m" if length >= 1.0 else f"{1e3 * length:g} mm"
+
+
+def _bar(figure: Figure, shown: float) -> None:
+    """Draw a scale bar; ``shown`` (m) is what the side of the square shows."""
+    share = SQUARE[2] / shown
+    length, words = scale_of(LONGEST_BAR / share)
+    (left, height), right = BAR_AT, BAR_AT[0] + share * length
+    style = {"color": "black", "linewidth": 1.2, "transform": figure.transFigure}
+    figure.add_artist(Line2D((left, right), (height, height), **style))
+    for end in (left, right):
+        figure.add_artist(Line2D((end, end), (height - 0.006, height + 0.006), **style))
+    figure.text(right + 0.01, height, words, fontsize=SMALL_PT, va="center")
+
+
+def _world(figure: Figure, view: Array) -> None:
+    """Draw the world's axes as they are seen; none of one that points at the viewer."""
+    origin = np.array(AXES_AT)
+    for name, colour, seen in zip("xyz", AXES, view[:2].T, strict=True):
+        if np.linalg.norm(seen) > 1e-6:
+            tip, letter = (origin + share * AXES_LENGTH * seen for share in (1.0, 1.3))
+            style = {"color": colour, "linewidth": 1.8, "transform": figure.transFigure}
+            figure.add_artist(Line2D(*zip(origin, tip, strict=True), **style))
+            figure.text(*letter, name, fontsize=SMALL_PT, ha="center", va="center")
+
+
+def _legend(figure: Figure, namespaces: set[str]) -> None:
+    """Name the colours of what is seen."""
+    found = [
+        Patch(color=MEANING[name], label=LEGEND[name]) for name in LEGEND if name in namespaces
+    ]
+    if found:
+        style = {"fontsize": SMALL_PT, "frameon": False, "handlelength": 1.2, "columnspacing": 1.4}
+        figure.legend(handles=found, loc="lower left", ncols=LEGEND_COLUMNS, **style)

@@ -31,6 +31,18 @@ WORLD_AXES: tuple[Colour, Colour, Colour] = (
     (0.55, 0.85, 0.55, 0.7),
     (0.55, 0.60, 0.95, 0.7),
 )
+# Namespace of a shape -> what it is called in the legend of a still picture.
+LEGEND: dict[str, str] = {
+    "links": "link",
+    "joints": "joint",
+    "closures": "closed loop",
+    "open_closures": "open loop",
+    "solids": "collision shape",
+    "hulls": "mesh (convex hull)",
+    "springs": "spring",
+    "rigid_directions": "rigid direction",
+    "free_directions": "free direction",
+}
 # Namespace of a shape -> its colour; namespaces of axes have three.
 MEANING: dict[str, Colour] = {
     "links": LINK,

@@ -24,11 +24,14 @@ class Skeleton:
         links: per line, link name and (2, 3) its ends in the world, m.
         joints: (k, 3) where links are joined to each other, m.
         ground: (g, 3) where they are joined to the world, m.
+        bars: (2, 3) ends of every rod that is closed at the start, and of every slide from where
+            it is at zero, m.
     """
 
     links: tuple[tuple[str, Array], ...]
     joints: Array
     ground: Array
+    bars: tuple[Array, ...] = ()
 
 
 def skeleton(scene: Scene, q: Array) -> Skeleton:
@@ -60,7 +63,19 @@ def skeleton(scene: Scene, q: Array) -> Skeleton:
         start = _place(tree, data, name, Origin())
         if np.linalg.norm(end - start) > _SAME_PLACE:
             lines.append((name, np.array((start, end))))
-    return Skeleton(tuple(lines), _rows(joints), _rows(ground))
+    pairs = [
+        ((rod.a.link, rod.a.origin), (rod.b.link, rod.b.origin))
+        for rod in scene.closures
+        if rod.kind == "rod" and rod.active
+    ]
+    pairs += [
+        ((link.parent, link.joint.origin), (link.name, Origin()))
+        for link in scene.links
+        if link.joint.type == "prismatic"
+    ]
+    bars = [np.array([_place(tree, data, *end) for end in pair]) for pair in pairs]
+    long = tuple(bar for bar in bars if np.linalg.norm(bar[1] - bar[0]) > _SAME_PLACE)
+    return Skeleton(tuple(lines), _rows(joints), _rows(ground), long)
 
 
 def attachments(scene: Scene) -> list[tuple[str, Origin, bool]]:

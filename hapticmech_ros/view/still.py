@@ -2,46 +2,72 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import ClosureError, SceneError
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import rigid_count
+from hapticmech_ros.scene.contacts import Mesh, Shape
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.simulation import Simulator
+from hapticmech_ros.view.contact_shapes import Hulls
 from hapticmech_ros.view.drawn import SIDE_PIXELS, draw_shapes
 from hapticmech_ros.view.picture import Picture, Snapshot
 from hapticmech_ros.view.placement import Placer
 
+# Behind the name of a scene that is drawn as it is written.
+OPEN = "open as written: its loops do not close"
 
-def draw_scene(scene: Scene, path: Path, point: str = "", side_pixels: int = SIDE_PIXELS) -> None:
+
+def draw_scene(
+    scene: Scene,
+    path: Path,
+    point: str = "",
+    side_pixels: int = SIDE_PIXELS,
+    besides: Sequence[Shape] = (),
+) -> None:
     """Write a picture of a scene at its start as a PNG file.
 
-    The mechanism, its closures, and at the point held the directions that are rigid and free.
+    The mechanism, its closures, and at the point held the directions that are rigid and free. Of a
+    scene that cannot close, its loops as they are open in the configuration that is written.
 
     Args:
         scene: what is drawn.
         path: of the file; its folder is made.
         point: operational point that is held; the scene's first one if empty.
         side_pixels: width and height.
+        besides: further shapes to draw, such as those of its model that no contact names.
 
     Raises:
         InvalidInputError: no such point.
-        ClosureError: the scene cannot close.
+        ClosureError: the scene cannot close; the picture is written before.
+        SceneError: a mesh that cannot be read.
     """
     simulator = Simulator(scene)
-    mechanism, state = simulator.mechanism, simulator.initial_state()
+    mechanism = simulator.mechanism
+    try:
+        state = simulator.initial_state()
+    except ClosureError:
+        draw_configuration(scene, authored_state(scene, mechanism.tree)[0], path, side_pixels, OPEN)
+        raise
     analyser = Analyser(mechanism, point)
     analysis = analyser.analyse(simulator.evaluate(state))
     count = rigid_count(analysis.spectrum.s, scene.perception)
     snapshot = Snapshot(state.active, held=analyser.point.name, analysis=analysis, count=count)
-    _draw(mechanism, snapshot, np.array(state.q), path, side_pixels)
+    drawn = scene.model_copy(update={"shapes": (*scene.shapes, *besides)})
+    shown = Mechanism(drawn) if besides else mechanism
+    _draw(shown, snapshot, np.array(state.q), path, side_pixels, "")
 
 
-def draw_configuration(scene: Scene, q: Array, path: Path, side_pixels: int = SIDE_PIXELS) -> None:
+def draw_configuration(
+    scene: Scene, q: Array, path: Path, side_pixels: int = SIDE_PIXELS, note: str = ""
+) -> None:
     """Write a picture of a scene in a configuration, with loops that may be open, as a PNG file.
 
     Args:
@@ -49,13 +75,34 @@ def draw_configuration(scene: Scene, q: Array, path: Path, side_pixels: int = SI
         q: (nq,) configuration.
         path: of the file; its folder is made.
         side_pixels: width and height.
+        note: behind the scene's name; if there is one, loops are drawn as open.
     """
     mechanism = Mechanism(scene)
-    _draw(mechanism, Snapshot(mechanism.initially_active), q, path, side_pixels)
+    active = tuple(on and not note for on in mechanism.initially_active)
+    _draw(mechanism, Snapshot(active), q, path, side_pixels, note)
 
 
-def _draw(mechanism: Mechanism, snapshot: Snapshot, q: Array, path: Path, side_pixels: int) -> None:
-    scene = mechanism.scene
-    shapes = Picture(mechanism, 0.0, 0.0).draw(snapshot, Placer(mechanism).at(q))
+def readable(shapes: Sequence[Shape]) -> tuple[list[Shape], list[SceneError]]:
+    """Return the shapes that can be drawn, and why others cannot: meshes that cannot be read."""
+    from hapticmech_ros.contact.mesh_hulls import read_mesh
+
+    kept, errors = [], []
+    for shape in shapes:
+        try:
+            if isinstance(shape.geometry, Mesh):
+                read_mesh(shape.geometry.file, shape.geometry.scale, shape.name)
+            kept.append(shape)
+        except SceneError as error:
+            errors.append(error)
+    return kept, errors
+
+
+def _draw(
+    mechanism: Mechanism, snapshot: Snapshot, q: Array, path: Path, side_pixels: int, note: str
+) -> None:
+    scene, placement = mechanism.scene, Placer(mechanism).at(q)
+    shapes = Picture(mechanism, 0.0, 0.0).draw(snapshot, placement)
+    shapes += Hulls(scene).draw(placement)
     path.parent.mkdir(parents=True, exist_ok=True)
-    draw_shapes(shapes, path, scene.task_space == "planar", scene.name, side_pixels)
+    title = "  ·  ".join(words for words in (scene.name, note) if words)
+    draw_shapes(shapes, path, scene.task_space == "planar", title, side_pixels)

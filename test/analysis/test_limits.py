@@ -9,7 +9,8 @@ from typer.testing import CliRunner
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis.experience import experience
 from hapticmech_ros.analysis.limits import cases_of
-from hapticmech_ros.analysis.m_width import m_width
+from hapticmech_ros.analysis.limits_figure import m_width_figure
+from hapticmech_ros.analysis.m_width import MPoint, m_width
 from hapticmech_ros.analysis.penetration import penetration
 from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.analysis.touch import Setup
@@ -140,3 +141,20 @@ def test_numbers_that_are_none_are_refused():
     found = CliRunner().invoke(app, ["feel", "limits", "two_link", "--delays", "1,x"])
     assert found.exit_code != 0
     assert "--delays" in str(found.exception) + found.output
+
+
+def test_marks_that_agree_do_not_hide_each_other():
+    points = [
+        MPoint(f"scene{n}", 1, local, "mass", 1.0, 2.0, 0.34, 0.33, 0.333, 300.0)
+        for n in range(4)
+        for local in (True, False)
+    ]
+    figure = m_width_figure(points)
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    marks = [line for line in axes.get_lines() if line.get_marker() in ("o", "x")]
+    places = sorted(axes.transData.transform((line.get_xdata()[0], 0.34))[0] for line in marks)
+    assert len(places) == 8
+    # Pixels at 150 dpi: a mark of 6 points is 12.5 of them wide; half of each stays free.
+    assert np.diff(places).min() > 6.0
+    assert figure.texts[0].get_text().startswith("4 scenes. ")

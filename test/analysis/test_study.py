@@ -114,6 +114,17 @@ def test_numbers_are_not_folded_whatever_the_width(width):
     assert text.count("seen once") == 1
 
 
+@pytest.mark.parametrize("width", range(40, 90))
+def test_a_sheet_that_just_fits_is_not_cut_off(width):
+    """Each column is told to its last character, however near the width is to what is needed."""
+    cells = tuple(f"{n}234567{n}" for n in range(5))
+    rows = ((("a_name"), *cells, "end"),)
+    text = shown(Sheet("", ("scene", *"vwxyz", "words"), rows, words=("words",)), width)
+    assert max(map(len, text.splitlines())) <= width
+    for cell in (*cells, "end", "words"):
+        assert cell in text
+
+
 def test_a_cell_is_its_text_whatever_its_style():
     assert Marked("2", "green") == "2" == judged("2", True)
     assert judged("2", False).style == "bold red"

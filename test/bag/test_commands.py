@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hapticmech_ros.bag import BagWriter
+from hapticmech_ros.cli import bag_tables
 from hapticmech_ros.cli.bag import app
 from hapticmech_ros.errors import HapticMechError
 
@@ -41,6 +42,28 @@ def test_info(tmp_path: Path, wrench_bytes: Bytes) -> None:
     assert "WrenchStamped" in text
     code, text = run("info", path, "--json")
     assert json.loads(text)["topics"][0]["rate_hz"] == pytest.approx(1000.0)
+
+
+LONG = "/teleoperation_controller/transition_event_of_it"
+
+
+@pytest.mark.parametrize("width", [80, 100, 200])
+@pytest.mark.parametrize("command", ["info", "check"])
+def test_tables_fit_the_terminal_and_names_are_whole(
+    command: str, width: int, tmp_path: Path, wrench_bytes: Bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bag_tables.console, "width", width)
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(LONG, WRENCH)
+        bag.write(LONG, MS, wrench_bytes(MS, 1.0))
+    code, text = run(command, tmp_path / "bag")
+    assert code == 0
+    tables = [line for line in text.splitlines() if str(tmp_path) not in line]
+    assert max(map(len, tables)) <= width
+    assert LONG in text
+    wanted = ("geometry_msgs/WrenchStamped",) if command == "info" else ("missing", "gap ms")
+    for words in ("messages", *wanted):
+        assert words in text
 
 
 def test_check_of_one_bag(tmp_path: Path, wrench_bytes: Bytes) -> None:

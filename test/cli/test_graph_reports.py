@@ -119,3 +119,15 @@ def test_the_table_says_how_each_node_was(capsys: pytest.CaptureFixture[str]) ->
     assert "990.0" in shown
     assert "0.17 / 1.19" in shown
     assert "/haptic_device: 2 failures" in shown
+
+
+def test_names_of_nodes_are_whole_in_80_columns(capsys: pytest.CaptureFixture[str]) -> None:
+    graph_reports.console.width, before = 80, graph_reports.console.width
+    try:
+        show_ends(ALL, ALL)
+    finally:
+        graph_reports.console.width = before
+    shown = capsys.readouterr().out
+    assert max(map(len, shown.splitlines())) <= 80
+    for name in ALL:
+        assert name in shown

@@ -1,9 +1,12 @@
 """Pictures: files, and that what is drawn is what was recorded."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from hapticmech_ros.experiment.figure_count import count_figure
+from hapticmech_ros.experiment.figure_style import LEAST_RATIO, at_least, mark_changes, new_figure
 from hapticmech_ros.experiment.figure_trajectory import trajectory_figure
 from hapticmech_ros.experiment.figure_wrench import wrench_figure
 from hapticmech_ros.experiment.figures import FIGURES, write_figures
@@ -51,7 +54,7 @@ def test_5a_draws_the_count(session_record, scene):
     for index in range(3):
         drawn = np.asarray(bottom.get_lines()[index].get_ydata())
         assert (drawn == np.maximum(session_record.s[:, index], 1e-3)).all()
-    assert top.get_ylabel() == "joint constraints"
+    assert top.get_ylabel() == "joint constraints (1)"
     assert bottom.get_xlabel().endswith("(s)")
     assert figure.texts[0].get_text().startswith("Fig. 5a. Number of virtual joint constraints")
 
@@ -132,3 +135,68 @@ def test_feedforward_is_said_in_the_caption(session_record, scene):
     captions = [wrench_figure(session_record, s).texts[0].get_text() for s in (scene, fed)]
     said = ["fed forward" in " ".join(caption.split()) for caption in captions]
     assert said == [False, True]
+
+
+@pytest.mark.parametrize("draw", FIGURES.values())
+def test_figures_are_of_the_scene_and_the_papers_of_its_own_only(session_record, scene, draw):
+    def caption(of):
+        return draw(session_record, of).texts[0].get_text()
+
+    assert caption(scene).startswith("Fig. 5")
+    assert caption(scene.with_(name="mine")).startswith("mine. ")
+    assert caption(scene.with_("hand.force=[0.4, 0, 0]")).startswith("five_bar. ")
+
+
+def test_rounding_fills_no_axis(handmade, scene):
+    record = handmade()
+    noise = 1e-16 * np.sin(np.arange(6.0 * len(record.constraint_wrench))).reshape(-1, 6)
+    quiet = dataclasses.replace(record, constraint_wrench=noise)
+    for axes in wrench_figure(quiet, scene).axes:
+        low, high = axes.get_ylim()
+        assert high - low >= 1e-6
+    still = dataclasses.replace(
+        record,
+        device_position=record.point_position + 1e-19,
+        device_orientation=record.point_orientation,
+    )
+    error = trajectory_figure(still, scene).axes[-1]
+    assert error.get_ylim()[1] >= 1e-6
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_axes_keep_what_is_more_than_rounding(scale):
+    axes = new_figure(4.0, 4.0, "").subplots()
+    axes.set_yscale(scale)
+    axes.plot([0.0, 1.0], [2.0, 2.0 + 1e-13])
+    at_least(axes)
+    low, high = axes.get_ylim()
+    assert low < 2.0 < high
+    if scale == "log":
+        assert high / low == pytest.approx(LEAST_RATIO)
+    axes.plot([0.0, 1.0], [1.0, 3.0])
+    axes.set_ylim(1.0, 3.0)
+    at_least(axes)
+    assert axes.get_ylim() == (1.0, 3.0)
+
+
+def test_labels_of_changes_do_not_hide_each_other(handmade):
+    times = handmade().analysis_times
+    count = (np.floor((times - times[0]) / 0.06 / np.ptp(times)) % 2).astype(int)
+    record = handmade(count=count)
+    figure = new_figure(8.0, 4.0, "")
+    axes = figure.subplots()
+    axes.set_xlim(times[0], times[-1])
+    mark_changes(axes, record, label=True)
+    figure.canvas.draw()
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert len(boxes) >= 8
+    assert len(axes.get_lines()) == 16
+    for k, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+
+
+def test_where_start_and_end_are_one_place_both_are_seen(session_record, scene):
+    main = trajectory_figure(session_record, scene).axes[0]
+    marks = {item.get_label(): item for item in main.get_lines()}
+    assert marks["start"].get_fillstyle() == "none"
+    assert marks["start"].get_markersize() > 2.0 * marks["end"].get_markersize()

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InaccurateStepError, InvalidInputError
 from hapticmech_ros.experiment import SessionRecorder, run_session
 from hapticmech_ros.experiment.from_session import UnfinishedRunError
 from hapticmech_ros.session import Session
@@ -84,6 +84,10 @@ def test_a_hand_that_never_pushes_starts_after_its_delay(scene):
     assert record.times[0] == pytest.approx(-0.25, abs=1e-12)
 
 
+def _numbers(by_joint):
+    return {name: value[0] for name, value in by_joint.items()}
+
+
 # A spring that is too stiff for the step, and nothing that watches it.
 TOO_STIFF = (
     "links[0].joint.stiffness=1e5",
@@ -103,6 +107,13 @@ def test_a_run_that_an_error_ends_leaves_what_there_was(tmp_path):
     assert written["time_s"] == caught.value.time > 0.0
     scene = load_scene("two_link", changes=TOO_STIFF)
     assert set(written["last_state"]["q"]) == {link.joint.name for link in scene.links}
+    assert written["joint"] in written["last_state"]["q"]
+    # What grew without bound is not the last good state, and a scene can start there.
+    assert 0.0 <= written["last_state_time_s"] < written["time_s"]
+    for kind, largest in (("q", scene.limits.joint_position), ("v", scene.limits.joint_velocity)):
+        numbers = np.concatenate(list(written["last_state"][kind].values()))
+        assert np.abs(numbers).max() <= largest
+    scene.with_(initial_state={k: _numbers(v) for k, v in written["last_state"].items()})
     record = caught.value.record
     assert record is not None
     assert record.times.size == round(caught.value.time / scene.simulation.period)
@@ -121,3 +132,8 @@ def test_a_record_until_an_error_is_that_of_a_run_without_it(scene):
     assert failure.time == pytest.approx(20 * session.period)
     q = np.concatenate(list(failure.positions.values()))
     np.testing.assert_array_equal(q, session.mechanism.q)
+
+
+def test_the_joint_of_an_inaccurate_step_is_told(scene):
+    recorder = SessionRecorder(Session(scene))
+    assert recorder.unfinished(InaccurateStepError("joint3", 1.0, 2.0)).joint == "joint3"

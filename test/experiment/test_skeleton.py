@@ -5,6 +5,7 @@ import pytest
 
 from hapticmech_ros.experiment.reach import taut_circle
 from hapticmech_ros.scene import load_scene
+from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.view.skeleton import skeleton
 
 
@@ -38,3 +39,17 @@ def test_no_circle_where_it_is_not_simple(scene):
     assert taut_circle(scene.model_copy(update={"closures": ()})) is None
     moved = scene.operational_points[0].model_copy(update={"link": "link4"})
     assert taut_circle(scene.model_copy(update={"operational_points": (moved,)})) is None
+
+
+def test_ropes_and_slides_are_drawn_from_end_to_end():
+    crane = load_scene("crane")
+    state = Simulator(crane).initial_state()
+    (rope,) = [closure for closure in crane.closures if closure.kind == "rod"]
+    lengths = [np.linalg.norm(bar[1] - bar[0]) for bar in skeleton(crane, state.q).bars]
+    assert rope.length == pytest.approx(min(lengths, key=lambda found: abs(found - rope.length)))
+    platform = load_scene("stewart_platform")
+    legs = skeleton(platform, Simulator(platform).initial_state().q)
+    assert len(legs.bars) == 6
+    assert np.ptp([np.linalg.norm(bar[1] - bar[0]) for bar in legs.bars]) < 1e-9
+    for bar in legs.bars:
+        assert np.abs(legs.ground - bar[0]).sum(axis=1).min() < 1e-12

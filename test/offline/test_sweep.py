@@ -167,12 +167,12 @@ def test_a_mechanism_that_is_rigid_everywhere_has_a_picture_too(swept, places):
         PrescribedJoint("up", (0.0, 1.0)),
         PrescribedJoint("across", tuple(map(float, range(places)))),
     ]
-    figure = sweep_figure(SweptStates(**arrays), prescribed)
+    figure = sweep_figure(SweptStates(**arrays), prescribed, load_scene("five_bar"))
     figure.canvas.draw()
     said = {axes.get_title().split(": ")[1] for axes in figure.axes}
     assert said == {"rigid at all places"}
     arrays["inverse_inertia"][:] = np.eye(6)
-    figure = sweep_figure(SweptStates(**arrays), prescribed)
+    figure = sweep_figure(SweptStates(**arrays), prescribed, load_scene("five_bar"))
     figure.canvas.draw()
     assert figure.axes[0].get_title() == "mass along x (kg)"
 

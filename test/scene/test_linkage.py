@@ -160,9 +160,9 @@ ROD = {"name": "rod", "points": ["B", "C"], "mass": 0.1}
     "linkage",
     [
         {**RSSR, "bars": [ENDS[0], ROD, ENDS[1]]},
-        {**RSSR, "bars": ENDS, "ties": [{"name": "tie", "points": ["B", "C"]}]},
+        {**RSSR, "bars": ENDS, "rods": [{"name": "rod", "points": ["B", "C"]}]},
     ],
-    ids=["a rod on balls", "a tie"],
+    ids=["a rod on balls", "a rod"],
 )
 def test_a_rod_on_balls_between_hinges_is_where_its_length_has_it(linkage):
     """B turns about z through A and C about y through D: |B - C| = L is A sin + B cos = C."""
@@ -207,7 +207,7 @@ def test_a_rod_on_balls_between_hinges_is_where_its_length_has_it(linkage):
         ({"bars": [{"name": "b", "points": ["A", "BB"], "mass": 1.0}]}, "did you mean 'B'"),
         ({"points": {**FOUR_BAR["points"], "B": [0.0, 0.0]}}, "points A and B of bar crank"),
         ({"bars": [{"name": "b", "points": ["A"], "mass": 1.0}]}, r"linkage.bars\[0\].points"),
-        ({"ties": [{"name": "t", "points": ["A", "D"]}]}, "a tie joins points of two bars"),
+        ({"rods": [{"name": "t", "points": ["A", "D"]}]}, "a rod joins points of two bars"),
         (
             {"sliders": [{"name": "s", "point": "C", "along": [0.0, 0.0], "mass": 1.0}]},
             "not be zero",

@@ -3,9 +3,10 @@
 import json
 import re
 from pathlib import Path
-from typing import get_args
+from typing import Annotated, get_args
 
 import pytest
+from pydantic import TypeAdapter
 from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
@@ -13,10 +14,12 @@ from hapticmech_ros.cli import app
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats.model_part import ModelPart
 from hapticmech_ros.scene import Scene, shipped_scenes
+from hapticmech_ros.scene.angles import angle_of
 from hapticmech_ros.scene.key_reference import examples, meanings, parts
 from hapticmech_ros.scene.mechanism import JointType
 from hapticmech_ros.scene.schema import scene_schema
 from hapticmech_ros.scene.validation import written_document
+from hapticmech_ros.yaml_text import read_yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -118,3 +121,26 @@ def test_rules_of_the_page_are_those_that_refuse():
         "| `substeps` | whole number ≥ 1 and ≤ 1000 |",
     ):
         assert row in page
+
+
+def test_every_key_has_an_example_that_it_accepts():
+    """Keys whose values are parts of their own have tables of their own instead."""
+    page = (ROOT / "docs" / "scene-keys.md").read_text(encoding="utf-8")
+    known, name, seen = {**parts(), "Scene": Scene}, "", 0
+    for line in page.splitlines():
+        name = line.removeprefix("## ") if line.startswith("## ") else name
+        found = re.fullmatch(r"\| `(\w+)` \| (.*) \| .* \| (?:`([^`]*)`)? \| .* \|", line)
+        if found is None or name not in known:
+            continue
+        key, kind, example = found.groups()
+        seen += 1
+        assert example or "](#" in kind.replace("(#angles)", ""), f"{name}.{key}"
+        if example:
+            field = known[name].model_fields.get(key)
+            if field is None:  # the model of a scene, which is read before
+                continue
+            value = read_yaml(example, key)
+            if isinstance(value, str) and "(#angles)" in kind:
+                value = angle_of(value)
+            TypeAdapter(Annotated[field.annotation, field]).validate_python(value)
+    assert seen > 250
