@@ -37,6 +37,7 @@ from hapticmech_ros.live.commands import (
     Tune,
 )
 from hapticmech_ros.live.drawing import Drawing, Drawn
+from hapticmech_ros.live.grip import SOFTEST, STIFFEST
 from hapticmech_ros.live.history import History
 from hapticmech_ros.live.instances import (
     Body,
@@ -44,7 +45,6 @@ from hapticmech_ros.live.instances import (
     unit_body,
 )
 from hapticmech_ros.live.live_picture import LAYERS, LiveFrame, LivePicture, first_view
-from hapticmech_ros.live.live_session import SOFTEST, STIFFEST
 from hapticmech_ros.live.mouse import Mouse
 from hapticmech_ros.live.numbers import numbers_html
 from hapticmech_ros.live.process import LiveProcess

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hapticmech_ros.live.grip import DRAG_TIMEOUT_S
 from hapticmech_ros.live.live_picture import LivePicture
-from hapticmech_ros.live.live_session import DRAG_TIMEOUT_S
 
 if find_spec("viser") is None:
     pytest.skip("viser, of the extra live, is not installed", allow_module_level=True)
