@@ -25,6 +25,7 @@ def numbers_html(state: LiveState, scene: str, s: Array, masses: Array, said: st
     """
     slow = "" if state.paused or state.factor >= _SLOW else " (slower than real time)"
     rate = "paused" if state.paused else f"{state.factor:.2f} × real time{slow}"
+    rate = state.told or rate
     felt = ", ".join(f"{mass:.3g}" if np.isfinite(mass) else "rigid" for mass in masses)
     rows = [
         ("scene", "scene", scene),

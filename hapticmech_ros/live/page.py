@@ -22,6 +22,7 @@ import viser.uplot
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.live.commands import (
+    Backend,
     Command,
     DragStiffness,
     Failed,
@@ -47,7 +48,6 @@ from hapticmech_ros.live.instances import (
 from hapticmech_ros.live.live_picture import LAYERS, LiveFrame, LivePicture, first_view
 from hapticmech_ros.live.mouse import Mouse
 from hapticmech_ros.live.numbers import numbers_html
-from hapticmech_ros.live.process import LiveProcess
 from hapticmech_ros.live.settings import (
     HANDS,
     LONGEST_DELAY_MS,
@@ -74,10 +74,10 @@ _STROKES = ("#7a4fd0", "#1a7f86", "#d9534f", "#2f6fd0", "#c79a2a", "#5a5a5a")
 
 
 class LivePage:
-    """A page on a live session.
+    """A page on a live session, or on a running graph of nodes.
 
     Args:
-        process: of the session.
+        backend: what is shown and moved.
         first: scene with which it begins.
         given: changes of that scene, ``key=value`` each.
         scenes: that can be chosen on the page.
@@ -87,14 +87,14 @@ class LivePage:
 
     def __init__(
         self,
-        process: LiveProcess,
+        backend: Backend,
         first: str,
         given: Sequence[str],
         scenes: Sequence[str],
         host: str,
         port: int,
     ) -> None:
-        self._process, self._first, self._given = process, first, tuple(given)
+        self._backend, self._first, self._given = backend, first, tuple(given)
         self._asked = Open(first)
         with redirect_stdout(io.StringIO()):  # whoever serves it says where it is
             self._server = server = viser.ViserServer(host=host, port=port, verbose=False)
@@ -108,7 +108,7 @@ class LivePage:
         server.scene.add_light_ambient("/ambient", intensity=0.9)
         server.scene.add_light_directional("/light", position=(0.5, 0.4, 1.0), intensity=2.5)
         server.initial_camera.fov = FIELD_OF_VIEW
-        self._mouse = Mouse(process.send)
+        self._mouse = Mouse(backend.send)
         self._drawing: Drawing | None = None
         self._newest: LiveState | None = None
         self._shown: Drawn | None = None
@@ -120,6 +120,8 @@ class LivePage:
         self._hulls: dict[int, Any] = {}
         self._of_scene: list[Any] = []
         self._closures: dict[str, Any] = {}
+        # Boxes that show what is told of a state.
+        self._told: list[tuple[Any, Callable[[LiveState], bool]]] = []
         self._hidden = HIDDEN
         self._said = ""
         self._drawn = dict.fromkeys(("picture", "numbers", "plots"), 0.0)
@@ -142,6 +144,11 @@ class LivePage:
         """Where the page is."""
         return f"http://{self._server.get_host()}:{self._server.get_port()}"
 
+    @property
+    def looked_at(self) -> bool:
+        """Whether it is open in a browser."""
+        return bool(self._server.get_clients())
+
     def serve(self, ended: Callable[[], bool]) -> None:
         """Serve the page until it is to end.
 
@@ -149,10 +156,10 @@ class LivePage:
             ended: whether it is.
 
         Raises:
-            HapticMechError: the session's process has ended.
+            HapticMechError: what is shown has ended.
         """
         while not ended():
-            for report in self._process.news(REPEAT_S):
+            for report in self._backend.news(REPEAT_S):
                 if isinstance(report, Opened):
                     drawing = Drawing(LivePicture(report))
                     self._with_viser(partial(self._open, report, drawing))
@@ -164,7 +171,7 @@ class LivePage:
             if state is None or current is None:
                 continue
             self._history.add(state)
-            if self._server.get_clients() and self._due("picture", PICTURES_HZ):
+            if self.looked_at and self._due("picture", PICTURES_HZ):
                 self._with_viser(partial(self._show, current.drawn(state, self._hidden)))
 
     def close(self) -> None:
@@ -343,13 +350,11 @@ class LivePage:
         self._numbers.content = numbers_html(
             state, self._name, frame.analysis.spectrum.s, frame.masses, self._said
         )
-        if self._paused.value != state.paused:
-            self._paused.value = state.paused
-        if self._recording.value != bool(state.recording):
-            self._recording.value = bool(state.recording)
-        for box, closed in zip(self._closures.values(), state.active, strict=True):
-            if box.value != closed:
-                box.value = closed
+        shown = [(box, of(state)) for box, of in self._told]
+        shown += zip(self._closures.values(), state.active, strict=True)
+        for box, wanted in shown:
+            if box.value != wanted:
+                box.value = wanted
 
     def _when(self, handle: Any, command: Callable[[Any], Command | None]) -> None:
         """Send a command when somebody changes a control; changes by the program send none."""
@@ -359,37 +364,35 @@ class LivePage:
                 wanted = command(event.target.value)
                 if wanted is not None:
                     self._said = ""
-                    self._process.send(wanted)
+                    self._backend.send(wanted)
 
         handle.on_update(changed)
 
     def _pressed(self, button: Any, command: Callable[[], Command]) -> None:
         async def pressed(_event: Any) -> None:
             self._said = ""
-            self._process.send(command())
+            self._backend.send(command())
 
         button.on_click(pressed)
 
     def _make_controls(self, scenes: Sequence[str]) -> None:
-        gui = self._server.gui
+        gui, takes = self._server.gui, self._backend.takes
         self._numbers = gui.add_html("")
-        names = list(dict.fromkeys((self._first, *scenes)))
-        self._scene = gui.add_dropdown("scene", names, initial_value=self._first)
-        # A client could send any name, and so have any file read.
-        self._when(
-            self._scene, lambda name: Open(name, self._changes(name)) if name in names else None
-        )
-        self._paused = gui.add_checkbox("pause", initial_value=False)
-        self._when(self._paused, Pause)
-        self._pressed(gui.add_button("one tick"), Step)
-        self._pressed(gui.add_button("reset"), Reset)
+        if Open in takes:
+            self._make_scene_picker(scenes)
+        if Pause in takes:
+            paused = gui.add_checkbox("pause", initial_value=False)
+            self._told.append((paused, lambda state: state.paused))
+            self._when(paused, Pause)
+            self._pressed(gui.add_button("one tick"), Step)
+            self._pressed(gui.add_button("reset"), Reset)
         spring = gui.add_slider("stiffness of the mouse", SOFTEST, STIFFEST, 0.1, 1.0)
         self._when(spring, DragStiffness)
-        with gui.add_folder("begin with", expand_by_default=False):
-            self._hand = gui.add_dropdown("held by", list(HANDS), initial_value=MOUSE_ALONE)
-            self._delay = gui.add_slider("delay, ms", 0.0, LONGEST_DELAY_MS, 1.0, 0.0)
-            begin = gui.add_button("begin anew")
-        self._pressed(begin, self._begun_anew)
+        if Open in takes:
+            with gui.add_folder("begin with", expand_by_default=False):
+                self._hand = gui.add_dropdown("held by", list(HANDS), initial_value=MOUSE_ALONE)
+                self._delay = gui.add_slider("delay, ms", 0.0, LONGEST_DELAY_MS, 1.0, 0.0)
+                self._pressed(gui.add_button("begin anew"), self._begun_anew)
         with gui.add_folder("show", expand_by_default=False):
             boxes = {
                 name: gui.add_checkbox(name, initial_value=name not in HIDDEN) for name in LAYERS
@@ -402,11 +405,20 @@ class LivePage:
         for box in boxes.values():
             box.on_update(layered)
         with gui.add_folder("keep", expand_by_default=False):
-            self._recording = gui.add_checkbox("record a bag", initial_value=False)
-            picture = gui.add_button("save a picture")
-        self._when(self._recording, self._recorded)
-        picture.on_click(self._save_picture)
+            if Record in takes:
+                recording = gui.add_checkbox("record a bag", initial_value=False)
+                self._told.append((recording, lambda state: bool(state.recording)))
+                self._when(recording, self._recorded)
+            gui.add_button("save a picture").on_click(self._save_picture)
         self._plots: list[tuple[Any, Callable[[], tuple[Array, ...]]]] = []
+
+    def _make_scene_picker(self, scenes: Sequence[str]) -> None:
+        names = list(dict.fromkeys((self._first, *scenes)))
+        self._scene = self._server.gui.add_dropdown("scene", names, initial_value=self._first)
+        # A client could send any name, and so have any file read.
+        self._when(
+            self._scene, lambda name: Open(name, self._changes(name)) if name in names else None
+        )
 
     def _make_scene_controls(self, opened: Opened, closures: Sequence[str]) -> None:
         """Make the controls that are of a scene anew."""
@@ -415,7 +427,7 @@ class LivePage:
         gui, scene = self._server.gui, opened.scene
         points = [point.name for point in scene.operational_points]
         frames = [*points, *(link.name for link in scene.links if link.name not in points)]
-        held = gui.add_dropdown("point held", frames, initial_value=points[0])
+        held = gui.add_dropdown("point held", frames, initial_value=opened.point)
         self._when(held, Hold)
         self._of_scene = [held]
         self._closures = {}
@@ -438,16 +450,8 @@ class LivePage:
         self._of_scene += [gains, plots]
 
     def _make_plots(self) -> None:
-        history = self._history
-        directions = len(history.spectrum()) - 1
-        kinds: tuple[tuple[str, tuple[str, ...], Callable[[], tuple[Array, ...]]], ...] = (
-            ("joint constraints", ("count",), history.count),
-            ("s", tuple(f"s{i + 1}" for i in range(directions)), history.spectrum),
-            ("forces, N", ("by the hand", "by the device"), history.forces),
-            ("real-time factor", ("factor",), history.rate),
-        )
         self._plots = []
-        for title, names, columns in kinds:
+        for title, names, columns in self._history.plots():
             plot = self._server.gui.add_uplot(
                 columns(),
                 (
