@@ -27,7 +27,11 @@ ARGUMENTS = (
     ("transport", "auto", "auto: between processes of this host directly; or middleware"),
     ("view", "true", "markers, frames and robot_description as well"),
     ("rviz", "false", "open RViz on them"),
-    ("live", "false", "a page for this machine's browser on which the mechanism is dragged as well"),
+    (
+        "live",
+        "false",
+        "a page for this machine's browser on which the mechanism is dragged as well",
+    ),
     ("record", "", "folder of a bag to record everything into; empty: none"),
     ("storage", "mcap", "of the bag: mcap or sqlite3"),
     ("use_sim_time", "false", "follow /clock"),

@@ -37,17 +37,13 @@ from hapticmech_ros.live.commands import (
     SwitchClosure,
     Tune,
 )
-from hapticmech_ros.live.drawing import Drawing, Drawn
+from hapticmech_ros.live.drawing import Drawing, Drawn, NodeKey
 from hapticmech_ros.live.grip import SOFTEST, STIFFEST
 from hapticmech_ros.live.history import History
-from hapticmech_ros.live.instances import (
-    Body,
-    InstanceArrays,
-    unit_body,
-)
+from hapticmech_ros.live.instances import InstanceArrays, unit_body
 from hapticmech_ros.live.live_picture import LAYERS, LiveFrame, LivePicture, first_view
 from hapticmech_ros.live.mouse import Mouse
-from hapticmech_ros.live.numbers import numbers_html
+from hapticmech_ros.live.numbers import QUICK_TIMERS, numbers_html
 from hapticmech_ros.live.settings import (
     HANDS,
     LONGEST_DELAY_MS,
@@ -115,7 +111,7 @@ class LivePage:
         self._looked_at = False
         self._number, self._name = 0, ""
         self._history = History()
-        self._nodes: dict[tuple[Body, bool], Any] = {}
+        self._nodes: dict[NodeKey, Any] = {}
         self._lines: Any = None
         self._hulls: dict[int, Any] = {}
         self._of_scene: list[Any] = []
@@ -190,7 +186,7 @@ class LivePage:
     # What is seen.
 
     def _with_viser(self, work: Callable[[], None]) -> None:
-        """Do something in viser's event loop, and wait until it is done."""
+        """Do it in viser's event loop, and wait until it is done."""
 
         async def done() -> None:
             work()
@@ -245,23 +241,26 @@ class LivePage:
         )
 
     def _show_instances(
-        self, key: tuple[Body, bool], new: InstanceArrays, old: InstanceArrays | None
+        self, key: NodeKey, new: InstanceArrays, old: InstanceArrays | None
     ) -> None:
         node = self._nodes.get(key)
         if node is None or old is None or len(old.shapes) != len(new.shapes):
             if node is not None:
                 node.remove()
-            self._nodes[key] = self._made_instances(*key, new)
+            self._nodes[key] = self._made_instances(key, new)
             return
-        node.batched_positions, node.batched_wxyzs = new.positions, new.quaternions
-        if not np.array_equal(old.scales, new.scales):
-            node.batched_scales = new.scales
-        if not np.array_equal(old.colours, new.colours):
-            node.batched_colors = new.colours
-        if not np.array_equal(old.opacities, new.opacities):
-            node.batched_opacities = new.opacities
+        for name, before, now in (
+            ("batched_positions", old.positions, new.positions),
+            ("batched_wxyzs", old.quaternions, new.quaternions),
+            ("batched_scales", old.scales, new.scales),
+            ("batched_colors", old.colours, new.colours),
+            ("batched_opacities", old.opacities, new.opacities),
+        ):
+            if not np.array_equal(before, now):
+                setattr(node, name, now)
 
-    def _made_instances(self, body: Body, grabbed: bool, arrays: InstanceArrays) -> Any:
+    def _made_instances(self, key: NodeKey, arrays: InstanceArrays) -> Any:
+        body, grabbed = key
         corners, triangles = unit_body(body)
         node = self._server.scene.add_batched_meshes_simple(
             f"/{'grabbed' if grabbed else 'seen'}/{body}",
@@ -272,6 +271,8 @@ class LivePage:
             batched_scales=arrays.scales,
             batched_colors=arrays.colours,
             batched_opacities=arrays.opacities,
+            # The ellipsoid covers much of the picture: a material that is quickly computed.
+            material="toon3" if body == "sphere" and not grabbed else "standard",
             lod="off",
             flat_shading=body == "box",
             cast_shadow=False,
@@ -377,6 +378,7 @@ class LivePage:
 
     def _make_controls(self, scenes: Sequence[str]) -> None:
         gui, takes = self._server.gui, self._backend.takes
+        gui.add_html(QUICK_TIMERS)
         self._numbers = gui.add_html("")
         if Open in takes:
             self._make_scene_picker(scenes)

@@ -57,7 +57,9 @@ def address(domain: int) -> Iterator[str]:
     )
     try:
         lines = iter(process.stdout or ())
-        yield next(line.split("[live_page]: ")[1].strip() for line in lines if "[live_page]" in line)
+        yield next(
+            line.split("[live_page]: ")[1].strip() for line in lines if "[live_page]" in line
+        )
     finally:
         stop_process(process)
 
