@@ -71,6 +71,8 @@ def own_nodes(given):
         own = {}
         if executable == "scene_viewer":
             own["frame_prefix"] = ParameterValue(given["frame_prefix"], value_type=str)
+        if executable == "live_page":
+            own["transport"] = "middleware"
         yield Node(
             package=PACKAGE,
             executable=executable,

@@ -1,4 +1,4 @@
-"""``hapticmech run --live`` in a browser: a link is dragged, a loop opened, a gain set, a tab shut."""
+"""``hapticmech run --live`` in a browser: a link is dragged, a loop opened, a gain set, it is shut."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import time
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
