@@ -82,9 +82,9 @@ def run(
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
     from hapticmech_ros.graph import AuxiliaryProcess, Graph, start_process
-    from hapticmech_ros.lockstep import LockstepRun, run_lockstep
     from hapticmech_ros.installation import refuse_unmet
     from hapticmech_ros.live.settings import VISER
+    from hapticmech_ros.lockstep import LockstepRun, run_lockstep
     from hapticmech_ros.nodes.entry import PAGE, VIEWER
     from hapticmech_ros.scene import load_scene
 

@@ -1,6 +1,24 @@
 """Files that people bring: URDF, MJCF and SDF become the links, joints and closures of a scene."""
 
 from hapticmech_ros.formats.model import Imported, Note
-from hapticmech_ros.formats.reading import LeftOut, expand, left_out, read_model, scene_of
+from hapticmech_ros.formats.reading import (
+    LeftOut,
+    Visual,
+    expand,
+    left_out,
+    read_model,
+    scene_of,
+    visuals_of,
+)
 
-__all__ = ["Imported", "LeftOut", "Note", "expand", "left_out", "read_model", "scene_of"]
+__all__ = [
+    "Imported",
+    "LeftOut",
+    "Note",
+    "Visual",
+    "expand",
+    "left_out",
+    "read_model",
+    "scene_of",
+    "visuals_of",
+]

@@ -170,6 +170,7 @@ class Model:
         bodies: by name; ``world`` is not among them.
         hinges: joints; those that close loops are among them.
         loop_joints, couplings, points, solids: see there.
+        visuals: shapes that are drawn.
         gravity: (3,) m/s² if the file says so.
         bases: where bodies that nothing carries are in the world; the origin if left out.
         notes: what the scene does not have.
@@ -191,6 +192,7 @@ class Model:
     start: Mapping[str, State] = field(default_factory=dict)
     floating: str = "with base: free it floats"
     keyframes: Mapping[str, Keyframe] = field(default_factory=dict)
+    visuals: Sequence[Solid] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +207,7 @@ class Imported:
         tips: links at the ends of the tree, the one furthest from the world first.
         notes: what the scene does not have, but shapes.
         keyframes: by name, with the scene's names of joints.
+        visuals: shapes that are drawn.
     """
 
     document: Document
@@ -214,6 +217,7 @@ class Imported:
     tips: Sequence[str]
     notes: Sequence[Note]
     keyframes: Mapping[str, Keyframe]
+    visuals: Sequence[Solid]
 
 
 def origin_of(place: pin.SE3) -> Document:

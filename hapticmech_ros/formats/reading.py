@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -105,6 +106,42 @@ def left_out(path: Path) -> LeftOut:
     notes = (*imported.notes, *notes_of_shapes(imported, there))
     nameable = (name for name, solid in imported.shapes.items() if solid.kind in KINDS)
     return LeftOut(notes, tuple(name for name in nameable if name not in there))
+
+
+class Visual(NamedTuple):
+    """A shape of a model's file that is drawn.
+
+    Attributes:
+        link: of the scene, or ``world``.
+        place: its frame in the link's.
+        geometry: as of a scene's shape.
+    """
+
+    link: str
+    place: pin.SE3
+    geometry: Document
+
+
+def visuals_of(path: Path) -> list[Visual]:
+    """Return what the model's file of a scene draws; nothing without one.
+
+    What cannot be read is left out: nobody feels it.
+
+    Raises:
+        SceneError: see :func:`read_model`.
+    """
+    document = written_document(path)
+    if not isinstance(document, Mapping) or "model" not in document:
+        return []
+    part = _model_part(document["model"], path)
+    imported = read_model(path.parent / part.file, part.base == "free", part.name)
+    found = []
+    for solid in imported.visuals:
+        with suppress(SceneError):
+            place, geometry = solid.read()
+            link, frame = imported.places.get(solid.body, ("world", pin.SE3.Identity()))
+            found.append(Visual(link, frame * place, geometry))
+    return found
 
 
 def _named(error: SceneError, links: list[Document]) -> SceneError:

@@ -116,6 +116,7 @@ class _Builder:
             self._tips(),
             self._notes(),
             {name: self._keyframe(found) for name, found in self._model.keyframes.items()},
+            self._model.visuals,
         )
 
     def _keyframe(self, found: Keyframe) -> Keyframe:

@@ -73,6 +73,7 @@ def read_urdf(source: Source) -> Model:
     couplings: list[Coupling] = []
     joints: set[str] = set()
     solids: list[Solid] = []
+    visuals: list[Solid] = []
     for node in source.root.children:
         if node.tag == "link":
             body = _body(source, node, notes)
@@ -80,6 +81,7 @@ def read_urdf(source: Source) -> Model:
                 raise source.error(node, body.name, "names of links must be unique")
             bodies[body.name] = body
             solids += [solid_of(source, one, body.name) for one in node.all("collision")]
+            visuals += [solid_of(source, one, body.name) for one in node.all("visual")]
         elif node.tag == "joint":
             hinges.append(_hinge(source, node, notes))
             if hinges[-1].name in joints:
@@ -103,6 +105,7 @@ def read_urdf(source: Source) -> Model:
         couplings=couplings,
         solids=solids,
         notes=found,
+        visuals=visuals,
     )
 
 

@@ -52,7 +52,6 @@ from hapticmech_ros.live.settings import (
     gain_sliders,
 )
 from hapticmech_ros.quaternions import quaternion_of
-from hapticmech_ros.view import palette
 from hapticmech_ros.view.drawn import draw_shapes
 from hapticmech_ros.view.mass_ellipsoid import MASS
 
@@ -224,6 +223,8 @@ class LivePage:
                 node = self._hulls.get(number) or self._made_hull(picture, number)
                 turned = np.roll(quaternion_of(pose.rotation), 1)
                 node.position, node.wxyz = pose.translation, turned
+            for number, node in self._hulls.items():
+                node.visible = number in new.frame.hulls
         if self._due("numbers", NUMBERS_HZ):
             self._tell(new.state, new.frame)
         if self._with_plots.value and self._due("plots", PLOTS_HZ):
@@ -288,13 +289,13 @@ class LivePage:
         return node
 
     def _made_hull(self, picture: LivePicture, number: int) -> Any:
-        hull, colour = picture.hulls[number], palette.MEANING["hulls"]
+        hull = picture.hulls[number]
         node = self._server.scene.add_mesh_simple(
             f"/hulls/{number}",
             hull.vertices,
             hull.triangles,
-            color=tuple(round(255 * part) for part in colour[:3]),
-            opacity=colour[3],
+            color=tuple(round(255 * part) for part in hull.colour[:3]),
+            opacity=hull.colour[3],
             flat_shading=True,
             cast_shadow=False,
             receive_shadow=False,
@@ -320,10 +321,8 @@ class LivePage:
             setattr(camera, name, up)
             camera.position, camera.look_at = eye, centre
 
-    # What is done with the mouse.
-
     def _dragged(self, event: Any, link: str | None) -> None:
-        """Drag a link, the hand if its name is empty, or nothing if there is none."""
+        """With the mouse: drag a link, the hand if its name is empty, or nothing if there is none."""
         if event.phase == "end":
             self._mouse.let_go(event.client_id)
             return

@@ -1,4 +1,4 @@
-"""``hapticmech run --live`` in a browser: a link is dragged, a loop opened, a gain set, it is shut."""
+"""``hapticmech run --live`` in a browser: a link is dragged, a loop opened, a gain set."""
 
 from __future__ import annotations
 
