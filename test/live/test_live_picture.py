@@ -214,7 +214,10 @@ def test_visuals_of_a_urdf_are_where_pinocchio_has_them_and_stand_for_rods(arm):
     model = pin.buildModelFromXML(text)
     (arm.parent / "whole.urdf").write_text(text, encoding="utf-8")
     drawn = pin.buildGeomFromUrdf(
-        model, str(arm.parent / "whole.urdf"), pin.GeometryType.VISUAL, str(arm.parent)
+        model,
+        str(arm.parent / "whole.urdf"),
+        pin.GeometryType.VISUAL,
+        package_dirs=[str(arm.parent)],
     )
     data, poses = model.createData(), drawn.createData()
     q = np.array((0.4, -0.7))

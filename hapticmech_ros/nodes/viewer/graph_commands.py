@@ -72,7 +72,7 @@ class GraphCommands:
 
         Args:
             on_device: (6,) N and N m, world axes, at the point held; None for nothing.
-            on_links: likewise, at the origins of links, by name; at most one.
+            on_links: name of a link -> (6,) likewise, at its origin; at most one.
             now_ns: the time, ns.
         """
         pushed = {"": on_device} if on_device is not None else on_links
