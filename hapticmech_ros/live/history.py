@@ -60,7 +60,7 @@ class History:
         return self._columns(0, 4)
 
     def plots(self) -> tuple[tuple[str, tuple[str, ...], Callable[[], tuple[Array, ...]]], ...]:
-        """Return of every plot its title, names of lines, and what gives times (n,), values (n,)."""
+        """Return every plot: title, names of lines, and what gives times (n,), values (n,)."""
         spectrum = tuple(f"s{i + 1}" for i in range(self._directions))
         return (
             ("joint constraints", ("count",), self.count),

@@ -322,7 +322,7 @@ class LivePage:
             camera.position, camera.look_at = eye, centre
 
     def _dragged(self, event: Any, link: str | None) -> None:
-        """With the mouse: drag a link, the hand if its name is empty, or nothing if there is none."""
+        """By mouse: drag a link, the hand if its name is empty, or nothing if there is none."""
         if event.phase == "end":
             self._mouse.let_go(event.client_id)
             return

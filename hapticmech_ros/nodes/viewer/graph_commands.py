@@ -46,6 +46,9 @@ class GraphCommands:
         actor: whose they are; its name is that of the page's own topics.
         mechanism: of the graph.
         refused: told why something was not done.
+
+    Attributes:
+        changed: key of the scene -> value that was set from here.
     """
 
     def __init__(

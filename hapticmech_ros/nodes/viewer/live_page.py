@@ -59,6 +59,8 @@ TICK_S, TICKS_TOLD = 0.005, 6
 _DELAYED_S = 2.0 * TICK_S
 # What is older (ns) nobody is pushed by.
 _STALE_NS = NANOSECONDS // 20
+# How long the page's thread is given to end, s.
+_END_S = 5.0
 # Diagnostics come once a second; older ones (ns) are not shown.
 _TOLD_NS = 3 * NANOSECONDS
 
@@ -136,7 +138,7 @@ class LivePageNode(ClockedActor[LiveParameters]):
         """Serve the page no more."""
         self._stop.set()
         self._link.close()
-        self._thread.join()
+        self._thread.join(_END_S)
         self._page.close()
 
     def ready(self, deadline_ns: int) -> bool:
