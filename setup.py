@@ -13,6 +13,7 @@ EXECUTABLES = [
     "nullspace_analyser",
     "teleoperation_controller",
     "scene_viewer",
+    "live_page",
     "composed",
 ]
 

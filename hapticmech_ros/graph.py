@@ -17,7 +17,7 @@ from typing import Any
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.nodes.entry import NODES, PAGE
 from hapticmech_ros.readiness import ADDRESS, SHOWN, Readiness, Report
 
 # A node answers a signal within its longest wait; what does not end by then is killed.
@@ -73,7 +73,8 @@ class Graph:
         namespace: put all topics and nodes under this name.
         parameters: further parameters, ``node.parameter`` or just ``parameter`` for all nodes.
         environment: of the processes; this one's if left out.
-        nodes: which of :data:`NODES`; all if left out.
+        nodes: which of :data:`NODES`, and who looks on; all of these if left out. A live page has a
+            process of its own, and its end is no failure of the graph.
         hold: operational points, each held by a device of its own; none: the scene's first one.
             Of several, each has its device, analyser and controller in a namespace of its name.
         arguments: further ROS arguments for all nodes.
@@ -112,9 +113,15 @@ class Graph:
             raise
 
     def check(self) -> None:
-        """Raise NodeDiedError if a node has ended."""
+        """Raise NodeDiedError if a node has ended that is not the live page."""
         for name, process in self.processes.items():
-            check_running(name, process)
+            if name not in self.pages:
+                check_running(name, process)
+
+    @property
+    def pages(self) -> dict[str, subprocess.Popen[str]]:
+        """Processes that serve a live page, by name."""
+        return {n: p for n, p in self.processes.items() if n.rpartition("/")[2] == PAGE}
 
     def is_ready(self) -> bool:
         """Return whether all processes are up: their nodes are active, unless started by others."""
@@ -224,7 +231,7 @@ def _plan(
     if len(hold) < 2:
         chosen = {**parameters, **({"operational_point": hold[0]} if hold else {})}
         arguments = ros_arguments(chosen, namespace)
-        for group in [",".join(nodes)] if composed else nodes:
+        for group in _groups(nodes, composed):
             yield group, group, arguments
         return
     if MECHANISM in nodes:
@@ -237,8 +244,15 @@ def _plan(
         remaps = {name: f"{root}/{name}" for name in shared}
         chosen = {**parameters, "operational_point": point}
         arguments = ros_arguments(chosen, f"{root}/{point}", remaps)
-        for group in [",".join(rest)] if composed else rest:
+        for group in _groups(rest, composed):
             yield f"{point}/{group}", group, arguments
+
+
+def _groups(nodes: Collection[str], composed: bool) -> list[str]:
+    """Return the nodes of each process, comma-separated."""
+    together = [name for name in nodes if name != PAGE]
+    apart = [name for name in nodes if name == PAGE]
+    return [*([",".join(together)] if composed else together), *apart]
 
 
 def start_process(

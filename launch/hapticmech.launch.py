@@ -27,6 +27,11 @@ ARGUMENTS = (
     ("transport", "auto", "auto: between processes of this host directly; or middleware"),
     ("view", "true", "markers, frames and robot_description as well"),
     ("rviz", "false", "open RViz on them"),
+    (
+        "live",
+        "false",
+        "a page for this machine's browser on which the mechanism is dragged as well",
+    ),
     ("record", "", "folder of a bag to record everything into; empty: none"),
     ("storage", "mcap", "of the bag: mcap or sqlite3"),
     ("use_sim_time", "false", "follow /clock"),
@@ -60,10 +65,14 @@ def own_nodes(given):
     executables = ["composed"] if is_on(given, "composed") else list(NODES)
     if is_on(given, "view"):
         executables.append("scene_viewer")
+    if is_on(given, "live"):
+        executables.append("live_page")
     for executable in executables:
         own = {}
         if executable == "scene_viewer":
             own["frame_prefix"] = ParameterValue(given["frame_prefix"], value_type=str)
+        if executable == "live_page":
+            own["transport"] = "middleware"
         yield Node(
             package=PACKAGE,
             executable=executable,
@@ -97,7 +106,7 @@ def command_of(given):
         # It runs no viewer, by a clock of its own.
         command += ["--lockstep", "--duration", given["duration"]]
     else:
-        for name in ("view", "use_sim_time", "respawn"):
+        for name in ("view", "live", "use_sim_time", "respawn"):
             command += [f"--{name.replace('_', '-')}"] if is_on(given, name) else []
         command += ["--set", f"scene_viewer.frame_prefix={given['frame_prefix']}"]
     return command + (["--composed"] if is_on(given, "composed") else [])

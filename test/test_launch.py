@@ -14,7 +14,7 @@ import typer.main
 
 from hapticmech_ros.cli import app
 from hapticmech_ros.cli.durations import seconds_of
-from hapticmech_ros.nodes.parameters import NodeParameters, ViewerParameters
+from hapticmech_ros.nodes.parameters import LiveParameters, NodeParameters, ViewerParameters
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "launch" / "hapticmech.launch.py"
@@ -106,6 +106,12 @@ def test_composed_and_without_a_viewer_is_one_process(launched: Launch) -> None:
     assert made.named["respawn"] is True
 
 
+def test_a_live_page_has_a_process_of_its_own(launched: Launch) -> None:
+    page = launched(live="true", composed="true", view="false")[1]
+    assert page.named["executable"] == "live_page"
+    assert set(page.named["parameters"][0]) <= {*LiveParameters.model_fields, "use_sim_time"}
+
+
 def test_rviz_comes_first_and_a_recorder_last(launched: Launch) -> None:
     made = launched(rviz="true", record="out", storage="sqlite3")
     assert made[0].named["package"] == "rviz2"
@@ -126,7 +132,7 @@ def test_one_point_to_hold_is_the_operational_point(launched: Launch) -> None:
     "arguments",
     [
         {"hold": "left, right", "respawn": "true", "record": "out", "frame_prefix": "a/"},
-        {"hold": "left,right", "composed": "true", "view": "false", "use_sim_time": "true"},
+        {"hold": "left,right", "composed": "true", "view": "false", "live": "true"},
         {"lockstep": "true", "duration": "5.0", "record": "out", "control_rate": "500.0"},
         {"lockstep": "true", "network_delay": "0.05", "params_file": str(ROOT / "setup.cfg")},
     ],

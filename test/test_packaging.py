@@ -26,6 +26,7 @@ PACKAGE = "hapticmech_ros"
 EXECUTABLES = [
     "composed",
     "haptic_device",
+    "live_page",
     "mechanism_simulator",
     "nullspace_analyser",
     "scene_viewer",

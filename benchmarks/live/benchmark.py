@@ -16,11 +16,10 @@ from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, number, silent
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.cli.console import OutOption
-from hapticmech_ros.cli.live import VISER
 from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.installation import refuse_unmet
 from hapticmech_ros.live.commands import Open, Reset
-from hapticmech_ros.live.settings import OWN_HAND, changes_of
+from hapticmech_ros.live.settings import OWN_HAND, VISER, changes_of
 from hapticmech_ros.scene import shipped_scenes
 
 if TYPE_CHECKING:

@@ -263,6 +263,27 @@ class Page:
         x, y = wait_until(still, f"{tag} {words!r}") or (0.0, 0.0)
         self.click(x, y)
 
+    def nudge(self, label: str) -> None:
+        """Move the slider with a label up by its smallest step."""
+        slider = "document.querySelectorAll('[role=slider]')"
+        wanted = (
+            f"(() => {{ const l = [...document.querySelectorAll('*')].filter("
+            f"e => e.textContent.trim() === {label!r} && e.getClientRects().length).pop();"
+            " if (!l) return null; l.scrollIntoView({block: 'center'});"
+            f" const y = l.getBoundingClientRect().y;"
+            f" const s = [...{slider}].sort((a, b) => Math.abs(a.getBoundingClientRect().y - y)"
+            " - Math.abs(b.getBoundingClientRect().y - y))[0]; s.focus(); return true; })()"
+        )
+        wait_until(lambda: self.ask(wanted), label)
+        for kind in ("keyDown", "keyUp"):
+            self.connection.call(
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key="ArrowRight",
+                code="ArrowRight",
+                windowsVirtualKeyCode=39,
+            )
+
     def is_drawn(self, x: float, y: float) -> bool:
         """Return whether a pixel is not white."""
         clip = {"x": x, "y": y, "width": 1, "height": 1, "scale": 1}

@@ -127,6 +127,10 @@ class Host:
         self.services[name] = callback
         return object()
 
+    def create_client(self, kind: Any, name: str) -> object:
+        """As of an rclpy node; none of these actors asks anything of others."""
+        return kind, name
+
     def destroy_subscription(self, subscription: Subscription) -> bool:
         """Hear a topic no more."""
         self.graph.subscriptions[subscription.topic].remove(subscription)

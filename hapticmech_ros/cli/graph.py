@@ -57,6 +57,9 @@ def run(
     record: Annotated[Path | None, typer.Option(help="bag to record everything into")] = None,
     storage: StorageOption = "mcap",
     view: Annotated[bool, typer.Option(help="also publish markers, frames, URDF")] = False,
+    live: Annotated[
+        bool, typer.Option(help="also serve a page to this machine's browser (docs/live.md)")
+    ] = False,
     params_file: ParametersOption = None,
     settings: SettingOption = None,
     use_sim_time: Annotated[bool, typer.Option(help="follow an external /clock")] = False,
@@ -79,10 +82,16 @@ def run(
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
     from hapticmech_ros.graph import AuxiliaryProcess, Graph, start_process
+    from hapticmech_ros.installation import refuse_unmet
+    from hapticmech_ros.live.settings import VISER
     from hapticmech_ros.lockstep import LockstepRun, run_lockstep
-    from hapticmech_ros.nodes.entry import VIEWER
+    from hapticmech_ros.nodes.entry import PAGE, VIEWER
     from hapticmech_ros.scene import load_scene
 
+    if live and lockstep:
+        raise InvalidInputError("--live", live, "in lockstep there is no page")
+    if live:
+        refuse_unmet([VISER])
     choose_discovery(os.environ, discovery)
     delay = seconds_of("--network-delay", network_delay) if network_delay else 0.0
     loaded = load_scene(scene, control_rate, delay)
@@ -123,6 +132,7 @@ def run(
     if use_sim_time:
         parameters["use_sim_time"] = True
     nodes = [*nodes_of(only or ()), *([VIEWER] if view else [])]
+    nodes += [PAGE] if live else []
     recorder = None
     if record is not None:
         if record.exists():
@@ -141,6 +151,10 @@ def run(
                 )
             )
             console.print(f"running {scene}; Ctrl-C ends it")
+            pages = [
+                AuxiliaryProcess(name, page, "without a page", partial(typer.echo, err=True))
+                for name, page in graph.pages.items()
+            ]
             line = stack.enter_context(live_line())
             left, ends = CHECK_PERIOD_S, None
             while left > 0.0 and not stop.wait(min(CHECK_PERIOD_S, left)):
@@ -149,6 +163,8 @@ def run(
                         typer.echo(sentence, err=True)
                 else:
                     graph.check()
+                    for page in pages:
+                        page.look()
                 if recorder is not None:
                     recorder.look()
                 line.show(graph.reports())

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from ipaddress import IPv4Address, IPv6Address, ip_address
 from typing import Annotated
 
 import typer
 
 from hapticmech_ros.cli.console import ChangesOption, SceneArgument, console
-from hapticmech_ros.errors import InvalidInputError
-
-# What serves the page; the extra ``live`` in setup.py says the same.
-VISER = "viser>=1.1"
 
 
 def live(
@@ -29,10 +24,10 @@ def live(
     from hapticmech_ros.installation import refuse_unmet
     from hapticmech_ros.live.commands import Open
     from hapticmech_ros.live.process import LiveProcess
-    from hapticmech_ros.live.settings import MOUSE_ALONE, changes_of
+    from hapticmech_ros.live.settings import MOUSE_ALONE, VISER, changes_of, checked_address
     from hapticmech_ros.scene import shipped_scenes
 
-    address = _address(host)
+    address = checked_address("--host", host)
     refuse_unmet([VISER])
     from hapticmech_ros.live.page import LivePage
 
@@ -46,10 +41,3 @@ def live(
             page.serve(stop.is_set)
         finally:
             page.close()
-
-
-def _address(host: str) -> IPv4Address | IPv6Address:
-    try:
-        return ip_address(host)
-    except ValueError:
-        raise InvalidInputError("--host", host, "must be an address such as 127.0.0.1") from None

@@ -95,14 +95,14 @@ def show(
 ) -> None:
     """Draw SCENE at its start: the point held, and its rigid and free directions."""
     from hapticmech_ros.errors import ClosureError
-    from hapticmech_ros.formats import shapes_left_out
+    from hapticmech_ros.formats import drawn_shapes
     from hapticmech_ros.scene import load_scene
     from hapticmech_ros.scene.loader import find_scene
     from hapticmech_ros.view.still import draw_scene, readable
 
     loaded = load_scene(scene, changes=changes or ())
     path = Path(f"{loaded.name}.png") if out is None else out
-    besides, errors = readable(shapes_left_out(find_scene(scene)))
+    besides, errors = readable(drawn_shapes(find_scene(scene)))
     for error in errors:
         console.print(f"not drawn: {error}", highlight=False, markup=False, soft_wrap=True)
     try:

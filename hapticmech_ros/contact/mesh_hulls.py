@@ -7,6 +7,7 @@ millions of vertices: only the corners of a hull are returned.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -80,6 +81,29 @@ def read_mesh(file: str, scale: tuple[float, float, float], key: str) -> Polytop
     if one not in _hulls:
         _read([one], [key])
     return _hulls[one]
+
+
+def drawn_hulls(meshes: Sequence[Mesh]) -> list[Polytope | None]:
+    """Return the hulls of meshes that are drawn alone; None of those that cannot be read.
+
+    Args:
+        meshes: in files that may be missing, or no meshes.
+    """
+    keys: list[_Key | None] = []
+    for index, mesh in enumerate(meshes):
+        try:
+            keys.append(_key(mesh, _place(index)))
+        except SceneError:
+            keys.append(None)
+    new = list(dict.fromkeys(key for key in keys if key is not None and key not in _hulls))
+    try:
+        if new:
+            _read(new, [key.file for key in new])
+    except SceneError:  # one by one, as the others can be read
+        for key in new:
+            with suppress(SceneError):
+                _read([key], [key.file])
+    return [None if key is None else _hulls.get(key) for key in keys]
 
 
 def _place(index: int) -> str:

@@ -3,20 +3,20 @@
 from hapticmech_ros.formats.model import Imported, Note
 from hapticmech_ros.formats.reading import (
     LeftOut,
+    drawn_shapes,
     expand,
     left_out,
     read_model,
     scene_of,
-    shapes_left_out,
 )
 
 __all__ = [
     "Imported",
     "LeftOut",
     "Note",
+    "drawn_shapes",
     "expand",
     "left_out",
     "read_model",
     "scene_of",
-    "shapes_left_out",
 ]

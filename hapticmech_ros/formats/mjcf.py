@@ -100,6 +100,7 @@ class _Reader:
     free: dict[str, list[float]] = field(default_factory=dict)
     sites: dict[str, tuple[str, pin.SE3]] = field(default_factory=dict)
     solids: list[Solid] = field(default_factory=list)
+    visuals: list[Solid] = field(default_factory=list)
     notes: Counter[str] = field(default_factory=Counter)
     # kg: of all bodies, if the compiler is told; and of those that do not move.
     _total: float = -1.0
@@ -134,6 +135,7 @@ class _Reader:
             self.solids,
             self._gravity(),
             notes=self._notes(),
+            visuals=self.visuals,
             start=start,
             floating="a <freejoint/> makes a body float",
             keyframes=read_keyframes(source, hinges, start),
@@ -204,6 +206,7 @@ class _Reader:
                     self.solids.append(solid_of(self.context, geom, place, name))
                 else:
                     self.notes["geom"] += 1
+                    self.visuals.append(solid_of(self.context, geom, place, name))
             elif part.tag == "inertial":
                 if inertial is not None:
                     raise self.source.error(part, name, "one <inertial> is enough")

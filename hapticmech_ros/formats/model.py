@@ -170,6 +170,7 @@ class Model:
         bodies: by name; ``world`` is not among them.
         hinges: joints; those that close loops are among them.
         loop_joints, couplings, points, solids: see there.
+        visuals: shapes that are drawn.
         gravity: (3,) m/s² if the file says so.
         bases: where bodies that nothing carries are in the world; the origin if left out.
         notes: what the scene does not have.
@@ -193,6 +194,7 @@ class Model:
     floating: str = "with base: free it floats"
     keyframes: Mapping[str, Keyframe] = field(default_factory=dict)
     where: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    visuals: Sequence[Solid] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,6 +210,7 @@ class Imported:
         notes: what the scene does not have, but shapes.
         keyframes: by name, with the scene's names of joints.
         where: link or joint of the scene -> line and element of the file.
+        visuals: shapes that are drawn.
     """
 
     document: Document
@@ -218,6 +221,7 @@ class Imported:
     notes: Sequence[Note]
     keyframes: Mapping[str, Keyframe]
     where: Mapping[str, str]
+    visuals: Sequence[Solid]
 
 
 def origin_of(place: pin.SE3) -> Document:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -121,21 +122,26 @@ def left_out(path: Path) -> LeftOut:
     return LeftOut(notes, tuple(name for name in nameable if name not in there))
 
 
-def shapes_left_out(path: Path) -> tuple[Shape, ...]:
-    """Return the shapes that contacts of a scene could name, but for those that are invalid.
+def drawn_shapes(path: Path) -> tuple[Shape, ...]:
+    """Return what the model's file of a scene draws; nothing without one.
+
+    That is its visual shapes, or, without any, the collision shapes that the scene has not. What
+    cannot be read is left out: nobody feels it.
 
     Raises:
         SceneError: see :func:`read_model`.
     """
     document, found = written_document(path), []
-    if isinstance(document, Mapping) and "model" in document:
-        part = _model_part(document["model"], path)
-        imported = read_model(path.parent / part.file, part.base == "free", part.name)
-        for name in left_out(path).shapes:
-            try:
-                found.append(Shape.model_validate(document_of_shape(name, imported)))
-            except (SceneError, ValidationError):
-                continue
+    if not isinstance(document, Mapping) or "model" not in document:
+        return ()
+    part = _model_part(document["model"], path)
+    imported = read_model(path.parent / part.file, part.base == "free", part.name)
+    solids = {f"visual_{number}_of_file": solid for number, solid in enumerate(imported.visuals, 1)}
+    if not solids:
+        solids = {name: imported.shapes[name] for name in left_out(path).shapes}
+    for name, solid in solids.items():
+        with suppress(SceneError, ValidationError):
+            found.append(Shape.model_validate(document_of_shape(name, solid, imported)))
     return tuple(found)
 
 

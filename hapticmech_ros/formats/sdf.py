@@ -111,6 +111,7 @@ class _Reader:
     model: Node
     notes: Counter[str] = field(default_factory=Counter)
     solids: list[Solid] = field(default_factory=list)
+    visuals: list[Solid] = field(default_factory=list)
     couplings: list[Coupling] = field(default_factory=list)
 
     def read(self, gravity: tuple[float, float, float] | None) -> Model:
@@ -144,6 +145,7 @@ class _Reader:
             couplings=couplings,
             points=points,
             solids=self.solids,
+            visuals=self.visuals,
             gravity=gravity,
             bases={
                 body: self.frames.pose(body, model) for body in bodies if body in self.frames.placed
@@ -171,9 +173,10 @@ class _Reader:
     def _body(self, link: Node) -> Body:
         name = self.source.text(link, "name")
         self.notes.update(part.tag for part in link.children if part.tag not in LINK_KNOWN)
-        for part in link.all("collision"):
-            place = partial(self.frames.within, part, name)
-            self.solids.append(solid_of(self.source, part, name, place))
+        for tag, kept in (("collision", self.solids), ("visual", self.visuals)):
+            for part in link.all(tag):
+                place = partial(self.frames.within, part, name)
+                kept.append(solid_of(self.source, part, name, place))
         inertial = link.first("inertial")
         if inertial is None:
             return Body(name, 1.0, np.zeros(3), np.eye(3))  # SDFormat's own default

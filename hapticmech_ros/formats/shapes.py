@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+import pinocchio as pin
+
 from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.formats.model import Document, Imported, Note, Solid, origin_of
 from hapticmech_ros.formats.names import Names, clean
@@ -61,7 +63,10 @@ def with_shapes(document: Document, imported: Imported, source: str) -> Document
         raise SceneError(source, problems)
     found = dict(document)
     found["contacts"] = [_renamed(contact, own, names) for contact in contacts]
-    added = [document_of_shape(name, imported) for name in used(document, imported)]
+    added = [
+        document_of_shape(name, imported.shapes[name], imported)
+        for name in used(document, imported)
+    ]
     if added and isinstance(written, list | tuple):
         found["shapes"] = [*written, *added]
     return found
@@ -145,15 +150,14 @@ def _renamed(contact: object, own: Collection[str], names: Mapping[str, str]) ->
     return {**contact, **{side: names[name] for side, name in ends.items()}}
 
 
-def document_of_shape(name: str, imported: Imported) -> Document:
-    """Return a shape of a model as a scene has it.
+def document_of_shape(name: str, solid: Solid, imported: Imported) -> Document:
+    """Return a shape of a model as a scene has it; of no link, it is in the world.
 
     Raises:
         SceneError: what the file says of it is no shape, or its mesh is not there.
     """
-    solid = imported.shapes[name]
     place, geometry = solid.read()
-    link, own = imported.places[solid.body]
+    link, own = imported.places.get(solid.body, ("world", pin.SE3.Identity()))
     return {"name": name, "link": link, "origin": origin_of(own * place), "geometry": geometry}
 
 

@@ -119,6 +119,7 @@ class _Builder:
             self._notes(),
             {name: self._keyframe(found) for name, found in self._model.keyframes.items()},
             self._lines,
+            self._model.visuals,
         )
 
     def _where(self, kind: str, name: str) -> str:

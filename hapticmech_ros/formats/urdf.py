@@ -75,6 +75,7 @@ def read_urdf(source: Source) -> Model:
     links: dict[str, Node] = {}
     joints: dict[str, Node] = {}
     solids: list[Solid] = []
+    visuals: list[Solid] = []
     for node in source.root.children:
         if node.tag == "link":
             body = _body(source, node, notes)
@@ -83,6 +84,7 @@ def read_urdf(source: Source) -> Model:
                 raise source.twice(node, body.name, links[body.name], rule)
             bodies[body.name], links[body.name] = body, node
             solids += [solid_of(source, one, body.name) for one in node.all("collision")]
+            visuals += [solid_of(source, one, body.name) for one in node.all("visual")]
         elif node.tag == "joint":
             hinge = _hinge(source, node, notes)
             if hinge.name in joints:
@@ -114,6 +116,7 @@ def read_urdf(source: Source) -> Model:
             for kind, nodes in (("link", links), ("joint", joints))
             for name, node in nodes.items()
         },
+        visuals=visuals,
     )
 
 

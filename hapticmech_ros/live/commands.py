@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Protocol, get_args
 
 import numpy as np
 
@@ -146,6 +148,7 @@ Command = (
     | Open
     | Record
 )
+COMMANDS: frozenset[type] = frozenset(get_args(Command))
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,6 +206,7 @@ class LiveState:
         changed: what was tuned, ``key=value`` each.
         recording: folder of the bag that is recorded; empty for none.
         error: what ended the session; empty while it lives.
+        told: what a running graph says of its rate, or what of it is not heard; empty of a session.
     """
 
     number: int
@@ -226,6 +230,38 @@ class LiveState:
     changed: tuple[str, ...] = ()
     recording: str = ""
     error: str = ""
+    told: str = ""
 
 
 Report = Opened | Failed | LiveState
+
+
+class Backend(Protocol):
+    """What a page shows and moves; may be used from several threads.
+
+    Attributes:
+        takes: the commands of :data:`COMMANDS` that it obeys; the page has no controls for others.
+    """
+
+    @property
+    def takes(self) -> frozenset[type]:
+        """Commands that it obeys."""
+
+    def send(self, command: Command) -> None:
+        """Tell it a command; nothing is waited for."""
+
+    def news(self, timeout_s: float) -> list[Report]:
+        """Return what it has told: of states only the newest, the others in their order.
+
+        Args:
+            timeout_s: how long to wait for anything.
+
+        Raises:
+            HapticMechError: it has ended.
+        """
+
+
+def newest(reports: Sequence[Report]) -> list[Report]:
+    """Return reports in their order, of states only the last one."""
+    states = [one for one in reports if isinstance(one, LiveState)]
+    return [one for one in reports if not isinstance(one, LiveState) or one is states[-1]]

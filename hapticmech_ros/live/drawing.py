@@ -18,7 +18,9 @@ from hapticmech_ros.live.instances import (
 from hapticmech_ros.live.live_picture import LiveFrame, LivePicture
 
 # What can be grabbed, by the first part of its namespace: arrows are in the way of nothing.
-_GRABBED = ("links", "joints", "solids", "device", "point")
+_GRABBED = frozenset({"links", "joints", "solids", "device", "point"})
+# Body, and whether it can be grabbed.
+NodeKey = tuple[Body, bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +38,7 @@ class Drawn:
     picture: LivePicture
     state: LiveState
     frame: LiveFrame
-    instances: dict[tuple[Body, bool], InstanceArrays]
+    instances: dict[NodeKey, InstanceArrays]
     lines: tuple[Array, Array]
 
     def link_at(self, body: Body, place: int | None) -> str | None:
@@ -60,13 +62,15 @@ class Drawing:
 
     def __init__(self, picture: LivePicture) -> None:
         self.picture = picture
-        self._instances: dict[tuple[Body, bool], Instances] = {}
+        self._instances: dict[NodeKey, Instances] = {}
 
     def drawn(self, state: LiveState, hidden: frozenset[str]) -> Drawn:
         """Return the picture of a state, without some layers."""
         frame, instances = self.picture.draw(state, hidden), {}
         for grabbed in (True, False):
-            shapes = [s for s in frame.shapes if s.namespace.startswith(_GRABBED) == grabbed]
+            shapes = [
+                s for s in frame.shapes if (s.namespace.partition("/")[0] in _GRABBED) == grabbed
+            ]
             for body, parts in instance_parts(shapes).items():
                 arrays = self._instances.setdefault((body, grabbed), Instances()).arranged(parts)
                 if len(arrays.shapes):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
@@ -57,6 +58,16 @@ class History:
     def rate(self) -> tuple[Array, ...]:
         """Return times (n,), s, and the real-time factor (n,)."""
         return self._columns(0, 4)
+
+    def plots(self) -> tuple[tuple[str, tuple[str, ...], Callable[[], tuple[Array, ...]]], ...]:
+        """Return every plot: title, names of lines, and what gives times (n,), values (n,)."""
+        spectrum = tuple(f"s{i + 1}" for i in range(self._directions))
+        return (
+            ("joint constraints", ("count",), self.count),
+            ("s", spectrum, self.spectrum),
+            ("forces, N", ("by the hand", "by the device"), self.forces),
+            ("real-time factor", ("factor",), self.rate),
+        )
 
     def _columns(self, *columns: int) -> tuple[Array, ...]:
         rows = np.array(self._rows) if self._rows else np.zeros((1, 5 + self._directions))

@@ -11,12 +11,14 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.live.commands import LiveState, Opened
 from hapticmech_ros.live.shape_links import shape_links
+from hapticmech_ros.live.visual_bodies import visual_bodies
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.scene.contacts import Mesh
-from hapticmech_ros.view import Picture, Placement, Placer, Shape, Snapshot
+from hapticmech_ros.view import Picture, Placement, Placer, Shape, Snapshot, palette
 from hapticmech_ros.view.mass_ellipsoid import MASS, felt_masses, mass_ellipsoid
+from hapticmech_ros.view.palette import Colour
 from hapticmech_ros.view.picture import DEVICE_DIAMETER
 
 # Arrows and rings: what the device can do at most is this long, as a share of the mechanism.
@@ -27,26 +29,31 @@ LIGHTEST_SHARE, LONGEST_SHARE = 0.15, 0.6
 _BALL = 1.6
 # Whence it is looked at, at first; from as far, as a share of what is seen.
 ABOVE, ASIDE, DISTANCE = np.array((0.0, 0.0, 1.0)), np.array((1.0, -1.6, 0.9)), 1.6
+# The layer of what a model's file draws, in place of rods.
+VISUALS = "shapes of the model's file"
 # What people may leave out, and how the namespaces of its shapes begin.
 LAYERS: dict[str, tuple[str, ...]] = {
     "forces": ("hand_force", "device_command", "contact_force", "point_command"),
     "rigid and free directions": ("rigid_directions", "free_directions"),
     "mass felt": (MASS,),
     "axes": ("point/",),
+    VISUALS: (),
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Hull:
-    """A mesh that may touch, as its convex hull.
+    """A mesh that may touch or is drawn alone, as its convex hull; or another body that is drawn.
 
     Attributes:
         vertices: (n, 3) m, in the frame of its shape.
         triangles: (k, 3) of vertices.
+        colour: of the palette.
     """
 
     vertices: Array
     triangles: Array
+    colour: Colour = palette.MEANING["hulls"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +62,7 @@ class LiveFrame:
 
     Attributes:
         shapes: in it.
-        hulls: shape's number -> pose in the world.
+        hulls: number of a hull -> pose in the world.
         placement: where all is.
         analysis: of the point held.
         masses: (k,) felt there, kg, lightest first, infinite where rigid.
@@ -85,7 +92,8 @@ class LivePicture:
 
     Attributes:
         closures: names, as a state has them.
-        hulls: number of a shape of the scene -> its hull.
+        hulls: number of a shape of the scene -> its hull; those that are drawn alone have negative
+            numbers.
         unit: the mechanism's length, m.
         planar: whether all is in a plane.
 
@@ -108,6 +116,10 @@ class LivePicture:
             TORQUE_SHARE * self.unit / device.torque_limit,
         )
         self.hulls = _hulls_of(opened)
+        self._visuals = {-1 - i: one for i, one in enumerate(visual_bodies(opened.asked.scene))}
+        for number, (_, _, corners, triangles) in self._visuals.items():
+            self.hulls[number] = Hull(corners, triangles, palette.LINK)
+        self._covered = {visual.link for visual in self._visuals.values()}
         self._metres_per_kg = 0.0
 
     def draw(self, state: LiveState, hidden: frozenset[str] = frozenset()) -> LiveFrame:
@@ -134,7 +146,16 @@ class LivePicture:
         shapes = [_enlarged(one) if one.namespace == "device" else one for one in shapes]
         without = tuple(start for layer in hidden for start in LAYERS[layer])
         shown = [s for s in shapes if s.kind != "text" and not s.namespace.startswith(without)]
-        poses = {index: placement.solids[index] for index in self.hulls}
+        poses = {index: placement.solids[index] for index in self.hulls if index >= 0}
+        if VISUALS not in hidden and self._visuals:
+            links = {**placement.links, "world": pin.SE3.Identity()}
+            poses |= {n: links[one.link] * one.place for n, one in self._visuals.items()}
+            found_links = shape_links(self._scene, placement)
+            shown = [
+                s
+                for s in shown
+                if s.namespace != "links" or found_links.get(s.key) not in self._covered
+            ]
         return LiveFrame(shown, poses, placement, found, masses)
 
     def link_of(self, shape: Shape, frame: LiveFrame) -> str | None:
@@ -143,7 +164,7 @@ class LivePicture:
 
     def link_of_hull(self, number: int) -> str | None:
         """Return the link that a hull moves with; None for one that is fixed in the world."""
-        link = self._scene.shapes[number].link
+        link = self._scene.shapes[number].link if number >= 0 else self._visuals[number].link
         return link if any(one.name == link for one in self._scene.links) else None
 
     def is_hand(self, device: Array, eye: Array, place: Array) -> bool:

@@ -30,22 +30,17 @@ from hapticmech_ros.live.commands import (
     SwitchClosure,
     Tune,
 )
-from hapticmech_ros.live.grip import Grip
+from hapticmech_ros.live.grip import Dragging
 from hapticmech_ros.live.state_bag import StateBag
 from hapticmech_ros.scene.loader import changed_scene, load_scene
 from hapticmech_ros.session import Sample, Session
 
-# A drag of which nothing is heard for so long (s) has ended: its page hangs, or is gone. Its wrench
-# is to end within 0.2 s, whatever else the machine has to do.
-DRAG_TIMEOUT_S = 0.15
 # Ticks that are computed at once take this long in real time (s); then commands are heard again.
 AT_ONCE_S = 0.005
 # What is behind by more than this (s) is not caught up.
 MOST_BEHIND_S = 0.1
 # Over which the real-time factor is taken, s.
 FACTOR_WINDOW_S = 1.0
-# Bounds of the factor on the stiffness of what drags.
-SOFTEST, STIFFEST = 0.1, 10.0
 # What can be tuned while a session runs.
 _GAINS = "controller."
 
@@ -70,8 +65,6 @@ class LiveSession:
         self._error = ""
         self._paused, self._behind, self._steps = False, False, 0
         self._bag: StateBag | None = None
-        self._grip: Grip | None = None
-        self._heard = self._goal_at = now
         self._begin(asked, {}, now)
 
     @property
@@ -97,8 +90,7 @@ class LiveSession:
 
         An error ends the session: it pauses, and says why.
         """
-        if self._grip is not None and now - self._heard > DRAG_TIMEOUT_S:
-            self._grip = None
+        self._dragging.expire(now)
         ticks, period = self._steps, self.session.period
         self._steps, self._behind = 0, False
         if not self._paused:
@@ -113,15 +105,15 @@ class LiveSession:
             try:
                 self._tick(ticks)
             except HapticMechError as error:
-                self._error, self._grip = str(error), None
+                self._error, self._dragging.grip = str(error), None
                 self._pause(True, now)
         self._measure(now)
 
     def state(self) -> LiveState:
         """Return what is seen now."""
-        sample, grip = self._sample, self._grip
+        sample = self._sample
         device, acting = sample.device.pose, sample.acting
-        return LiveState(
+        state = LiveState(
             self._number,
             sample.time,
             self._paused,
@@ -135,15 +127,11 @@ class LiveSession:
             np.array(acting[0]),
             np.array(acting[1]),
             np.array(sample.contact_wrench + sample.external_wrench),
-            "" if grip is None else grip.name,
-            np.zeros(3) if grip is None else grip.force,
-            np.zeros(3) if grip is None else grip.place,
-            np.zeros(3) if grip is None else grip.goal,
-            self._goal_at,
-            tuple(_changes(self._tuned)),
-            "" if self._bag is None else self._bag.folder,
-            self._error,
+            changed=tuple(_changes(self._tuned)),
+            recording="" if self._bag is None else self._bag.folder,
+            error=self._error,
         )
+        return self._dragging.on(state)
 
     def close(self) -> None:
         """End a recording."""
@@ -160,17 +148,16 @@ class LiveSession:
         self.session: Session = session
         self._sample: Sample = sample
         self._asked, self._tuned = asked, tuned
-        self._grip, self._heard = None, now
-        self._stiffness = 1.0
+        self._dragging = Dragging(session.simulator.mechanism, session.period, now)
         self._error, self._behind = "", False
         self._number += 1
         self._pause(False, now)
 
     def _take(self, command: Command, now: float) -> Report | None:
         if isinstance(command, Drag):
-            self._drag_to(command, now)
+            self._dragging.drag_to(command, self._sample.analysis, now)
         elif isinstance(command, Release):
-            self._grip = None
+            self._dragging.grip = None
         elif isinstance(command, Pause):
             self._pause(command.paused or bool(self._error), now)
         elif isinstance(command, Step):
@@ -178,7 +165,7 @@ class LiveSession:
         elif isinstance(command, Tune):
             self._tune(command)
         elif isinstance(command, DragStiffness):
-            self._stiffen(command.factor)
+            self._dragging.stiffen(command.factor, self._sample.analysis)
         elif isinstance(command, SwitchClosure):
             self.session.switch_closure(command.name, command.closed)
         elif isinstance(command, Record):
@@ -193,33 +180,6 @@ class LiveSession:
             return self.opened
         return None
 
-    def _drag_to(self, drag: Drag, now: float) -> None:
-        for name, value in (("grip", drag.grip), ("goal", drag.goal)):
-            if np.shape(value) != (3,) or not np.isfinite(value).all():
-                raise InvalidInputError(f"{name} of a drag", value, "must be three finite numbers")
-        self._heard = now
-        grip = self._grip
-        if grip is None or (grip.goal != drag.goal).any():
-            self._goal_at = now
-        if grip is not None and grip.continues(drag):
-            grip.pull_to(drag.goal)
-        else:
-            self._grip = Grip(self.session, drag, self._spring_stiffness, self._sample)
-
-    @property
-    def _spring_stiffness(self) -> float:
-        """N/m of what drags: the scene's position channel's, or as asked for."""
-        own = self.session.scene.controller.position_channel.stiffness
-        return self._stiffness * max(own, 1.0)
-
-    def _stiffen(self, factor: float) -> None:
-        if not SOFTEST <= factor <= STIFFEST:
-            rule = f"must be {SOFTEST:g} to {STIFFEST:g}"
-            raise InvalidInputError("factor on the stiffness of the drag", factor, rule)
-        self._stiffness = factor
-        if self._grip is not None:
-            self._grip.stiffen(self._spring_stiffness, self._sample)
-
     def _tune(self, command: Tune) -> None:
         if not command.key.startswith(_GAINS):
             raise InvalidInputError("key to tune", command.key, f"must begin with {_GAINS}")
@@ -229,7 +189,7 @@ class LiveSession:
 
     def _hold(self, frame: str) -> Opened:
         self.session.set_operational_point(frame)
-        self._grip = None
+        self._dragging.grip = None
         self._tick(1)
         self._number += 1
         return self.opened
@@ -247,16 +207,18 @@ class LiveSession:
 
     def _tick(self, ticks: int) -> None:
         """Do ticks, the last one with all that is seen."""
-        if self._grip is None and self._bag is None:
+        dragging, session = self._dragging, self.session
+        if dragging.grip is None and self._bag is None:
             if ticks > 1:
-                self.session.run(ticks - 1, every=ticks)
-            self._sample = self.session.tick()
+                session.run(ticks - 1, every=ticks)
+            self._sample = session.tick()
             self._done += ticks
             return
         for _ in range(ticks):
-            grip = self._grip
-            push, on_links = (None, None) if grip is None else grip.wrenches()
-            self._sample = self.session.tick(hand_wrench=push, on_links=on_links)
+            device, state = session.device, session.mechanism
+            place, velocity = device.pose.translation, device.twist[:3]
+            push, on_links = dragging.wrenches(place, velocity, state.q, state.v)
+            self._sample = session.tick(hand_wrench=push, on_links=on_links)
             self._done += 1
             if self._bag is not None:
                 self._add_to_bag(self._bag)

@@ -1,4 +1,4 @@
-"""The numbers at the top of the page, as HTML."""
+"""What the page has as HTML: the numbers at its top, and quicker timers."""
 
 from __future__ import annotations
 
@@ -11,6 +11,11 @@ from hapticmech_ros.live.commands import LiveState
 
 # A factor below this is told as one that is not real time.
 _SLOW = 0.98
+# viser's page sends moves of the mouse, and of sliders, every 50 ms at most, and has no setting for
+# that: its timers of so long are made shorter.
+QUICK_TIMERS = """<img hidden src="data:," onerror="if (!window.unhurried) {
+  window.unhurried = setTimeout;
+  window.setTimeout = (f, ms, ...more) => unhurried(f, ms === 50 ? 5 : ms, ...more); }">"""
 
 
 def numbers_html(state: LiveState, scene: str, s: Array, masses: Array, said: str) -> str:
@@ -25,6 +30,7 @@ def numbers_html(state: LiveState, scene: str, s: Array, masses: Array, said: st
     """
     slow = "" if state.paused or state.factor >= _SLOW else " (slower than real time)"
     rate = "paused" if state.paused else f"{state.factor:.2f} × real time{slow}"
+    rate = state.told or rate
     felt = ", ".join(f"{mass:.3g}" if np.isfinite(mass) else "rigid" for mass in masses)
     rows = [
         ("scene", "scene", scene),

@@ -22,6 +22,7 @@ import viser.uplot
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.live.commands import (
+    Backend,
     Command,
     DragStiffness,
     Failed,
@@ -36,18 +37,13 @@ from hapticmech_ros.live.commands import (
     SwitchClosure,
     Tune,
 )
-from hapticmech_ros.live.drawing import Drawing, Drawn
+from hapticmech_ros.live.drawing import Drawing, Drawn, NodeKey
+from hapticmech_ros.live.grip import SOFTEST, STIFFEST
 from hapticmech_ros.live.history import History
-from hapticmech_ros.live.instances import (
-    Body,
-    InstanceArrays,
-    unit_body,
-)
+from hapticmech_ros.live.instances import InstanceArrays, unit_body
 from hapticmech_ros.live.live_picture import LAYERS, LiveFrame, LivePicture, first_view
-from hapticmech_ros.live.live_session import SOFTEST, STIFFEST
 from hapticmech_ros.live.mouse import Mouse
-from hapticmech_ros.live.numbers import numbers_html
-from hapticmech_ros.live.process import LiveProcess
+from hapticmech_ros.live.numbers import QUICK_TIMERS, numbers_html
 from hapticmech_ros.live.settings import (
     HANDS,
     LONGEST_DELAY_MS,
@@ -56,7 +52,6 @@ from hapticmech_ros.live.settings import (
     gain_sliders,
 )
 from hapticmech_ros.quaternions import quaternion_of
-from hapticmech_ros.view import palette
 from hapticmech_ros.view.drawn import draw_shapes
 from hapticmech_ros.view.mass_ellipsoid import MASS
 
@@ -74,10 +69,10 @@ _STROKES = ("#7a4fd0", "#1a7f86", "#d9534f", "#2f6fd0", "#c79a2a", "#5a5a5a")
 
 
 class LivePage:
-    """A page on a live session.
+    """A page on a live session, or on a running graph of nodes.
 
     Args:
-        process: of the session.
+        backend: what is shown and moved.
         first: scene with which it begins.
         given: changes of that scene, ``key=value`` each.
         scenes: that can be chosen on the page.
@@ -87,14 +82,14 @@ class LivePage:
 
     def __init__(
         self,
-        process: LiveProcess,
+        backend: Backend,
         first: str,
         given: Sequence[str],
         scenes: Sequence[str],
         host: str,
         port: int,
     ) -> None:
-        self._process, self._first, self._given = process, first, tuple(given)
+        self._backend, self._first, self._given = backend, first, tuple(given)
         self._asked = Open(first)
         with redirect_stdout(io.StringIO()):  # whoever serves it says where it is
             self._server = server = viser.ViserServer(host=host, port=port, verbose=False)
@@ -108,18 +103,20 @@ class LivePage:
         server.scene.add_light_ambient("/ambient", intensity=0.9)
         server.scene.add_light_directional("/light", position=(0.5, 0.4, 1.0), intensity=2.5)
         server.initial_camera.fov = FIELD_OF_VIEW
-        self._mouse = Mouse(process.send)
+        self._mouse = Mouse(backend.send)
         self._drawing: Drawing | None = None
         self._newest: LiveState | None = None
         self._shown: Drawn | None = None
         self._looked_at = False
         self._number, self._name = 0, ""
         self._history = History()
-        self._nodes: dict[tuple[Body, bool], Any] = {}
+        self._nodes: dict[NodeKey, Any] = {}
         self._lines: Any = None
         self._hulls: dict[int, Any] = {}
         self._of_scene: list[Any] = []
         self._closures: dict[str, Any] = {}
+        # Boxes that show what is told of a state.
+        self._told: list[tuple[Any, Callable[[LiveState], bool]]] = []
         self._hidden = HIDDEN
         self._said = ""
         self._drawn = dict.fromkeys(("picture", "numbers", "plots"), 0.0)
@@ -142,6 +139,11 @@ class LivePage:
         """Where the page is."""
         return f"http://{self._server.get_host()}:{self._server.get_port()}"
 
+    @property
+    def looked_at(self) -> bool:
+        """Whether it is open in a browser."""
+        return bool(self._server.get_clients())
+
     def serve(self, ended: Callable[[], bool]) -> None:
         """Serve the page until it is to end.
 
@@ -149,10 +151,10 @@ class LivePage:
             ended: whether it is.
 
         Raises:
-            HapticMechError: the session's process has ended.
+            HapticMechError: what is shown has ended.
         """
         while not ended():
-            for report in self._process.news(REPEAT_S):
+            for report in self._backend.news(REPEAT_S):
                 if isinstance(report, Opened):
                     drawing = Drawing(LivePicture(report))
                     self._with_viser(partial(self._open, report, drawing))
@@ -164,7 +166,7 @@ class LivePage:
             if state is None or current is None:
                 continue
             self._history.add(state)
-            if self._server.get_clients() and self._due("picture", PICTURES_HZ):
+            if self.looked_at and self._due("picture", PICTURES_HZ):
                 self._with_viser(partial(self._show, current.drawn(state, self._hidden)))
 
     def close(self) -> None:
@@ -183,7 +185,7 @@ class LivePage:
     # What is seen.
 
     def _with_viser(self, work: Callable[[], None]) -> None:
-        """Do something in viser's event loop, and wait until it is done."""
+        """Do it in viser's event loop, and wait until it is done."""
 
         async def done() -> None:
             work()
@@ -221,6 +223,8 @@ class LivePage:
                 node = self._hulls.get(number) or self._made_hull(picture, number)
                 turned = np.roll(quaternion_of(pose.rotation), 1)
                 node.position, node.wxyz = pose.translation, turned
+            for number, node in self._hulls.items():
+                node.visible = number in new.frame.hulls
         if self._due("numbers", NUMBERS_HZ):
             self._tell(new.state, new.frame)
         if self._with_plots.value and self._due("plots", PLOTS_HZ):
@@ -238,23 +242,26 @@ class LivePage:
         )
 
     def _show_instances(
-        self, key: tuple[Body, bool], new: InstanceArrays, old: InstanceArrays | None
+        self, key: NodeKey, new: InstanceArrays, old: InstanceArrays | None
     ) -> None:
         node = self._nodes.get(key)
         if node is None or old is None or len(old.shapes) != len(new.shapes):
             if node is not None:
                 node.remove()
-            self._nodes[key] = self._made_instances(*key, new)
+            self._nodes[key] = self._made_instances(key, new)
             return
-        node.batched_positions, node.batched_wxyzs = new.positions, new.quaternions
-        if not np.array_equal(old.scales, new.scales):
-            node.batched_scales = new.scales
-        if not np.array_equal(old.colours, new.colours):
-            node.batched_colors = new.colours
-        if not np.array_equal(old.opacities, new.opacities):
-            node.batched_opacities = new.opacities
+        for name, before, now in (
+            ("batched_positions", old.positions, new.positions),
+            ("batched_wxyzs", old.quaternions, new.quaternions),
+            ("batched_scales", old.scales, new.scales),
+            ("batched_colors", old.colours, new.colours),
+            ("batched_opacities", old.opacities, new.opacities),
+        ):
+            if not np.array_equal(before, now):
+                setattr(node, name, now)
 
-    def _made_instances(self, body: Body, grabbed: bool, arrays: InstanceArrays) -> Any:
+    def _made_instances(self, key: NodeKey, arrays: InstanceArrays) -> Any:
+        body, grabbed = key
         corners, triangles = unit_body(body)
         node = self._server.scene.add_batched_meshes_simple(
             f"/{'grabbed' if grabbed else 'seen'}/{body}",
@@ -265,6 +272,8 @@ class LivePage:
             batched_scales=arrays.scales,
             batched_colors=arrays.colours,
             batched_opacities=arrays.opacities,
+            # The ellipsoid covers much of the picture: a material that is quickly computed.
+            material="toon3" if body == "sphere" and not grabbed else "standard",
             lod="off",
             flat_shading=body == "box",
             cast_shadow=False,
@@ -280,13 +289,13 @@ class LivePage:
         return node
 
     def _made_hull(self, picture: LivePicture, number: int) -> Any:
-        hull, colour = picture.hulls[number], palette.MEANING["hulls"]
+        hull = picture.hulls[number]
         node = self._server.scene.add_mesh_simple(
             f"/hulls/{number}",
             hull.vertices,
             hull.triangles,
-            color=tuple(round(255 * part) for part in colour[:3]),
-            opacity=colour[3],
+            color=tuple(round(255 * part) for part in hull.colour[:3]),
+            opacity=hull.colour[3],
             flat_shading=True,
             cast_shadow=False,
             receive_shadow=False,
@@ -312,10 +321,8 @@ class LivePage:
             setattr(camera, name, up)
             camera.position, camera.look_at = eye, centre
 
-    # What is done with the mouse.
-
     def _dragged(self, event: Any, link: str | None) -> None:
-        """Drag a link, the hand if its name is empty, or nothing if there is none."""
+        """By mouse: drag a link, the hand if its name is empty, or nothing if there is none."""
         if event.phase == "end":
             self._mouse.let_go(event.client_id)
             return
@@ -343,13 +350,11 @@ class LivePage:
         self._numbers.content = numbers_html(
             state, self._name, frame.analysis.spectrum.s, frame.masses, self._said
         )
-        if self._paused.value != state.paused:
-            self._paused.value = state.paused
-        if self._recording.value != bool(state.recording):
-            self._recording.value = bool(state.recording)
-        for box, closed in zip(self._closures.values(), state.active, strict=True):
-            if box.value != closed:
-                box.value = closed
+        shown = [(box, of(state)) for box, of in self._told]
+        shown += zip(self._closures.values(), state.active, strict=True)
+        for box, wanted in shown:
+            if box.value != wanted:
+                box.value = wanted
 
     def _when(self, handle: Any, command: Callable[[Any], Command | None]) -> None:
         """Send a command when somebody changes a control; changes by the program send none."""
@@ -359,37 +364,36 @@ class LivePage:
                 wanted = command(event.target.value)
                 if wanted is not None:
                     self._said = ""
-                    self._process.send(wanted)
+                    self._backend.send(wanted)
 
         handle.on_update(changed)
 
     def _pressed(self, button: Any, command: Callable[[], Command]) -> None:
         async def pressed(_event: Any) -> None:
             self._said = ""
-            self._process.send(command())
+            self._backend.send(command())
 
         button.on_click(pressed)
 
     def _make_controls(self, scenes: Sequence[str]) -> None:
-        gui = self._server.gui
+        gui, takes = self._server.gui, self._backend.takes
+        gui.add_html(QUICK_TIMERS)
         self._numbers = gui.add_html("")
-        names = list(dict.fromkeys((self._first, *scenes)))
-        self._scene = gui.add_dropdown("scene", names, initial_value=self._first)
-        # A client could send any name, and so have any file read.
-        self._when(
-            self._scene, lambda name: Open(name, self._changes(name)) if name in names else None
-        )
-        self._paused = gui.add_checkbox("pause", initial_value=False)
-        self._when(self._paused, Pause)
-        self._pressed(gui.add_button("one tick"), Step)
-        self._pressed(gui.add_button("reset"), Reset)
+        if Open in takes:
+            self._make_scene_picker(scenes)
+        if Pause in takes:
+            paused = gui.add_checkbox("pause", initial_value=False)
+            self._told.append((paused, lambda state: state.paused))
+            self._when(paused, Pause)
+            self._pressed(gui.add_button("one tick"), Step)
+            self._pressed(gui.add_button("reset"), Reset)
         spring = gui.add_slider("stiffness of the mouse", SOFTEST, STIFFEST, 0.1, 1.0)
         self._when(spring, DragStiffness)
-        with gui.add_folder("begin with", expand_by_default=False):
-            self._hand = gui.add_dropdown("held by", list(HANDS), initial_value=MOUSE_ALONE)
-            self._delay = gui.add_slider("delay, ms", 0.0, LONGEST_DELAY_MS, 1.0, 0.0)
-            begin = gui.add_button("begin anew")
-        self._pressed(begin, self._begun_anew)
+        if Open in takes:
+            with gui.add_folder("begin with", expand_by_default=False):
+                self._hand = gui.add_dropdown("held by", list(HANDS), initial_value=MOUSE_ALONE)
+                self._delay = gui.add_slider("delay, ms", 0.0, LONGEST_DELAY_MS, 1.0, 0.0)
+                self._pressed(gui.add_button("begin anew"), self._begun_anew)
         with gui.add_folder("show", expand_by_default=False):
             boxes = {
                 name: gui.add_checkbox(name, initial_value=name not in HIDDEN) for name in LAYERS
@@ -402,11 +406,20 @@ class LivePage:
         for box in boxes.values():
             box.on_update(layered)
         with gui.add_folder("keep", expand_by_default=False):
-            self._recording = gui.add_checkbox("record a bag", initial_value=False)
-            picture = gui.add_button("save a picture")
-        self._when(self._recording, self._recorded)
-        picture.on_click(self._save_picture)
+            if Record in takes:
+                recording = gui.add_checkbox("record a bag", initial_value=False)
+                self._told.append((recording, lambda state: bool(state.recording)))
+                self._when(recording, self._recorded)
+            gui.add_button("save a picture").on_click(self._save_picture)
         self._plots: list[tuple[Any, Callable[[], tuple[Array, ...]]]] = []
+
+    def _make_scene_picker(self, scenes: Sequence[str]) -> None:
+        names = list(dict.fromkeys((self._first, *scenes)))
+        self._scene = self._server.gui.add_dropdown("scene", names, initial_value=self._first)
+        # A client could send any name, and so have any file read.
+        self._when(
+            self._scene, lambda name: Open(name, self._changes(name)) if name in names else None
+        )
 
     def _make_scene_controls(self, opened: Opened, closures: Sequence[str]) -> None:
         """Make the controls that are of a scene anew."""
@@ -415,7 +428,7 @@ class LivePage:
         gui, scene = self._server.gui, opened.scene
         points = [point.name for point in scene.operational_points]
         frames = [*points, *(link.name for link in scene.links if link.name not in points)]
-        held = gui.add_dropdown("point held", frames, initial_value=points[0])
+        held = gui.add_dropdown("point held", frames, initial_value=opened.point)
         self._when(held, Hold)
         self._of_scene = [held]
         self._closures = {}
@@ -438,16 +451,8 @@ class LivePage:
         self._of_scene += [gains, plots]
 
     def _make_plots(self) -> None:
-        history = self._history
-        directions = len(history.spectrum()) - 1
-        kinds: tuple[tuple[str, tuple[str, ...], Callable[[], tuple[Array, ...]]], ...] = (
-            ("joint constraints", ("count",), history.count),
-            ("s", tuple(f"s{i + 1}" for i in range(directions)), history.spectrum),
-            ("forces, N", ("by the hand", "by the device"), history.forces),
-            ("real-time factor", ("factor",), history.rate),
-        )
         self._plots = []
-        for title, names, columns in kinds:
+        for title, names, columns in self._history.plots():
             plot = self._server.gui.add_uplot(
                 columns(),
                 (

@@ -8,7 +8,6 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Sequence
 from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -16,7 +15,7 @@ from types import TracebackType
 
 from hapticmech_ros.compilation.library import COMPILE_TIMEOUT_S
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.live.commands import Command, Failed, LiveState, Open, Report
+from hapticmech_ros.live.commands import COMMANDS, Command, Failed, Open, Report, newest
 from hapticmech_ros.live.live_session import AT_ONCE_S, LiveSession
 
 # Between two states that are sent, s.
@@ -73,6 +72,11 @@ class LiveProcess:
     ) -> None:
         self.close()
 
+    @property
+    def takes(self) -> frozenset[type]:
+        """Commands that it obeys: all."""
+        return COMMANDS
+
     def send(self, command: Command) -> None:
         """Tell the session a command; to one that has ended, nothing."""
         with self._sending, suppress(OSError):  # it has ended
@@ -118,12 +122,6 @@ class LiveProcess:
                 self._came.notify_all()
                 if self._ended:
                     return
-
-
-def newest(reports: Sequence[Report]) -> list[Report]:
-    """Return reports in their order, of states only the last one."""
-    states = [one for one in reports if isinstance(one, LiveState)]
-    return [one for one in reports if not isinstance(one, LiveState) or one is states[-1]]
 
 
 def _serve(pipe: Connection, asked: Open) -> None:

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
+from ipaddress import IPv4Address, IPv6Address, ip_address
 
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.document import Scene
+
+# What serves the page; the extra ``live`` in setup.py says the same.
+VISER = "viser>=1.1"
 
 _STILL_ARM = "hand={{kind: arm, impedance: {}, start_delay: 0.0, waypoints: [{{time: 0.0}}]}}"
 MOUSE_ALONE, OWN_HAND = "the mouse alone", "the scene's hand"
@@ -63,6 +68,22 @@ def gain_sliders(scene: Scene) -> list[Slider]:
         found.append(Slider(key, label, value, _TIMES * value if value > 0.0 else 1.0))
     found += [Slider(key, label, _value(scene, key), 1.0) for key, label in _SHARES]
     return found
+
+
+def checked_address(what: str, host: str) -> IPv4Address | IPv6Address:
+    """Return an address to serve a page at.
+
+    Args:
+        what: the option that it is of.
+        host: as it was given.
+
+    Raises:
+        InvalidInputError: it is none.
+    """
+    try:
+        return ip_address(host)
+    except ValueError:
+        raise InvalidInputError(what, host, "must be an address such as 127.0.0.1") from None
 
 
 def changes_of(hand: str, delay_ms: float) -> tuple[str, ...]:

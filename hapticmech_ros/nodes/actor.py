@@ -104,6 +104,9 @@ class Actor(Generic[P]):
     def deactivate(self) -> None:
         """Stop acting, and leave nobody under a force."""
 
+    def close(self) -> None:
+        """Give back what it has beside ROS: it is not used any more."""
+
     def reseat(self) -> None:
         """Go back, after a failure, to where all was well, at rest, and leave nobody under a force.
 

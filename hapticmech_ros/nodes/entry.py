@@ -22,9 +22,13 @@ NODES = {
     "nullspace_analyser": "Λ_h⁻¹, its spectrum and its null space, at the mechanism's state",
     "teleoperation_controller": "impedance, joint-constraint and four-channel controllers (Fig. 3)",
 }
-# Looks on; not part of the graph.
-VIEWER = "scene_viewer"
-PURPOSES = {**NODES, VIEWER: "markers, frames and a URDF model of a running graph, for people"}
+# These look on; they are not part of the graph.
+VIEWER, PAGE = "scene_viewer", "live_page"
+PURPOSES = {
+    **NODES,
+    VIEWER: "markers, frames and a URDF model of a running graph, for people",
+    PAGE: "a running graph in a browser, where it is dragged with the mouse",
+}
 USAGE = """usage: {name} [--ros-args -p scene:=SCENE -p NAME:=VALUE -r FROM:=TO ...]
 
 {purpose}.
@@ -63,7 +67,7 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     choose_discovery(os.environ)
     # Whoever only looks on may come late.
-    starting = QuickStart(["realtime:=off"] if list(names) == [VIEWER] else arguments)
+    starting = QuickStart(["realtime:=off"] if list(names) in ([VIEWER], [PAGE]) else arguments)
     try:
         runtime = importlib.import_module("hapticmech_ros.nodes.runtime")
         return int(runtime.run(names, arguments, starting))
@@ -96,6 +100,11 @@ def teleoperation_controller() -> None:
 def scene_viewer() -> None:
     """Run the scene viewer alone."""
     sys.exit(start([VIEWER]))
+
+
+def live_page() -> None:
+    """Run the live page alone."""
+    sys.exit(start([PAGE]))
 
 
 def composed() -> None:

@@ -38,6 +38,10 @@ class Host(Protocol):
         """As of an rclpy node."""
 
     @property
+    def create_client(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
     def destroy_subscription(self) -> Any:
         """As of an rclpy node."""
 

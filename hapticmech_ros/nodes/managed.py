@@ -282,6 +282,13 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         if self.active:
             self.trigger_deactivate()
 
+    def destroy_node(self) -> None:
+        """End, with all that the actor has beside ROS."""
+        actor, self.actor = self.actor, None
+        if actor is not None:
+            actor.close()
+        super().destroy_node()
+
     def acknowledged(self) -> None:
         """Wait for those who hear this node to have its last messages, unless others would too.
 
@@ -308,6 +315,8 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         for entity in self._kept:
             self._destroy(entity)
         self._kept.clear()
+        if self.actor is not None:
+            self.actor.close()
         self.actor = None
 
     def _destroy(self, entity: Any) -> None:
@@ -315,6 +324,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             self.destroy_publisher,
             self.destroy_subscription,
             self.destroy_service,
+            self.destroy_client,
             self.destroy_timer,
         ):
             if destroy(entity):

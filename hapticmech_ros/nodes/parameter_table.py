@@ -6,6 +6,7 @@ from hapticmech_ros.nodes.parameters import (
     AnalyserParameters,
     ControllerParameters,
     DeviceParameters,
+    LiveParameters,
     MechanismParameters,
     NodeParameters,
     ViewerParameters,
@@ -20,6 +21,7 @@ MODELS: dict[str, type[NodeParameters]] = {
     "nullspace_analyser": AnalyserParameters,
     "teleoperation_controller": ControllerParameters,
     "scene_viewer": ViewerParameters,
+    "live_page": LiveParameters,
 }
 CHANGES = {"any": "yes", "unconfigured": "while unconfigured", "never": "no"}
 

@@ -280,6 +280,18 @@ class ViewerParameters(NodeParameters):
     )
 
 
+class LiveParameters(NodeParameters):
+    """Parameters of the live page, which has no deadlines to keep."""
+
+    realtime: RealtimeMode = text("off", "as for the other nodes", "never")
+    transport: Transport = text("middleware", "as for the other nodes", "never")
+    host: str = text(
+        "127.0.0.1", "address that is served; 0.0.0.0: to everybody in the network", "never"
+    )
+    port: int = count(8080, "of the page; the next free one if it is taken", 1, 65535, "never")
+    input_timeout: float = number(0.5, "inputs older than this are not shown", "s", 0.02, 60.0)
+
+
 def changes_of(model: type[NodeParameters], name: str) -> Changes:
     """Return when a parameter may change."""
     extra = model.model_fields[name].json_schema_extra

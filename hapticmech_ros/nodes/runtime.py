@@ -42,6 +42,7 @@ _ACTORS = {
     "nullspace_analyser": (".nullspace_analyser", "NullspaceAnalyser"),
     "teleoperation_controller": (".teleoperation_controller", "TeleoperationController"),
     "scene_viewer": (".viewer.scene_viewer", "SceneViewer"),
+    "live_page": (".viewer.live_page", "LivePageNode"),
 }
 
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from hapticmech_ros.live.commands import Open
 from hapticmech_ros.live.history import History
-from hapticmech_ros.live.live_picture import LAYERS, LivePicture, first_view
+from hapticmech_ros.live.live_picture import LAYERS, VISUALS, LivePicture, first_view
 from hapticmech_ros.live.live_session import LiveSession
 from hapticmech_ros.live.numbers import numbers_html
 from hapticmech_ros.live.settings import HANDS, MOUSE_ALONE, changes_of, gain_sliders
 from hapticmech_ros.live.shape_links import shape_links
+from hapticmech_ros.live.visual_bodies import visual_bodies
 from hapticmech_ros.scene import load_scene, shipped_scenes
 from oracles.touching import FLOOR, body, pair, scene, shape
 
@@ -160,3 +162,111 @@ def test_sliders_hold_what_the_scene_has_and_hands_are_scenes(name):
     for hand in HANDS:
         changed = load_scene(name, changes=changes_of(hand, 20.0))
         assert changed.connection.delay == pytest.approx(0.02)
+
+
+ARM = """<robot name="arm">
+  <link name="base"/>
+  {links}
+  <joint name="j1" type="continuous"><parent link="base"/><child link="one"/>
+    <origin xyz="0.1 0 0.2" rpy="0 0.3 0"/><axis xyz="0 1 0"/></joint>
+  <joint name="j2" type="fixed"><parent link="one"/><child link="cap"/>
+    <origin xyz="0 0 0.3" rpy="0.2 0 0"/></joint>
+  <joint name="j3" type="continuous"><parent link="cap"/><child link="two"/>
+    <origin xyz="0 0.1 0.1"/><axis xyz="1 0 0"/></joint>
+</robot>"""
+LINK = """<link name="{}"><inertial><mass value="1"/><origin xyz="0 0 0.1"/>
+  <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>{}</link>"""
+VISUAL = (
+    """<visual><origin xyz="0.01 0.02 0.1" rpy="0.1 0.2 0.3"/><geometry>{}</geometry></visual>"""
+)
+CORNERS = np.array([(0, 0, 0), (0.1, 0, 0), (0, 0.2, 0), (0, 0, 0.3)])
+FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """Return a URDF file with visuals: a box, a cylinder, a mesh, and one that is not there."""
+    loops = "".join(
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join("vertex {} {} {}\n".format(*CORNERS[i]) for i in face)
+        + "endloop\nendfacet\n"
+        for face in FACES
+    )
+    (tmp_path / "body.stl").write_text(f"solid body\n{loops}endsolid body\n", encoding="utf-8")
+    mesh = '<mesh filename="{}" scale="2 1 1"/>'
+    shapes = (
+        ("one", ('<box size="0.1 0.2 0.3"/>',)),
+        ("cap", ('<cylinder radius="0.05" length="0.2"/>',)),
+        ("two", (mesh.format("body.stl"), mesh.format("missing.stl"))),
+    )
+    links = "".join(
+        LINK.format(name, "".join(VISUAL.format(one) for one in drawn)) for name, drawn in shapes
+    )
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM.format(links=links), encoding="utf-8")
+    return path
+
+
+def test_visuals_of_a_urdf_are_where_pinocchio_has_them_and_stand_for_rods(arm):
+    session, picture = begun(str(arm))
+    text = arm.read_text(encoding="utf-8").replace("body.stl", str(arm.parent / "body.stl"))
+    (arm.parent / "missing.stl").write_bytes((arm.parent / "body.stl").read_bytes())
+    model = pin.buildModelFromXML(text)
+    (arm.parent / "whole.urdf").write_text(text, encoding="utf-8")
+    drawn = pin.buildGeomFromUrdf(
+        model,
+        str(arm.parent / "whole.urdf"),
+        pin.GeometryType.VISUAL,
+        package_dirs=[str(arm.parent)],
+    )
+    data, poses = model.createData(), drawn.createData()
+    q = np.array((0.4, -0.7))
+    at = np.array((np.cos(0.4), np.sin(0.4), np.cos(-0.7), np.sin(-0.7)))
+    pin.updateGeometryPlacements(model, data, drawn, poses, at)
+    state = session.state()
+    assert state.q.shape == q.shape
+    object.__setattr__(state, "q", q)
+    frame = picture.draw(state)
+    # All but the mesh that is missing, in the order of the file.
+    assert len(frame.hulls) == 3
+    for number, pose in frame.hulls.items():
+        expected = poses.oMg[-1 - number]
+        assert pose.isApprox(expected, 1e-9), drawn.geometryObjects[-1 - number].name
+    mesh = picture.hulls[-3].vertices
+    wanted = CORNERS * (2.0, 1.0, 1.0)
+    assert np.array(sorted(mesh.tolist())) == pytest.approx(np.array(sorted(wanted.tolist())))
+    box, cylinder = (np.ptp(picture.hulls[n].vertices, axis=0) for n in (-1, -2))
+    assert box == pytest.approx((0.1, 0.2, 0.3))
+    assert cylinder == pytest.approx((0.1, 0.1, 0.2))
+    assert picture.link_of_hull(-3) == "two"
+
+    def rods(shown):
+        return {one.key for one in shown.shapes if one.namespace == "links"}
+
+    without = picture.draw(state, frozenset({VISUALS}))
+    assert not without.hulls
+    assert rods(without)
+    assert not rods(frame)
+
+
+SDF = """<sdf version="1.9"><model name="m"><link name="a"><pose>0 0 1 0 0 0</pose>
+  <inertial><mass>1</mass></inertial>
+  <visual name="v"><pose>0.1 0.2 0.3 0 0 0.5</pose>
+    <geometry><box><size>0.1 0.2 0.3</size></box></geometry></visual></link>
+  <joint name="j" type="revolute"><parent>world</parent><child>a</child>
+    <axis><xyz>0 0 1</xyz></axis></joint></model></sdf>"""
+MJCF = """<mujoco><compiler angle="radian"/><worldbody><body name="a" pos="0 0 1">
+  <joint name="j" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+  <geom type="box" size="0.05 0.1 0.15" pos="0.1 0.2 0.3" euler="0 0 0.5"
+    contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("suffix", "text"), [("sdf", SDF), ("xml", MJCF)])
+def test_visuals_of_sdf_and_mjcf_are_read(tmp_path, suffix, text):
+    path = tmp_path / f"one.{suffix}"
+    path.write_text(text, encoding="utf-8")
+    (one,) = visual_bodies(str(path))
+    expected = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.5), np.array((0.1, 0.2, 0.3)))
+    assert one.link == "a"
+    assert one.place.isApprox(expected, 1e-12)
+    assert np.ptp(one.corners, axis=0) == pytest.approx((0.1, 0.2, 0.3))

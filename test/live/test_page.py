@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hapticmech_ros.live.grip import DRAG_TIMEOUT_S
 from hapticmech_ros.live.live_picture import LivePicture
-from hapticmech_ros.live.live_session import DRAG_TIMEOUT_S
 
 if find_spec("viser") is None:
     pytest.skip("viser, of the extra live, is not installed", allow_module_level=True)
@@ -128,25 +128,7 @@ def test_a_slider_changes_a_gain(page):
     reset(page)
     assert page.text("live-changed") == ""
     page.click_text("p, span, div", "gains")
-    slider = "document.querySelectorAll('[role=slider]')"
-    label = "constraint stiffness, N/m"
-    wanted = (
-        f"(() => {{ const l = [...document.querySelectorAll('*')].filter("
-        f"e => e.textContent.trim() === {label!r} && e.getClientRects().length).pop();"
-        " if (!l) return null; l.scrollIntoView({block: 'center'});"
-        f" const y = l.getBoundingClientRect().y;"
-        f" const s = [...{slider}].sort((a, b) => Math.abs(a.getBoundingClientRect().y - y)"
-        " - Math.abs(b.getBoundingClientRect().y - y))[0]; s.focus(); return true; })()"
-    )
-    wait_until(lambda: page.ask(wanted), label)
-    for kind in ("keyDown", "keyUp"):
-        page.connection.call(
-            "Input.dispatchKeyEvent",
-            type=kind,
-            key="ArrowRight",
-            code="ArrowRight",
-            windowsVirtualKeyCode=39,
-        )
+    page.nudge("constraint stiffness, N/m")
     found = wait_until(lambda: page.text("live-changed"), "a changed gain")
     assert found.startswith("controller.joint_constraint.stiffness=")
 

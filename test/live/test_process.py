@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.live.commands import Drag, Failed, LiveState, Open, Opened, Tune
-from hapticmech_ros.live.process import LiveProcess, newest
+from hapticmech_ros.live.commands import Drag, Failed, LiveState, Open, Opened, Tune, newest
+from hapticmech_ros.live.process import LiveProcess
 from hapticmech_ros.live.settings import MOUSE_ALONE, changes_of
 
 ASKED = Open("five_bar", changes_of(MOUSE_ALONE, 0.0))

@@ -104,7 +104,7 @@ def test_a_scale_bar_is_as_long_as_it_says(tmp_path):
     """A box of 100 mm beside it: both in pixels."""
     path = tmp_path / "a.png"
     draw_shapes([box(pin.SE3.Identity(), (0.1, 0.02, 0.02), RED)], path, planar=True)
-    rows, columns = pixels(path, RED)
+    _, columns = pixels(path, RED)
     black = image.imread(path)[850:980, :400, :3].max(axis=2) < 0.3
     found = np.nonzero(black[black.sum(axis=1).argmax()])[0]
     bar = np.split(found, np.flatnonzero(np.diff(found) > 1) + 1)[0]  # and then its letters

@@ -1,1 +1,1 @@
-"""The scene viewer: what people look at, as messages."""
+"""What people look at: the scene viewer, as messages, and the live page, in a browser."""

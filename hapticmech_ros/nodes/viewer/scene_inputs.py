@@ -179,6 +179,10 @@ class SceneInputs:
         ]
         return [*alone, *self._points.values(), *self._touching]
 
+    def state(self, now_ns: int, timeout_ns: int) -> WireState | None:
+        """Return the mechanism's state; None without one that came within ``timeout_ns``."""
+        return self._state.value(now_ns, timeout_ns)
+
     def now(self, now_ns: int, timeout_ns: int) -> Heard | None:
         """Return what is known; None without a state of the mechanism."""
         state = self._state.value(now_ns, timeout_ns)

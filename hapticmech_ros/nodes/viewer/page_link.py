@@ -1,0 +1,70 @@
+"""Between a page's threads and the node's: commands one way, reports the other."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.live.commands import (
+    Command,
+    Drag,
+    DragStiffness,
+    Hold,
+    Release,
+    Report,
+    SwitchClosure,
+    Tune,
+    newest,
+)
+
+
+class PageLink:
+    """What a page on a graph asks for, and what it is told; for one node and several threads."""
+
+    def __init__(self) -> None:
+        self._asked: deque[Command] = deque()
+        self._came = threading.Condition()
+        self._news: list[Report] = []
+        self._closed = False
+
+    @property
+    def takes(self) -> frozenset[type]:
+        """Commands that a graph obeys: it is neither paused, begun anew nor recorded from here."""
+        return frozenset((Drag, Release, DragStiffness, Tune, SwitchClosure, Hold))
+
+    def send(self, command: Command) -> None:
+        """Ask the node for something."""
+        self._asked.append(command)
+
+    def news(self, timeout_s: float) -> list[Report]:
+        """Return what the node has told: of states only the newest, the others in their order.
+
+        Args:
+            timeout_s: how long to wait for anything.
+
+        Raises:
+            HapticMechError: the node has ended.
+        """
+        with self._came:
+            self._came.wait_for(lambda: self._news or self._closed, timeout_s)
+            found, self._news = self._news, []
+            if not found and self._closed:
+                raise HapticMechError("the node of this page has ended")
+        return found
+
+    def asked(self) -> list[Command]:
+        """Return what was asked for since the last time, in its order."""
+        return [self._asked.popleft() for _ in range(len(self._asked))]
+
+    def tell(self, report: Report) -> None:
+        """Tell the page something."""
+        with self._came:
+            self._news = newest([*self._news, report])
+            self._came.notify_all()
+
+    def close(self) -> None:
+        """Tell nothing more."""
+        with self._came:
+            self._closed = True
+            self._came.notify_all()
