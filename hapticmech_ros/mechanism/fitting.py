@@ -25,16 +25,16 @@ from hapticmech_ros.mechanism.closures import Active, LoopClosure
 from hapticmech_ros.mechanism.constraint_space import Closing, solve_lower
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
 from hapticmech_ros.mechanism.model import TreeModel, authored_state, se3
-from hapticmech_ros.mechanism.tolerances import SOLVER_RANK_TOLERANCE
+from hapticmech_ros.mechanism.tolerances import RESOLVED, SOLVER_RANK_TOLERANCE
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Joint, LinkFrame, Origin
 
 # No frame is moved by more: a fraction of the mechanism's length, or rad. Rows that are no further
 # than that from following from others are meant to, if they stay so along the motion.
 FIT_TOLERANCE = 1e-5
-# Residuals (of the length, or rad) that are left where nothing has to be fitted, and singular
-# values of rows that follow from others, as a share of what counts as a row of its own.
-_CLOSED, _FOLLOWS = 1e-12, 0.1
+# Residuals (of the length, or rad) that are left where nothing has to be fitted. Rows follow from
+# others if what they add is rounding; a tenth of what counts as a row of its own is accepted.
+_CLOSED, _FOLLOWS = 1e-12, 0.1 * SOLVER_RANK_TOLERANCE
 # Configurations along the motion, how many in one direction, and how far these are apart: rad, or
 # m over the length.
 _SAMPLES, _STRETCH, _APART = 48, 8, 0.15
@@ -191,20 +191,25 @@ class _Fitting:
         along = [at for at in along if at.rank == rank]
         if rank == first.residual.size:
             return None
+        if all(self._is_met(at, rank, RESOLVED) for at in along):
+            return None
         change, now = np.zeros(self._rods + len(self._loops)), along
+        fit = None
         for _ in range(_ROUNDS):
             change += self._step(now, rank)
             if not np.abs(change).max() <= FIT_TOLERANCE:
-                return None
+                break
             scene = self._changed(change)
             mechanism = self._mechanism_of(scene)
             found = [self._closed(mechanism, at.q) for at in along]
             now = [at for at in found if at is not None]
             if len(now) < len(along):
-                return None
-            if all(self._is_met(at, rank) for at in now):
-                return self._result(scene, change, along, now)
-        return None
+                break
+            if all(self._is_met(at, rank, _FOLLOWS) for at in now):
+                fit = self._result(scene, change, along, now)
+            if all(self._is_met(at, rank, RESOLVED) for at in now):
+                break
+        return fit
 
     def _at(self, mechanism: _Fittable, q: Array) -> _At:
         closing = mechanism.closing_terms(q, self._active)
@@ -271,16 +276,12 @@ class _Fitting:
 
     def _is_settled(self, at: _At) -> bool:
         """Return whether loops are closed, and no row nearly follows from others."""
-        nearly = (at.sigma > SOLVER_RANK_TOLERANCE * at.sigma[0]) & (
-            at.sigma < FIT_TOLERANCE * at.sigma[0]
-        )
-        return at.opened <= _CLOSED and not nearly.any()
+        nearly = at.sigma[(at.sigma < FIT_TOLERANCE * at.sigma[0])]
+        return at.opened <= _CLOSED and not (nearly > RESOLVED * at.sigma[0]).any()
 
-    def _is_met(self, at: _At, rank: int) -> bool:
-        """Return whether loops are closed, and all rows but ``rank`` follow from these."""
-        rest = at.sigma[rank:]
-        least = _FOLLOWS * SOLVER_RANK_TOLERANCE * at.sigma[0]
-        return at.opened <= _CLOSED and not (rest > least).any()
+    def _is_met(self, at: _At, rank: int, least: float) -> bool:
+        """Return whether loops are closed, and all rows but ``rank`` follow to a relative σ."""
+        return at.opened <= _CLOSED and not (at.sigma[rank:] > least * at.sigma[0]).any()
 
     def _along(self, first: _At) -> list[_At]:
         """Return configurations along the motion, the start first."""
