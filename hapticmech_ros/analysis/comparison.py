@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -317,5 +317,8 @@ def _dots(axes: Axes, rows: list[int], values: list[float], name: str) -> None:
 def _line(axes: Axes, delays: list[int], values: list[float], name: str) -> None:
     colour, mark = COLOURS[name], MARKS[name]
     # Hollow, and smaller from one to the next: where values are equal, all marks are seen.
-    style = {"markersize": 11.0 - 1.7 * list(COLOURS).index(name), "fillstyle": "none"}
+    style: dict[str, Any] = {
+        "markersize": 11.0 - 1.7 * list(COLOURS).index(name),
+        "fillstyle": "none",
+    }
     axes.plot(delays, values, color=colour, marker=mark, linewidth=1.3, label=name, **style)

@@ -114,7 +114,7 @@ def m_width_figure(points: Sequence[MPoint]) -> Figure:
     axes.axvline(0.13, color=GREY, linestyle="--", linewidth=1.0)
     scenes = list(dict.fromkeys(one.scene for one in points))
     few = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
-    colours = few if len(scenes) <= len(few) else colormaps["tab20"].colors
+    colours = few if len(scenes) <= len(few) else colormaps["tab20"](range(20))
     # Series that agree would hide each other.
     apart = iter(np.geomspace(1.0 / APART, APART, 2 * len(scenes)))
     for index, scene in enumerate(scenes):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,6 +19,10 @@ from hapticmech_ros.cli.console import (
     words,
 )
 from hapticmech_ros.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from hapticmech_ros.experiment.from_session import UnfinishedRunError
+    from hapticmech_ros.scene import Scene
 
 DurationOption = Annotated[
     float | None, typer.Option(help="s after the hand starts", min=0.1, show_default="the scene's")
@@ -38,6 +42,8 @@ def demo(
 ) -> None:
     """Run the paper's experiment over ROS: graph, bag, figures, summary."""
     from hapticmech_ros.experiment.demo import run_demo
+    from hapticmech_ros.experiment.from_session import UnfinishedRunError
+    from hapticmech_ros.scene import load_scene
 
     with progress() as bar:
         task = bar.add_task("starting the graph", total=None)
@@ -47,7 +53,11 @@ def demo(
             if done is not None:
                 bar.update(task, completed=done)
 
-        summary = run_demo(scene, out, composed, duration, storage, show)
+        try:
+            summary = run_demo(scene, out, composed, duration, storage, show)
+        except UnfinishedRunError as failure:
+            _leave(failure, load_scene(scene), out)
+            raise
     _print_results(summary, out)
 
 
@@ -67,7 +77,7 @@ def experiment(
 ) -> None:
     """Run the same experiment in one process, without ROS."""
     from hapticmech_ros.experiment.from_session import UnfinishedRunError, run_session
-    from hapticmech_ros.experiment.run import write_results, write_unfinished
+    from hapticmech_ros.experiment.run import write_results
     from hapticmech_ros.scene import load_scene
 
     loaded = load_scene(scene, changes=changes or ())
@@ -86,8 +96,7 @@ def experiment(
         try:
             record = run_session(loaded, duration, lambda share: bar.update(task, completed=share))
         except UnfinishedRunError as failure:
-            write_unfinished(failure, loaded, out)
-            console.print(f"until then: {out.resolve()}", highlight=False, soft_wrap=True)
+            _leave(failure, loaded, out)
             raise
         bar.update(task, description="writing results")
         summary = write_results(record, loaded, out)
@@ -108,6 +117,14 @@ def _force(text: str) -> tuple[float, ...]:
         rule = "must be three numbers with commas between: 0.5,0,0"
         raise InvalidInputError("--push", text, rule)
     return found
+
+
+def _leave(failure: UnfinishedRunError, scene: Scene, out: Path) -> None:
+    """Write what an error left of a run, and say where."""
+    from hapticmech_ros.experiment.run import write_unfinished
+
+    write_unfinished(failure, scene, out)
+    console.print(f"until then: {out.resolve()}", highlight=False, soft_wrap=True)
 
 
 def _print_results(summary: dict[str, object], out: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -118,7 +120,7 @@ def _paths(axes: Axes, record: ExperimentRecord, columns: list[int]) -> None:
         label="hand on the device",
     )
     # Where both are at one place the end stands in the ring of the start.
-    ring = {"markersize": 12, "fillstyle": "none", "markeredgewidth": 2.0}
+    ring: dict[str, Any] = {"markersize": 12, "fillstyle": "none", "markeredgewidth": 2.0}
     axes.plot(*device[0], "o", color=GREEN, zorder=5, label="start", **ring)
     axes.plot(*device[-1], "s", color=PURPLE, markersize=5, zorder=5, label="end")
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hapticmech_ros.experiment.figures import write_figures
+from hapticmech_ros.experiment.figures import FIGURES, write_figures
 from hapticmech_ros.experiment.from_session import UnfinishedRunError
 from hapticmech_ros.experiment.health import GraphHealth
 from hapticmech_ros.experiment.record import ExperimentRecord
@@ -28,10 +28,14 @@ def write_unfinished(
     Args:
         failure: what happened.
         scene: of the run.
-        out_dir: folder; files of the same names in it are replaced.
+        out_dir: folder; files of the names of a run in it are replaced or removed.
     """
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
+    for name in (SUMMARY, *FIGURES):
+        (folder / name).unlink(missing_ok=True)
+    if failure.record is not None and failure.record.times.size >= LEAST_SAMPLES:
+        write_results(failure.record, scene, folder)
     found = {
         "error": str(failure),
         "time_s": failure.time,
@@ -40,8 +44,6 @@ def write_unfinished(
         "last_state": {"q": failure.positions, "v": failure.velocities},
     }
     (folder / FAILURE).write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
-    if failure.record is not None and failure.record.times.size >= LEAST_SAMPLES:
-        write_results(failure.record, scene, folder)
 
 
 def write_results(
@@ -73,5 +75,6 @@ def write_results(
     paths = write_figures(record, scene, folder, reference)
     summary["figures"] = [path.name for path in paths]
     text = json.dumps(summary, indent=2, allow_nan=False)
+    (folder / FAILURE).unlink(missing_ok=True)  # of an earlier run
     (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
     return summary

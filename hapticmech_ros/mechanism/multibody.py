@@ -327,7 +327,7 @@ class MultibodyModel:
         if in_v.stop - in_v.start != 1:
             rule = "must have one degree of freedom; joint_slices has the places of others"
             raise InvalidInputError("joint", name, rule)
-        return in_v.start
+        return int(in_v.start)
 
     def closure_index(self, name: str) -> int:
         """Return the index of a closure.

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, TWIST, WRENCH, Field, Layout
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 ENERGIES = ("to_mechanism", "stored", "injected", "dissipated", "actuators")
 SCALARS = frozenset(("time", *ENERGIES, "count"))
@@ -125,7 +123,7 @@ class Run:
             return self.rows
         return np.hstack([self[name].reshape(len(self), -1) for name in names])
 
-    def to_dataframe(self) -> DataFrame:
+    def to_dataframe(self) -> Any:
         """Return the run as a data frame of pandas: a row for each tick, its columns as above.
 
         Raises:
@@ -139,7 +137,7 @@ def column_names(field: str, size: int) -> list[str]:
     return [field] if field in SCALARS else [f"{field}_{k}" for k in range(size)]
 
 
-def data_frame(columns: Mapping[str, Array]) -> DataFrame:
+def data_frame(columns: Mapping[str, Array]) -> Any:
     """Return columns as a data frame of pandas.
 
     Args:
@@ -149,7 +147,7 @@ def data_frame(columns: Mapping[str, Array]) -> DataFrame:
         ImportError: pandas is not installed.
     """
     try:
-        import pandas
+        pandas = import_module("pandas")
     except ImportError:
         raise ImportError("data frames need pandas: pip install pandas") from None
     return pandas.DataFrame(dict(columns))

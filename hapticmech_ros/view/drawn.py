@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,7 +24,7 @@ ABOVE = np.array((0.0, 0.0, 1.0))
 ASIDE = np.array((1.0, -1.6, 0.9))
 MARGIN = 0.08
 CORNERS = 24
-LETTERS_PT, SMALL_PT = 11.0, 9.5
+LETTERS_PT, SMALL_PT, LINE_PT = 11.0, 9.5, 1.5
 # As shares of the side: lower left corner and side of the square in which shapes are, left end and
 # height of the scale bar, its greatest length, and origin and length of the world's axes.
 SQUARE = (0.065, 0.115, 0.87)
@@ -151,10 +152,9 @@ def _bar(figure: Figure, shown: float) -> None:
     share = SQUARE[2] / shown
     length, words = scale_of(LONGEST_BAR / share)
     (left, height), right = BAR_AT, BAR_AT[0] + share * length
-    style = {"color": "black", "linewidth": 1.2, "transform": figure.transFigure}
-    figure.add_artist(Line2D((left, right), (height, height), **style))
+    _line(figure, (left, height), (right, height), "black")
     for end in (left, right):
-        figure.add_artist(Line2D((end, end), (height - 0.006, height + 0.006), **style))
+        _line(figure, (end, height - 0.006), (end, height + 0.006), "black")
     figure.text(right + 0.01, height, words, fontsize=SMALL_PT, va="center")
 
 
@@ -164,9 +164,17 @@ def _world(figure: Figure, view: Array) -> None:
     for name, colour, seen in zip("xyz", AXES, view[:2].T, strict=True):
         if np.linalg.norm(seen) > 1e-6:
             tip, letter = (origin + share * AXES_LENGTH * seen for share in (1.0, 1.3))
-            style = {"color": colour, "linewidth": 1.8, "transform": figure.transFigure}
-            figure.add_artist(Line2D(*zip(origin, tip, strict=True), **style))
-            figure.text(*letter, name, fontsize=SMALL_PT, ha="center", va="center")
+            _line(figure, origin, tip, colour)
+            figure.text(letter[0], letter[1], name, fontsize=SMALL_PT, ha="center", va="center")
+
+
+def _line(
+    figure: Figure, start: Sequence[float] | Array, end: Sequence[float] | Array, colour: Any
+) -> None:
+    """Draw a line between two places (2,), as shares of the figure's side."""
+    x, y = zip(start, end, strict=True)
+    line = Line2D(x, y, color=colour, linewidth=LINE_PT, transform=figure.transFigure)
+    figure.add_artist(line)
 
 
 def _legend(figure: Figure, namespaces: set[str]) -> None:
@@ -175,5 +183,12 @@ def _legend(figure: Figure, namespaces: set[str]) -> None:
         Patch(color=MEANING[name], label=LEGEND[name]) for name in LEGEND if name in namespaces
     ]
     if found:
-        style = {"fontsize": SMALL_PT, "frameon": False, "handlelength": 1.2, "columnspacing": 1.4}
-        figure.legend(handles=found, loc="lower left", ncols=LEGEND_COLUMNS, **style)
+        figure.legend(
+            handles=found,
+            loc="lower left",
+            ncols=LEGEND_COLUMNS,
+            fontsize=SMALL_PT,
+            frameon=False,
+            handlelength=1.2,
+            columnspacing=1.4,
+        )

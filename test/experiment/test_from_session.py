@@ -137,3 +137,14 @@ def test_a_record_until_an_error_is_that_of_a_run_without_it(scene):
 def test_the_joint_of_an_inaccurate_step_is_told(scene):
     recorder = SessionRecorder(Session(scene))
     assert recorder.unfinished(InaccurateStepError("joint3", 1.0, 2.0)).joint == "joint3"
+
+
+def test_a_folder_has_the_results_of_the_last_run_only(tmp_path):
+    arguments = ["experiment", "two_link", "--duration", "0.2", "--out", str(tmp_path)]
+    bad = [part for change in TOO_STIFF for part in ("--set", change)]
+    files = []
+    for further in ([], bad, []):
+        CliRunner().invoke(app, [*arguments, *further])
+        files.append({path.name for path in tmp_path.iterdir()})
+    assert files[0] == files[2] == {"fig5a.png", "fig5b.png", "fig5c.png", "summary.json"}
+    assert files[1] == {"failure.json"}
