@@ -24,8 +24,10 @@ if chromium() is None:
     pytest.skip("Chromium is not installed", allow_module_level=True)
 
 from benchmarks.live.served import drag, sight
+from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.graph import private_environment, stop_process
 from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.view import Placer
 from ros.harness import WAIT_S, Peer
 
 # A browser without a GPU draws with the processor.
@@ -44,9 +46,9 @@ def browser(tmp_path: Path) -> Iterator[Browser]:
 
 @pytest.fixture
 def address(domain: int) -> Iterator[str]:
-    """Run the graph, moved by nobody but the mouse, and return where its page is."""
+    """Run the graph, held where it is but for the mouse, and return where its page is."""
     command = [sys.executable, "-m", "hapticmech_ros", "run", SCENE, "--live"]
-    command += ["-p", "haptic_device.hand=commanded", "-p", "live_page.port=8780"]
+    command += ["-p", "haptic_device.hand=still", "-p", "live_page.port=8780"]
     process = subprocess.Popen(
         command,
         env=private_environment(domain),
@@ -74,7 +76,8 @@ def test_a_running_graph_is_dragged_tuned_and_let_go(
 
     def pushed(message: WrenchStamped) -> None:
         force = message.wrench.force
-        pushes.append((time.monotonic(), float(np.hypot(force.x, force.y))))
+        stamp = message.header.stamp
+        pushes.append((stamp.sec + 1e-9 * stamp.nanosec, float(np.hypot(force.x, force.y))))
 
     topic = f"mechanism/{LINK}/external_cf/live_page"
     peer.node.create_subscription(WrenchStamped, topic, pushed, 1000)
@@ -91,15 +94,12 @@ def test_a_running_graph_is_dragged_tuned_and_let_go(
     (stiffness,) = peer.parameters_of("teleoperation_controller", "constraint_stiffness")
     assert page.text("live-changed") == f"controller.joint_constraint.stiffness={stiffness:g}"
 
-    page.click_text("label", "ground_pin")
-    peer.until(lambda: closures and list(closures[-1].data) == [0], "the open loop", WAIT_S)
-    page.click_text("label", "ground_pin")
-    peer.until(lambda: list(closures[-1].data) == [1], "the closed loop", WAIT_S)
-
+    joints.clear()
     peer.until(lambda: joints, "joint states")
     before = np.array(joints[-1].position)
     seen = sight(page, SCENE)
-    (limb,) = [ends for name, ends in seen.frame.placement.limbs if name == LINK]
+    placed = Placer(Mechanism(load_scene(SCENE))).at(before)
+    (limb,) = [ends for name, ends in placed.limbs if name == LINK]
     drag(page, seen.pixel(limb.mean(axis=0)), 40.0)
     page.wait_for_text("live-dragged", LINK)
     moved = lambda: np.abs(np.array(joints[-1].position) - before).max() > 0.05  # noqa: E731
@@ -107,7 +107,15 @@ def test_a_running_graph_is_dragged_tuned_and_let_go(
     assert pushes[-1][1] > 0.0
 
     page.close()
-    closed = page.connection.ended()
+    closed = page.connection.ended() + time.time() - time.monotonic()
     peer.until(lambda: pushes[-1][1] == 0.0, "the wrench to end")
     last = max(at for at, force in pushes if force > 0.0)
     assert last - closed < ENDS_S
+
+    tab = browser.page()
+    tab.open(address)
+    wait_until(lambda: "Hz" in tab.text("live-rate"), "the graph's rate on the page again")
+    tab.click_text("label", "ground_pin")
+    peer.until(lambda: closures and list(closures[-1].data) == [0], "the open loop", WAIT_S)
+    tab.click_text("label", "ground_pin")
+    peer.until(lambda: list(closures[-1].data) == [1], "the closed loop", WAIT_S)
