@@ -75,6 +75,8 @@ def _shifts(setup: Setup, push: Array) -> Array:
     session = setup.session()
     ticks = round(LASTING_S / session.period)
     last = max(1, round(AVERAGED_S / session.period))
+    # Until the first command arrives the device is not controlled.
+    session.run(setup.delay)
     sums, start = np.zeros((2, 6)), session.device.pose
     session.run(ticks - last, hand_wrench=push, every=ticks)
     for _ in range(last):

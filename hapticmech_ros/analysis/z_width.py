@@ -40,8 +40,9 @@ from hapticmech_ros.session import Sample
 
 # Dampings as shares of the one that is unstable without stiffness.
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
-# Relative speed of the device after the touch, m/s; forces stay below 1 N.
-TOUCH_SPEED = 2e-3
+# Relative speed of the device after the touch, m/s: commands stay within the device's limits, slew
+# included, also at the stiffest walls; rounding is four orders of magnitude below it.
+TOUCH_SPEED = 2e-5
 # m/s; a decaying oscillation stays near the speed of the touch.
 LOST_SPEED = 20.0 * TOUCH_SPEED
 # The rules are for a device in continuous time. Semi-implicit substeps shorten the hold by
