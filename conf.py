@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The documentation as a site: ``make docs`` builds it, with warnings as errors.
 
 Sources are the Markdown files here and in ``docs``, which are written to be read without Sphinx

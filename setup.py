@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Packaging for pip and for colcon. Version, maintainer and licence come from package.xml."""
 
 from pathlib import Path

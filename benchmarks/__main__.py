@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``python -m benchmarks``: what developers measure about the package."""
 
 from __future__ import annotations

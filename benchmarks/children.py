@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Processes that a benchmark starts: where their output goes, and what they tell in JSON."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What contacts cost in a step: a pair out of reach, points on a floor, MuJoCo beside.
 
 ``python -m benchmarks.contacts``: CPU times of calls from Python, a period each, taken in turn

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What becomes of public descriptions of mechanisms: ``python -m benchmarks.descriptions DIR...``.
 
 Each file is read as a scene, its kinetic energy at random rates is compared with that of MuJoCo

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``python -m benchmarks.drivers``: what is felt through drivers that speak CRTK only.
 
 A hand pushes a body that a driver simulates, and that knows of the graph what a driver knows. The

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What Linux says of processes and of the whole machine, in /proc."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Readable implementations that kernels are compared with, from the tests of this source tree."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Hold a running mechanism elsewhere: on a link, at an offset in its frame.
 
 Start a graph first (`hapticmech run five_bar`), then:

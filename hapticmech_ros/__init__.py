@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Feel virtual mechanisms: their inertia, their joints and their contacts.
 
 The names in ``__all__`` are the public API of the numerical core; none of them needs ROS or a

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The command ``hapticmech``, also as ``python -m hapticmech_ros``."""
 
 import sys

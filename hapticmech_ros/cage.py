@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Work on files of strangers in a child process with limits on memory, time and what it writes.
 
 Readers of large formats are libraries that trust what they read: a wrong token can make them take

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Numbers of processors as Linux writes them: ``0,2-3``."""
 
 from __future__ import annotations

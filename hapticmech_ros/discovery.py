@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Who can find a graph: processes on this machine, unless somebody asks for more. Imports no ROS.
 
 What ROS calls ``LOCALHOST`` is done here by a profile of Fast DDS that binds its sockets to the

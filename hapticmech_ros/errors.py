@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """One exception family. Every error carries the offending value and the rule it broke.
 
 Users catch :class:`HapticMechError` to catch all of ours; the attributes are there for programs,

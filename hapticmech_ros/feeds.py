@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a recording can feed into a graph in lockstep."""
 
 from __future__ import annotations

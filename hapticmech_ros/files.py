@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Opens what a path names only if it is a regular file of bounded size, and never waits for one.
 
 A device has no end, a pipe has no beginning, and either can stand where a file is expected: every

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Text that somebody else wrote, taken apart by parsers in a child process with limits.
 
 LibYAML and expat are C: what one of them does wrong with a damaged text ends the child and not a

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The graph as processes: starts the nodes, watches them, and always ends them. Imports no ROS."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Whether the Python packages that this one needs are installed, and new enough.
 
 pip sees to it; colcon and rosdep do not, and distributions have older versions of some. Without a

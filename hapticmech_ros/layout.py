@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Flat arrays of numbers as named fields, one after the other: what messages and kernels hand on.
 
 A layout is written down once. Where a field is, how long the array is, what labels a message has

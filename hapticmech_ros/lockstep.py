@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A graph that advances by messages and /clock instead of by time: repeatable to the bit.
 
 As fast as the machine can; equal to :class:`~hapticmech_ros.session.Session`. Inputs of a recorded

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rotations: as quaternions, in a way that leaves nothing behind, and of wrenches and twists."""
 
 from __future__ import annotations

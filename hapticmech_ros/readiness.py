@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Processes tell who started them that they are up, and how they are: sd_notify(3), as services do.
 
 What a node is doing is its ``STATUS``, which ``systemctl status`` shows, and with figures an ``X_``

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Selective replay: a recorded session's inputs, fed into a live graph in lockstep.
 
 What comes out is recorded, and can be compared with what was recorded then.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rotations inside kernels: products, exponential, logarithm, quaternions.
 
 Matrices are (3, 3), vectors (3,), quaternions (4,) x, y, z, w. Formulas and conventions are those

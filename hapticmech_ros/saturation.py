@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Limits of force and torque of a wrench."""
 
 from __future__ import annotations

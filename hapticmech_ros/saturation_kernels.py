@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The limit of a force or a torque inside kernels, as :mod:`saturation` has it."""
 
 from __future__ import annotations

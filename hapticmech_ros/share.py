@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where the package's own files are: in the source tree, or in the share folder of a prefix."""
 
 from __future__ import annotations

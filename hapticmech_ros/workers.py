@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Processes that share work, and end with the one that started them."""
 
 from __future__ import annotations

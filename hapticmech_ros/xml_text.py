@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Takes XML apart into plain elements with their lines: bounded, and without entities."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Reads YAML that somebody else wrote: in time that grows with its length, into plain values.
 
 LibYAML takes the text apart (PyYAML's own parser does where that was built without it); what

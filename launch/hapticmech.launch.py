@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The graph of nodes, for ROS 2 installations with launch.
 
 ros2 launch hapticmech_ros hapticmech.launch.py scene:=five_bar composed:=true rviz:=true

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What all tests share: developers' tools are found, and texts are taken apart without a child.
 
 The tools are those in benchmarks/, which are not installed. A child takes a tenth of a second for

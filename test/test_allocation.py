@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Ticks leave nothing behind: what a tick allocates is freed by the next ones, and is little.
 
 ``tracemalloc`` sees what Python and NumPy allocate; what kernels allocate inside is theirs, and is

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What researchers use from Python: joints by name, columns of runs, changed scenes, reprs."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Work in a child: its limits hold, and how it ended is told in a sentence."""
 
 import os

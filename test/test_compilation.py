@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Kernels: what they may do, what is compiled of them, and that a change in any file is seen."""
 
 import ast

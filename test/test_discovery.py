@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Nobody finds a graph from the network, unless its user asked for that."""
 
 import os

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The documentation as a site: every page is in it, every link leads somewhere, nothing warns."""
 
 from __future__ import annotations

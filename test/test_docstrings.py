@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Docstrings of public functions: shapes of arrays, results, and errors that are raised."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Files of strangers are opened only where they are regular, and of bounded size."""
 
 import os

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Texts of strangers are taken apart in a child, and say there what they say here."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is missing or too old is named at the start, in one sentence; versions agree everywhere."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The launch file, with stand-ins for launch: neither launch nor launch_ros is on PyPI."""
 
 from __future__ import annotations

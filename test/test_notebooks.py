@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The notebooks of examples/: each runs from its first cell to its last, and was saved unrun."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The package as its users get it: `pip install`, `colcon build`, `ros2 run`, an ament index.
 
 Nothing here is skipped where a tool is missing: without it the package is not known to install.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Who is up says so by the protocol of systemd, and is known by what the system says of it."""
 
 import os

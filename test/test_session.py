@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Whole sessions of the shipped scenes: what the experiment must show, repeatable to the bit."""
 
 from functools import cache

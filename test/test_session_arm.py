@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """An arm's mass, a force sensor and the force channel: a loop whose factor per period is known."""
 
 import numpy as np

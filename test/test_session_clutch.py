@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The clutch slips while device and mechanism come to one velocity; forces act at once."""
 
 import numpy as np

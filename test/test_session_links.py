@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Wrenches on links in a session: the same as elsewhere where both can be had."""
 
 from __future__ import annotations

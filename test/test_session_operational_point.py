@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Holding a mechanism elsewhere while it runs: no bump on the device, and the new place is felt."""
 
 from functools import cache

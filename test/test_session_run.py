@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Many ticks in a call: the same numbers as one by one; and what is written in Python."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Workers share work, are prepared, and do not outlive a parent that is killed."""
 
 import os

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """YAML of strangers: the core schema of YAML 1.2, within limits, in time linear in its length."""
 
 import math

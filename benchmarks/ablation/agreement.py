@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Before anything is timed: kernels and the readable implementation give the same, to rounding."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the times say: cost of each feature, and whether what is not used costs anything."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A session's tick with a clock between its parts."""
 
 from __future__ import annotations

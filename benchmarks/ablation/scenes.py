@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Scenes from the smallest one upwards, each with one feature more; and pairs, with and without."""
 
 from __future__ import annotations

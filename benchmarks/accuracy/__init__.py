@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Accuracy: mechanisms whose motion is known, as scenes, with the values they have to reproduce."""
 
 from benchmarks.accuracy.cases import Case, Output, cases

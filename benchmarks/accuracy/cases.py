@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Cases: a scene, how long it runs, and what has to come out of it. Nothing is simulated here."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Crossings of branches, passed many times: ``python -m benchmarks.accuracy.crossings``.
 
 A sample lands at a random distance from a position where branches of a mechanism's motion cross,

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Long runs: what adds up over an hour, and whether a branch is kept for a minute."""
 
 from __future__ import annotations

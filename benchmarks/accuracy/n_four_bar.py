@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Benchmark A02 of any size: parallelograms in a row, which fall in line again and again."""
 
 from __future__ import annotations

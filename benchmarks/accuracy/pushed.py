@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Scenes pushed ten times as hard as by their hands: ``python -m benchmarks.accuracy.pushed``.
 
 What the hand of a shipped scene does to the mechanism in the experiment is done to it again and

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Runs of the accuracy benchmark: a case by an integrator at a step, compared and timed."""
 
 from __future__ import annotations

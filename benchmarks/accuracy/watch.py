@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the watch on every step costs: ``python -m benchmarks.accuracy.watch``.
 
 Two sessions of a scene, with and without it, run in turn; their results are compared first.

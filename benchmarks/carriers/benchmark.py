@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The benchmark of carriers: a message to another process of the host, and its answer."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Carriers of messages between two processes of one host: each has two ends, one for each process.
 
 An end is made in its process, after the fork: what a library keeps for a process is not shared.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the bare graph publishes: on every topic a message of the scene's own, with a stamp put in.
 
 Values are a session's, so each message has the type and the bytes' number of the real one.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The bare graph: the same processes, topics, messages, rates and QoS, and nothing in between.
 
 What the middleware and rclpy cost by themselves, for `python -m benchmarks graph`. Nodes have the

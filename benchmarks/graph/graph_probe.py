@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Tells its parent what the nodes of a graph say of themselves, a line of JSON for each status.
 
 It subscribes to /diagnostics alone, a few messages a second: what it watches it hardly disturbs.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the graph's benchmark runs, and in which order."""
 
 from __future__ import annotations

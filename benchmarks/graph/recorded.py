@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a run's bag tells: hops as the recorder saw them, messages lost, and their sizes."""
 
 from __future__ import annotations

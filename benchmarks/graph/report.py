@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The graph's benchmark shown: sheets of a configuration, and a figure of all."""
 
 from __future__ import annotations

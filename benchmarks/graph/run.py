@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """One run: start a graph, wait until it works, watch it for a window, and say what was seen."""
 
 from __future__ import annotations

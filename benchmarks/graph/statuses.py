@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What nodes say of themselves, what two of their statuses say of the time between, percentiles."""
 
 from __future__ import annotations

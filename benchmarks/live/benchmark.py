@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The benchmark of the live page: pictures a second of every scene, and from mouse to force."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Chromium without a window, over its DevTools protocol: what tests and benchmark need of it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A live page that is served by this process, and what its session tells meanwhile."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The memory benchmark: the resident size of a session and of the graph's nodes, over time."""
 
 from __future__ import annotations

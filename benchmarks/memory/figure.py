@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The memory benchmark's picture: growth of each process over time."""
 
 from __future__ import annotations

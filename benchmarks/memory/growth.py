@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Memory of processes over time: samples, and what they say."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The real-time benchmark: the graph with what a machine grants and without, idle and busy."""
 
 from __future__ import annotations

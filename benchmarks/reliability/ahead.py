@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A process that stands for hardware comes before the nodes, as hardware does."""
 
 from __future__ import annotations

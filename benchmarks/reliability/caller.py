@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A client of the device's emergency stop, in this process."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Publishes /clock at 1 kHz: what this process takes for the time of day.
 
 With the stepped clock in its environment it is a simulator's clock that jumps on command.

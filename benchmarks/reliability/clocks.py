@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Part ``clocks``: steps of the machine's clock, of one host's clock, and of /clock."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Listens to a device where the device is: every sample's force, its energies, its diagnostics.
 
     python -m benchmarks.reliability.device_watch FILE

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Part ``disk``: a recorder fills its disk, where the nodes write their logs too.
 
 The recorder says so and ends, what it wrote can be repaired, and the graph renders on.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Part ``doubles``: a second node of each kind, which joins before the graph's own or after it.
 
 The one who joins last is the newcomer. Within 20 ms of its first message there is to be no force,

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """An emergency stop after a clock was stepped: zero has left before it answers."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A network between two hosts that are none: two network namespaces and a forwarder between them.
 
 Needs Linux, root (CAP_NET_ADMIN, CAP_SYS_ADMIN) and ``ip``; no kernel module beyond veth. The

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Who else on the network is heard: a meddler on another host, beside a graph started as usual.
 
 A node of the graph's own host looks on: it must see the graph, so that nothing seen from the other

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The actors of a graph in one thread, on a host that is no node: no middleware, no clock.
 
 Time goes on when it is told to, and every message that an actor sends is looked at.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a part of the campaign found: one figure, its limit, and whether it was kept."""
 
 from __future__ import annotations

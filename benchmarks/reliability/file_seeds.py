@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Good files of every kind that the package reads, which mutants are made of."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Makes mutants and reads each as the package would; a parent tells which, and watches.
 
 A line of standard input is a number; the answer is a line of JSON. Which file is changed, and how,

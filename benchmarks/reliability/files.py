@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Mutants of every kind of file that the package reads: crashes, hangs, tracebacks, memory.
 
 python -m benchmarks.reliability.files [NUMBER] [OUT]

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a device's actuators did while somebody sent what nobody should: never more than they may.
 
 Of a device that is at zero all the while this says nothing: how often it had force is counted too.

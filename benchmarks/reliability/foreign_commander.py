@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Somebody else who commands the device, at 1 kHz: servo_cf with empty stamps, or gains alone.
 
 Usage: ``python foreign_commander.py FX FY FZ TX TY TZ`` commands a constant wrench (N and N m), and

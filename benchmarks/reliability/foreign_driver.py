@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Somebody else's CRTK driver: publishes a device that stands still, and obeys servo_cf.
 
 Tells ``first`` with the monotonic time of its first sample.

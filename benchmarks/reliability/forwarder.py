@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The process in the middle of an emulated network: holds, drops and reorders IP packets.
 
     python -m benchmarks.reliability.forwarder DEVICE_END REST_END

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Topics on which anybody may speak: pushes, and where an operational point is.
 
 On the others a stranger is a second publisher, and the device is at zero for that alone.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Part ``freezes``: each node stopped (SIGSTOP) for 0.05 to 2 s, and let go on (SIGCONT)."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A disk of a few megabytes, and full when asked for. Needs root, as mounting does."""
 
 from __future__ import annotations

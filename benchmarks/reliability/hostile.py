@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Messages that nobody should send: any bytes, and any numbers, by chance that repeats."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """How much a process keeps of each message that it hears: memory against messages."""
 
 from __future__ import annotations

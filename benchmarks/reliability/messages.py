@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Messages that nobody should send, at every topic that a node hears: in process, and on the wire.
 
 In process all actors share a thread and a made-up time, so that a million messages take minutes and

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Mutants of files: changes that a seed decides, from single bits to what is known to do harm."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The graph over a real path: delay, jitter, loss, reordering, outages, clocks that differ."""
 
 from __future__ import annotations

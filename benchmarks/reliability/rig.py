@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The set-up of every trial: a graph, a watcher outside it, and what a clean run does."""
 
 from __future__ import annotations

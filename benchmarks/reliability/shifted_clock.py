@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A node on a host whose clock is wrong.
 
 python -m benchmarks.reliability.shifted_clock SECONDS NODE [--ros-args ...]

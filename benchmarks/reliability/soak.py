@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Part ``soak``: the graph renders for an hour; nothing of its processes grows."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A graph on both sides of an emulated network, and what its device went through."""
 
 from __future__ import annotations

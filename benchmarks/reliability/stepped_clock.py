@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A clock of the day that a test steps: of one process, of one host's, or of all.
 
 The processes load a small library before the C library (LD_PRELOAD) that adds an offset to

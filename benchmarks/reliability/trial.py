@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """One fault and what the device did about it, read from what the watcher saw."""
 
 from __future__ import annotations

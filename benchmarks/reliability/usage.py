@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a process holds, as Linux tells in /proc, and whether that grows."""
 
 from __future__ import annotations

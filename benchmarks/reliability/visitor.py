@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A ROS 2 node of anybody's: sees what it finds of a graph, and meddles with it if told to.
 
 ``python -m benchmarks.reliability.visitor SECONDS [--meddle]``; prints what came of it as JSON.

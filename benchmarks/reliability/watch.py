@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Watches a graph from outside: every control message, when it arrived, and what nodes say.
 
 Usage: ``python watch.py RING [POINT]``; with a point it also listens to the mechanism's

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The same messages on the wire: as bytes, through the middleware, to a graph of real processes.
 
 Once on all topics. Most have an owner, and the device is at zero while there are two publishers: so

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The session benchmark: what a tick costs, call by call and in a run, beside MuJoCo's step."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a simulator has to offer to take part: restart, advance, read."""
 
 from __future__ import annotations

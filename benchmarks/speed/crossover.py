@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where a sparse factorisation begins to pay: ``python -m benchmarks.speed.crossover``.
 
 Both factorisations of the same mechanism do the same steps in turn; their ends are compared first.

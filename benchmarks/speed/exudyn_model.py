@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A scene as an Exudyn system: a kinematic tree in joint coordinates, closures as its joints."""
 
 from __future__ import annotations

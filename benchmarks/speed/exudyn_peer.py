@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Exudyn as a peer: generalized-α for what is closed, an explicit rule as well for what is open."""
 
 from __future__ import annotations

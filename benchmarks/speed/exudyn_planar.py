@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A planar scene as an Exudyn system of rigid bodies in the plane: three coordinates each."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Work against precision: each peer's best runs, and what an error costs along them."""
 
 from __future__ import annotations

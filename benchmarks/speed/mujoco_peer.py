@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """MuJoCo as a peer: its own loop over steps, closures as stiff as they stay stable."""
 
 from __future__ import annotations

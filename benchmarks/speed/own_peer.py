@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """This package as a contender: ``Simulator.run``."""
 
 from __future__ import annotations

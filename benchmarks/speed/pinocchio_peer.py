@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Pinocchio as a peer: its dynamics under the classical Runge-Kutta rule, in a lean loop."""
 
 from __future__ import annotations

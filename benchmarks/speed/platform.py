@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A platform on sprung legs, as a passive isolator: on six, Stewart and Gough's."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is raced: scenes, how long they run, what is compared, and the steps worth a run."""
 
 from __future__ import annotations

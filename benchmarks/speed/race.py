@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A race: every peer's methods at several steps, compared once and then timed in turn."""
 
 from __future__ import annotations

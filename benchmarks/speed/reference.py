@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Reference motions by other means than this package's dynamics and integrators.
 
 Rows of parallelograms are one equation for one angle. The others are Pinocchio's dynamics under an

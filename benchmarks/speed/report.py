@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The speed benchmark shown: sheets, and error over CPU time, a panel for each scene."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """One run in a race: a peer's method at a step, what it found and what it cost."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a step costs over size: rows of parallelograms, chains, and platforms on many legs."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a haptic tick costs: a state evaluated and the point held analysed."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Comparison of the architecture with simpler rendering methods, for the same hand motions."""
 
 from __future__ import annotations

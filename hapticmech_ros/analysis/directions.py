@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Constrained and free directions of a scene at its start, in the metric's unit."""
 
 from __future__ import annotations

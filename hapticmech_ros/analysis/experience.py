@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Drift, penetration, contact force and energy during a scene's own experiment.
 
 Energy is counted at the port between hand and device:

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Search for a stability limit by bisection on a logarithmic scale."""
 
 from __future__ import annotations

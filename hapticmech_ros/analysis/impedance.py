@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Felt over desired impedance of a session, along the free directions of a mechanism.
 
 A small multisine wrench acts on the device of a session and, in a second run, on the operational

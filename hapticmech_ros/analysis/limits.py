@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Stability limits of scenes: Z-width, M-width, penetration, and results of the experiment."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Figures of Z-width and M-width, measured and predicted."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Linear discrete-time model of a session's loop, with the mechanism's position frozen.
 
     device   (Λ_d + M_a) ẍ = F_s + u - D ẋ,      F_s = -K_s x - B_s ẋ

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A mechanism as its operational point shows it for small motions: x⁺ = A x + B F, y = C x.
 
 x holds θ and v in coordinates that the closures leave free and that are orthonormal in the mass

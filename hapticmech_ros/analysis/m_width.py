@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """M-width: the lightest and the heaviest mechanism that a device renders stably.
 
 The mechanism's inertias are scaled, and with them the felt inertia X⁻¹. The hand is a mass rigidly

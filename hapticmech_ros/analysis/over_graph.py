@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Felt impedance over a graph of nodes, with a scripted hand and a recorded device.
 
 The twist of the device is fitted at the excitation's frequencies, also if a busy machine missed

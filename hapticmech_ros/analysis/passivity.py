@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Passivity trials: energy at the hand's port over connections with delay, jitter and loss.
 
 A trial is a run of a scene with a device, a hand and a connection. The hands are those of the

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rendering methods that are compared: the architecture with and without constraints, and proxies.
 
 Architecture and proxy are both used with two pairs of gains: the scene's own joint-constraint

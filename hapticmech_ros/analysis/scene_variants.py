@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Copies of scenes with one change: gains, rate, hand, device or inertias."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rules of the literature for a sampled virtual wall of stiffness K and damping B with a hold.
 
 They apply to one degree of freedom of mass m and physical damping b, held by any passive user. None

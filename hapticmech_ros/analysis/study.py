@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Common protocol of studies and benchmarks: results, and their files, tables and figures.
 
 A study defines its results, tables and figures. Writing, printing and the exit code are common to

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Stability test of a session: the response to a short push must decay.
 
 The device is pushed for one period ("touched"). The response of the same session without the push

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Transparency: felt over desired impedance of scenes, for both loops and several delays."""
 
 from __future__ import annotations

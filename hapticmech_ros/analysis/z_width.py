@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Z-width: the stiffest stable joint constraint over its damping.
 
 Position channels are off, so that the wall alone is tested: along the constrained directions n_i

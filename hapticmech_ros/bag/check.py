@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Whether a bag is whole: every message decodes, stamps increase, nothing is missing in between."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Compares two bags: what came out with what was recorded."""
 
 from __future__ import annotations

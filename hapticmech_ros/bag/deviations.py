@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """How far the messages of one topic deviate, field by field, over pairs of messages."""
 
 from __future__ import annotations

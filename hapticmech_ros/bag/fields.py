@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A decoded message as named rows of numbers, whatever its type, and how far two of them differ."""
 
 from __future__ import annotations

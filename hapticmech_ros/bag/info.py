@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is in a bag, without reading its messages."""
 
 from __future__ import annotations

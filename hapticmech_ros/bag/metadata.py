@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The ``metadata.yaml`` of a rosbag2 folder, version 9, as ROS 2 Jazzy writes it.
 
 While a bag is being recorded its metadata says so under ``custom_data``, which rosbag2 ignores.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What publishers offer, as rosbag2 writes it down: for each topic of this package; read back.
 
 A player gives these profiles to its own publishers, so latched topics stay latched on replay.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Reads rosbag2 files: what is in them, and their messages in order of time."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Makes a new, complete bag from what can be read of a damaged or unfinished one.
 
 A child process with limits reads it: nobody knows what became of its bytes.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is left of a damaged storage file: every whole message, up to where the file breaks off."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Reads an mcap file front to back without its index, which a killed writer never wrote.
 
 Records are: kind (1 byte), length (8 bytes), content. Messages are inside chunks, or loose; see

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Reads an SQLite storage file whose writer may have been killed, without touching the original."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Which messages of a bag to play, and in which order: latched ones first."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The sender's stamp of a serialized message, read without decoding the message.
 
 Stamped are messages whose first field is a header or a time, and the flat arrays of this package,

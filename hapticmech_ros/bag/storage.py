@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Storage files of a bag, one mcap or SQLite file each, that survive the death of their writer.
 
 After :meth:`flush` all that was written is the operating system's, and a kill does not lose it.

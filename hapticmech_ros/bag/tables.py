@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a bag's SQLite file says, read on the understanding that its tables are plain ones.
 
 Views, triggers, virtual tables and computed columns run code of the file's author, which need not

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The clock of a replay: which bag time it is, at which rate, and whether it stands still."""
 
 from __future__ import annotations

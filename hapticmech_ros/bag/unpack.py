@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Unpacks what is compressed in bags, to no more than it may become.
 
 200 kB can unpack to many gigabytes. What a file says of its own size is not believed.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The library's reader, with readers of storage files that cost what is wanted of them.
 
 They believe nothing that a file says of itself: its sizes, its names, its types.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Reads the wanted topics of an mcap file at the cost of these topics.
 
 The library takes every record of a chunk apart before it looks whether anybody wants it, which

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Opens an SQLite file of a bag without believing it, and of a folder without counting messages.
 
 The library counts them by topic whenever it opens a file, which reads all of it; of a folder the

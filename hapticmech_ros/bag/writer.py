@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Writes rosbag2 folders from serialized messages: one file, or several by size or duration."""
 
 from __future__ import annotations

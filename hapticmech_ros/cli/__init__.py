@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The ``hapticmech`` command: a file per family of sub-commands."""
 
 from __future__ import annotations

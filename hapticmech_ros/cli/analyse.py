@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech analyse`` and ``sweep``: what is felt over a recording, or over a motion."""
 
 from __future__ import annotations

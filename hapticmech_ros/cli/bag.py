@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech bag``: record, play, info, check and repair."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where the command line prints, and the options that its commands share."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech device``: real devices that a scene can name."""
 
 from __future__ import annotations

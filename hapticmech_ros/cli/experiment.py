@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech demo`` and ``hapticmech experiment``: the experiment with and without ROS."""
 
 from __future__ import annotations

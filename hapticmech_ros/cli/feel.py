@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech feel``: transparency, stability limits and passivity of scenes on their devices."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech run``, ``topics``, ``policy`` and ``parameters``: the graph of nodes, its tables."""
 
 from __future__ import annotations

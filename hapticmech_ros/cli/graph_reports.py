@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """How a running graph is, and how it was: one line meanwhile, a table at the end."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech live``: a page on which a scene moves, and is moved with the mouse."""
 
 from __future__ import annotations

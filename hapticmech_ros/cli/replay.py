@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech bag replay``: recorded inputs into a live graph, and what comes out of it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech scene``: what a scene is, before it runs."""
 
 from __future__ import annotations

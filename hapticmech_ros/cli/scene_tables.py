@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Lists, checks and plans of scenes as lines and tables for a terminal."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Options that studies share, and what the command line does with their results."""
 
 from __future__ import annotations

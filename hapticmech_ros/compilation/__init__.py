@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Compiled functions over small arrays: how they are declared, built, kept and loaded."""
 
 from hapticmech_ros.compilation.arrays import local, local_whole, put, shaped

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Room for kernels to work in, and other shapes of the same numbers.
 
 Here as plain NumPy, for functions of kernels that are called as they are; in a kernel they are what

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Compiles kernels into objects of machine code, several at once.
 
 Numba makes LLVM's intermediate language of each kernel, as of a callback for C (``numba.cfunc``),

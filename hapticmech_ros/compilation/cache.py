@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where compiled kernels are kept: one folder per content of the kernels' files.
 
 Numba itself would not see that a function called by a kernel from another file has changed.

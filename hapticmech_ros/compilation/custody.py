@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Who else may write where kernels are kept: what is loaded runs with all that its user may do.
 
 The rules are those of ssh's StrictModes. A folder, or a file in it, belongs to this user or to

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Kernels: functions over small arrays that are compiled once and kept on disk.
 
 The calls of NumPy and SciPy that a tick makes cost a microsecond each and compute for a few

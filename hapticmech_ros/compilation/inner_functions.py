@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Functions that kernels call, each translated once for the types it is called with.
 
 Numba alone would put a copy of every function, and of all that this calls, into each that calls

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The library of compiled kernels: found, built once, and loaded without Numba.
 
 It is a file of objects, machine code for this processor, which LLVM (through llvmlite) puts into

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What Numba has to be taught to compile kernels: structures, room on the stack, arrays of callers.
 
 Only the processes that build the library import this. It uses what Numba documents for extensions

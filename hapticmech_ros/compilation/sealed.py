@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A file that is used only as it was written: whole, by whom it should be, and unchanged.
 
 Beside it stands its seal, a few lines of JSON: size, SHA-256, and what it was made from. What is

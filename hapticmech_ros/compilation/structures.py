@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Structures that kernels hand around: two arrays, and parts of them that are found when asked for.
 
 A kernel's functions would pass each array of a named tuple by itself, seven numbers an array, from

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What of a shape lies on another: below a plane, over a face, or along an edge.
 
 Points are put into ``above`` (64, 3), m, world, with their ``depths`` (64,) below the surface.

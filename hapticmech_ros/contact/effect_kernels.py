@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the forces at points of contact do to the links that touch, and in the joints."""
 
 from __future__ import annotations

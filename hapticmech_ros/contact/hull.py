@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Convex polytopes: vertices and flat faces, of boxes and of hulls of points."""
 
 from __future__ import annotations

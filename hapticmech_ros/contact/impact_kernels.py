@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Impacts: the law at points of contact whose normal motion is more than that of a body at rest.
 
 What rests is held by forces that are implicit in the rates at a step's end; these damp by k h, so

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Contacts of a mechanism as kernels take them: model and data, in two arrays.
 
 Made once with the mechanism. The model is what the scene says: shapes, pairs, laws. The data is

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The contacts of a mechanism as arrays for kernels, and their points as objects."""
 
 from __future__ import annotations

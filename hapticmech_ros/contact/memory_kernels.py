@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Parts of kernels: the points of contact at a period's start, in case it is not completed."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Convex hulls of meshes in files, which a child process with limits reads.
 
 The files are not trusted, the library that reads them does not check them, and they may have

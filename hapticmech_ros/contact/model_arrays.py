@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Model and data of a scene's contacts as the arrays that kernels take."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Broad phase: where all shapes are, and which declared pairs are near enough to touch in a step.
 
 Bounding boxes along the world's axes, widened by how far a shape can come in the time ahead.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Nearest points of two bounded shapes, by coal (GJK and EPA).
 
 The only file that makes coal's objects.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Forces at all points of contact at once: Newton's rule on the law, with its corners.
 
 The law at a point says that its impulse u stays as it is when it is pushed on by what is wrong with

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """How fast two bodies move against each other where they touch."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Shapes inside kernels: where they are, how far they reach, and their faces, edges and corners.
 
 A shape is a row of whole numbers and one of floats. Poses are kept as twelve numbers: the axes of

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Forces at the points of contact, implicit in the rates that they lead to.
 
 With λ at every point held over a step h, relative rates of points become v⁺ = v_free + h G λ,

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A period of a mechanism that touches things, in one call.
 
 Forces at the points first, at the step's start and implicit in the rates at its end; then the

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Periods of a mechanism that touches things, by a kernel that calls for what it cannot do itself.
 
 That is the search for nearest points of two bounded shapes, steps that need care, and those that

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where two shapes touch: at most four points, each with its own depth.
 
 Shapes touch along a normal. Where a face of one of them has that normal, the other's face, edge or

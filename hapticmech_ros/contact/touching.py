@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What touches, and how: the points of contact of a mechanism at one time."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The controllers of Fig. 3, and the architecture that joins them."""
 
 from hapticmech_ros.control.architecture import ControlArchitecture

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The controller's side of the rendering loop in kernels: energies, and what the mechanism is told.
 
     E_m   = ∫ f · v dt                       given to the mechanism at its operational point

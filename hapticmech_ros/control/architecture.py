@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 3: the three controllers joined, from measurements to the wrenches of both sides."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The connection between device and controller: late, uneven and lossy messages, for tests.
 
 What is sent, and what arrives of it, is in :mod:`~hapticmech_ros.control.channel_kernels`.

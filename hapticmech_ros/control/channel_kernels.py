@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """One direction of a simulated connection in kernels: messages that are late, uneven, and lost.
 
 A message of number n that is sent at t arrives at t + d (1 + j u), with u evenly spread between -1

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The clutch between the device and the operational point, as in teleoperation.
 
 A device may be anywhere in its workspace when rendering starts. The clutch offset is the pose of

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The delay τ of a loop that ``operational/delay_compensation`` compensates for.
 
 A command computed from a state acts d periods later, on average half a period longer for being

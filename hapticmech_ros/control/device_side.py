@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a device does with a command before its actuators give it: safety, and passivity."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The device's side of the rendering loop in kernels: commands corrected, then held to passivity.
 
 A command answers a sample of some time ago. With G, K and B as it comes with them

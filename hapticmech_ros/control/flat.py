@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Measurements as flat arrays: what travels between nodes, and what controllers read.
 
 A device's sample is laid out as :data:`~hapticmech_ros.layout.DEVICE_SAMPLE` (19,), what the

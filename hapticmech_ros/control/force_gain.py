@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a command would be for another hand wrench: the force channel, closed in the device.
 
     u = u(F_h') + G (F_h - F_h'),      G = (1 + C6) Λ_d X - 1 + (1 - β) Π

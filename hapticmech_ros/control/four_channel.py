@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Four-channel teleoperation controller (Lawrence; Hashtrudi-Zaad and Salcudean).
 
 On the device, and on the mechanism:

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """From one set of gains to another, without a bump."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The controllers of Fig. 3 as one kernel, from flat measurements to wrenches.
 
 What a scene and a clutch fix is laid out as

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Measurement of the loop's delay at run time, and gains adapted to it.
 
 The device measures the round trip with its own clock, from sending a sample to receiving the

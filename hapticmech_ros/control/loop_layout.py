@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the rendering loop remembers between samples: arrays that its kernels work on.
 
 The controller's side and the device's side have one array each, which belongs to whoever runs that

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Delay margin and gain margin of a scene's springs and dampers, exact for the sampled loop.
 
 With positions frozen, the error between device and operational point obeys

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What goes into the controllers of Fig. 3 and what comes out, in one control period."""
 
 from __future__ import annotations

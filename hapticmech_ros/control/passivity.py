@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Time-domain passivity at the device: it gives back no more than it has got.
 
 After Hannaford and Ryu (2002), for a device whose commands are held over a sample. The actuators

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Poses inside kernels: the logarithm, and the error between device and operational point.
 
 Control laws in Python have :mod:`~hapticmech_ros.control.clutch` and

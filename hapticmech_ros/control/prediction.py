@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Carries a measured pose on to another time, so that poses of different times can be compared.
 
 What the hand did acts on the mechanism some periods later than on a device that corrects commands

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What acts on device and mechanism over a period: what is on the way, and both sides' share."""
 
 from __future__ import annotations

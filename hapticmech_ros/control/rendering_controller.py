@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the controller does with a sample: through the connection, answered, and back through it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Gains by one name each, as parameters of a node give them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The simulated impedance device and the hand that holds it."""
 
 from hapticmech_ros.device.build import device_for

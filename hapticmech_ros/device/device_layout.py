@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a simulated device is, and its state: arrays that its kernels work on."""
 
 from __future__ import annotations

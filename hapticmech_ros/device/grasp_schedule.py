@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """When a hand holds the device, and how much of its own mass then moves with it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The scene's hand as numbers that kernels read, and the law of a hand of one's own.
 
 What the laws compute is in :mod:`~hapticmech_ros.device.hand_kernels`; when a hand holds, and its

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The hand's laws: a push, or a spring and damper to a target; a wrench by a script; tremor.
 
 A target goes from waypoint to waypoint with minimum jerk, from where the hand took hold. What the

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is known of the hand at a device that somebody else drives."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Simulated impedance-type device: a rigid body between hand and actuators, sampled and held.
 
 :mod:`~hapticmech_ros.device.kernels` says what moves it.

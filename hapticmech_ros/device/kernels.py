@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A period of the simulated device in one kernel, or a kernel for each of its substeps.
 
     (Λ_d + Λ_a) ẍ = F_s + F_o + u + w - b ẋ - f

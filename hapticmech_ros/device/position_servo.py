@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The impedance between a device and a pose that it is commanded to."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a session asks of a device: of the simulated one, and of one of one's own in Python."""
 
 from __future__ import annotations

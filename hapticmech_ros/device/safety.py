@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Last before a force leaves: what a device gives of what it is told to give.
 
 A command within all limits passes unchanged, to the bit. Else, in this order: the outward part of

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The safety envelope in kernels: see :mod:`~hapticmech_ros.device.safety`."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the safety envelope of a device knows, as one array that its kernel works on."""
 
 from __future__ import annotations

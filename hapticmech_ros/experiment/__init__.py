@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's experiment (section 4): run or read it, summarise, compare, draw Fig. 5."""
 
 from hapticmech_ros.experiment.agreement import compare

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Deviations of a run of the graph from the session, its reference without ROS."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Topics of a bag that the experiment needs, with their full names."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Completeness of a record: start, end and pauses of each group of samples.
 
 If a recorder discovers a publisher late or a node stops early, averages over the record are

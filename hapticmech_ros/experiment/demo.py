@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's experiment over the graph of nodes: start, record, stop, and write the results."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 5a: number of virtual joint constraints over time, and the spectrum it is based on."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Common style of the figures; matplotlib's global state is not changed."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 5b: trajectories of the hand on the device and of the operational point."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 5c: virtual joint-constraint wrench on the user, and its expected value."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Writes the plots of Fig. 5."""
 
 from __future__ import annotations

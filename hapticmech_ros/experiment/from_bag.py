@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A record of the experiment from a bag of a graph of nodes.
 
 Times are the senders' stamps, not those of reception.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The experiment in one process: a record of a :class:`Session`."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Health of a graph of nodes: their last diagnostics in a bag."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Interpolation of orientations over time, and angles between unit quaternions (x, y, z, w)."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Reach of the operational point in a loop: the circle on which the links beyond are stretched."""
 
 from __future__ import annotations

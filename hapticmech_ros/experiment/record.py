@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Measurements of one run of the experiment, from a session or from a graph of nodes.
 
 Time is in s from when the hand starts to push. Quantities that are sampled together share a time

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The summary of a run as a short table for the terminal."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Samples of one topic of a bag, in order of their stamps."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Summary of the experiment for JSON. Keys contain their units; unknown values are None.
 
 The summary covers the time after the hand starts to push (t >= 0); changes of the count are listed

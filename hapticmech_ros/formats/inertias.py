@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Inertias that files say and no body has: mended where that is rounding, or said to be mended."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where the meshes are that a file names: by path, or in a package or model that has a name."""
 
 from __future__ import annotations

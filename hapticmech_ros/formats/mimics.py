@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Joints that mimic others: couplings, but where one of the two does not move."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """MJCF: bodies in bodies, the joints in each, and the equalities that close their loops."""
 
 from __future__ import annotations

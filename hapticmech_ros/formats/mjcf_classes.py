@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What MJCF says once for many elements: settings, classes of defaults, ways to say rotations."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Inertias that MuJoCo's own compiler gives bodies: of meshes and shells, which have several rules.
 
 MuJoCo, if it is installed, reads the file in a child process with limits, as others' files are not

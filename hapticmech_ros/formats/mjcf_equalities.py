@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Equalities of MJCF: connect and weld are closures, joints and tendons of two are couplings."""
 
 from __future__ import annotations

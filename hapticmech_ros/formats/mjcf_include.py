@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Includes of MJCF: what another file has stands where the element that names it is."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The inertia of a body in MJCF: as written, or that of its geoms."""
 
 from __future__ import annotations

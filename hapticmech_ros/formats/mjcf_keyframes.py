@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Keyframes of an MJCF file: named states, in the coordinates that a scene has."""
 
 from __future__ import annotations

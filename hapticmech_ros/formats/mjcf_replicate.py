@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Replicas of MJCF: ``replicate`` written out, with what refers to names in it.
 
 As MuJoCo's compiler does: replica k is turned by k times ``euler``, and offset from the one before

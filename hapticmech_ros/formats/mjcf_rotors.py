@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rotors of an MJCF file's actuators: what they add to the inertia of the joints they drive."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Geoms of MJCF that collide: where they are in their bodies, and how large."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What any of the formats says of a mechanism: bodies, joints, loop joints, and the rest.
 
 A joint carries a body from another; a body that two joints carry closes a loop.

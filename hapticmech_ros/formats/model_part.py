@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The part of a scene file that names the file which its links come from."""
 
 from __future__ import annotations

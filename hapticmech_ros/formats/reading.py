@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A scene whose links come from a file: ``model: robot.urdf`` beside what no such file can say."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """SDFormat: one model with those in it; a link that two joints carry closes a loop."""
 
 from __future__ import annotations

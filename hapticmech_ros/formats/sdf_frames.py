@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where the links, joints and frames of an SDFormat model are: each relative to another."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Gears of SDFormat: gearboxes between two hinges on one link, and axes that mimic others."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Models in models of SDFormat: their parts as those of one, by names such as arm::hand::finger."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Shapes that a file has for collisions: a scene has those of them that its contacts name."""
 
 from __future__ import annotations

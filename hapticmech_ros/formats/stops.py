@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What files do not say of starts, stops, friction and metrics, and a scene needs: by a rule."""
 
 from __future__ import annotations

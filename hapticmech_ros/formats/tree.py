@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """From bodies and joints to a scene's links: a tree from the world, and closures for the rest."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """URDF: links, joints, inertias, limits and what acts in joints; a scene file adds the loops."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Shapes of URDF: where they are in their links, and how large."""
 
 from __future__ import annotations

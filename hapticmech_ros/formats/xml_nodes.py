@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """XML files as plain nodes that remember their lines: bounded, no entities, numbers checked."""
 
 from __future__ import annotations

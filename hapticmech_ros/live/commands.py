@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the page tells the process that runs the session, and what it is told."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The spring by which the mouse drags: its stiffness, its damping, and how far it may pull.
 
 It is sampled at every tick, like a controller: stiffness and damping are bounded by the mass that

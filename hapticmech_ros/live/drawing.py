@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A picture as a page sends it: instances by body and by whether they can be grabbed, and lines."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the mouse has got hold of: where it is, how it moves, and the wrench of the drag on it."""
 
 from __future__ import annotations

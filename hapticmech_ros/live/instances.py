@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Shapes as instances of a few unit bodies: arrays that a page sends whole, one set for each body.
 
 An instance keeps its place in the arrays as long as its shape is drawn, so that what is grabbed at

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is drawn of a live session: shapes, hulls of meshes, and what of them can be dragged."""
 
 from __future__ import annotations

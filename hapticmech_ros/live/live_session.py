@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A session in real time that people change while it runs. It knows no clock: time is given.
 
 Ticks are never left out. What cannot be computed in time is done later; a session that is too far

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Whose mouse has got hold of what, and to where it pulls."""
 
 from __future__ import annotations

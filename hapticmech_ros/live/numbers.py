@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the page has as HTML: the numbers at its top, and quicker timers."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The page itself: all that is known here of viser, and nowhere else.
 
 What viser is told is told in its event loop: its messages are not safe to send from other threads.

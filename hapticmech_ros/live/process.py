@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The process in which a live session runs, and the pipe to it.
 
 It has a process of its own because drawing and serving a page would take the time that ticks need.

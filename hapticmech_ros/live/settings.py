@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What can be set on the page: gains while a session runs, hand and delay when it begins."""
 
 from __future__ import annotations

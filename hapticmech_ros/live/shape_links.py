@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Of which link a shape of the picture is, so that whoever grabs it drags that link."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a session went through as a bag: ``mechanism/state`` at every tick, as the nodes send it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a model's file draws of its links, as triangles: primitives, and meshes as their hulls.
 
 A hull has few triangles, which is what a browser without a GPU needs.

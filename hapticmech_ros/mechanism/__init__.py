@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Eq. 1: a scene's mechanism, its loop closures and dynamics, and steps of it.
 
 A mechanism is compiled once from a scene: Pinocchio's model of the tree (:mod:`model`,

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """From the authored pose to a consistent one: closures met, velocities tangent to them."""
 
 from __future__ import annotations

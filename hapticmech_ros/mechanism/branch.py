@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A branch of the motion at a singular position, known from points beside it.
 
 Where branches cross, and within rounding of that, the closures' rows do not say which directions

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Loop closures: residual φ, Jacobian W and bias Ẇv of each kind (docs/notation.md).
 
 Each residual is built from two blocks that are exact on the whole configuration manifold:

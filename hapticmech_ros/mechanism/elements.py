@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Springs, dampers, friction, stops and efforts: what they are, and their elastic energy.
 
 In a joint with coordinate q and rate v (docs/notation.md):

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """By how much the energy account of a step is off."""
 
 from __future__ import annotations

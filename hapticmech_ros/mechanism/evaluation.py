@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Terms of Eq. 1 of a mechanism, at a configuration and at a state."""
 
 from __future__ import annotations

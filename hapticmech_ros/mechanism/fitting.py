@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Loops that are written with about seven digits, fitted: they move as they were meant to.
 
 Where a loop has more rows than its motion needs, as a planar loop in space or Bricard's linkage,

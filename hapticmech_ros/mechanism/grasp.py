@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Operational points that are set while a mechanism runs: any link, any offset."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The linearly implicit rule ROS34PW2, for springs, dampers, friction and stops that are stiff.
 
 A Rosenbrock method with weights w, for y = (θ, v) and ẏ = f(y), solves per stage

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """D of a tree must be positive definite: its Cholesky factor, and the joints that move no mass."""
 
 from __future__ import annotations

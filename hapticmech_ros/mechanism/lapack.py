@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """SciPy's BLAS and LAPACK, loaded when the first of them is called.
 
 That takes a third of a second, which a node that starts again does not have, and kernels never call

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Which coordinates the closures of a mechanism move, loop by loop.
 
 A closure is about the joints on the path from one of its frames to the other, a coupling about its

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A mechanism: its model as constants for kernels, and its terms of Eq. 1 from a few of them.
 
 Pinocchio builds the model; kernels evaluate it.

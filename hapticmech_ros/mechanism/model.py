@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The tree of a scene as a Pinocchio model (loops cut open), and the frames the scene names in it.
 
 Joints are in depth-first order, whatever the order of the scene's links: Pinocchio's algorithms

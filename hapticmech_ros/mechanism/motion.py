@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What goes into a step of a mechanism and what comes out, and the equations of motion in it."""
 
 from __future__ import annotations

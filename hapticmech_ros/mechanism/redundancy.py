@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Which rows of the loop closures say nothing new, and what mobility they leave.
 
 Rows of A = W L⁻ᵀ, scaled to one unit and cut at the solver's rank tolerance, are taken in the

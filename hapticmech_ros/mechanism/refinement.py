@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A step that is done again in smaller ones, until its energy account closes.
 
 All of one length, in 2, 4, ... of them, as where the step is too long for the whole motion. An

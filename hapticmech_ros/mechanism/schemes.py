@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The rules of integration by name, as numbers for kernels.
 
 Steps are of fixed length, on the configuration manifold; what drifts off the closures is put back

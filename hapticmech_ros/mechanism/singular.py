@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Which branch of the motion is taken at a singular position.
 
 Where closures lose rank, several branches of the mechanism's motion cross, and to first order it is

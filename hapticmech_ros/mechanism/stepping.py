@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Steps of a mechanism, one or many, in a call of one kernel: integrated, then projected.
 
 Where branches of the motion cross, or nearly do, the kernel stops, and the step is done with care.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is too stiff for an explicit step: springs, stops, dampers and friction, and what they move.
 
 With the inertia m that an element moves, 1 / (r D⁻¹ rᵀ) for a row r of rates, loops cut open, an

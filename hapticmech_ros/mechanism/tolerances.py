@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Tolerances of the closures' rank and of the projection onto them; kernels know these numbers."""
 
 from __future__ import annotations

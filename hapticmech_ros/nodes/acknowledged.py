@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The last messages of publishers that are about to be destroyed, which say that all is at zero."""
 
 from __future__ import annotations

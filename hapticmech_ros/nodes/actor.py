@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the nodes do, apart from their life: an actor is made on configure and dropped on cleanup.
 
 An actor is a thin shell around core objects of one scene. Its host (a

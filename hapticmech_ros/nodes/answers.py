@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Answers to a device's samples: in order, and how long each took, by the device's own clock."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What processes share that work for a parent: they tell it things, and run until a signal."""
 
 from __future__ import annotations

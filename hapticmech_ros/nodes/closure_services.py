@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Closures that people open and close while the mechanism runs, one service each."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Why a device must not obey now: an emergency stop, or two where one may command it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Topics of what touches what: every point of contact, and each declared pair's own wrench."""
 
 from __future__ import annotations

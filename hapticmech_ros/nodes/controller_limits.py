@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a controller's timeout may be: no longer than its scene lets a command stand. No ROS."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the controller publishes: commands to both sides, how they depend, and their account."""
 
 from __future__ import annotations

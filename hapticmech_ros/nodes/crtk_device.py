@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A device that speaks CRTK only: its samples, put together from its messages."""
 
 from __future__ import annotations

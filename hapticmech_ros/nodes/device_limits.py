@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a device's parameters may ask for: nothing less safe than its scene allows. No ROS."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The way of a device's samples to the controller: their order, their age, and how long it is."""
 
 from __future__ import annotations

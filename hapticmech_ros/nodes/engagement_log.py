@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a controller says of its engagements: each change, but no more than a few lines a second."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Executables of the package: what `ros2 run hapticmech_ros <name>` and `bin/<name>` start.
 
 Arguments are read before rclpy is imported: `--help` and a missing rclpy are answered at once.

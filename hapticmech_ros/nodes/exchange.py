@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Messages between nodes of one host, handed over without the middleware.
 
 Between nodes of one process as rclcpp's intra-process communication does, which rclpy has not: a

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Wrenches that other people's nodes put on a body: any number of them at once, summed.
 
 A body's wrenches come on ``external_cf`` below its name, where each expires after a timeout, and on

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What an actor does when a callback or a tick of its goes wrong: fail closed, say so, go on.
 
 A failure never ends the process, and nobody is left under a force. The actor is put back to where

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What others add to the hand's wrench on a device: pushes, or in lockstep one for each sample."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What an actor may ask of the node that hosts it."""
 
 from __future__ import annotations

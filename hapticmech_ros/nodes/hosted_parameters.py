@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A node's parameters: declared with descriptors, validated as a whole, applied as a whole.
 
 Callbacks of parameters and ticks run in one thread: a change comes between two ticks. Whole numbers

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Values that arrive by message: how old they are, and what they are worth after some time."""
 
 from __future__ import annotations

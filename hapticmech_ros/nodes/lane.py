@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A lane between processes of one host and one user, for messages of the control rate.
 
 Whoever listens has a socket in a folder of this user's own

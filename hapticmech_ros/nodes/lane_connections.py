@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Connections of the lane: sockets, and what is written into them.
 
 Sockets of the kind AF_UNIX, SOCK_SEQPACKET: messages stay whole and in order, a full one refuses

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where processes of one user on one host find each other: a folder of sockets, theirs alone.
 
 Processes that the middleware keeps apart have different folders: what tells them apart there (the

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where an actor that moves something goes back to when its state is none any more."""
 
 from __future__ import annotations

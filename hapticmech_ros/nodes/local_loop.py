@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Loops closed in the device: commands corrected by what it has done since their sample."""
 
 from __future__ import annotations

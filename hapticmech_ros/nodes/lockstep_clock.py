@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Paces a graph in lockstep: /clock goes on when every node has done its part, and not before.
 
 A tick is complete when all control topics have been heard for its time. That makes the graph as

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The one loop that runs nodes: it waits for messages, but no longer than the next deadline.
 
 A bare spin() of the events executor hangs on an endless deadline, so waiting with a finite timeout

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The life of a node: configure, activate, deactivate, cleanup; parameters, time, diagnostics.
 
 An actor is built on configure and dropped on cleanup. A node that starts by itself (``autostart``)

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The virtual mechanism as a node: moves under wrenches at its operational points."""
 
 from __future__ import annotations

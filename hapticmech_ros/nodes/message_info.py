@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Callbacks that get a message and what the middleware says of it, with any executor.
 
 rclpy looks at a callback's signature to see whether it takes one argument or two. For a callback of

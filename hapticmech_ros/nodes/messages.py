@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Messages to numbers and back, with every rule that an incoming message has to keep.
 
 Reading raises :class:`InvalidInputError` naming value and rule; writing fills a message in place.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A node's time by the machine's clock: ROS time for stamps that never goes back by itself.
 
 Deadlines, freshness and timeouts must not follow a clock that somebody sets. So the time of a node

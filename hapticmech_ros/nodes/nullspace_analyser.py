@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Λ_h⁻¹ and its null space at the mechanism's state, once per state received."""
 
 from __future__ import annotations

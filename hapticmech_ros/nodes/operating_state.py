@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """CRTK's operating state of an actor, and the commands that change it.
 
 With ``crtk_msgs`` the topics have CRTK's types, without it ``std_msgs/String`` with the same words.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where users hold the mechanism while it runs: told by topic or parameter, announced to all."""
 
 from __future__ import annotations

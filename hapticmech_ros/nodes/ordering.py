@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Messages in the order in which they were sent: what later ones have overtaken is told apart.
 
 Best-effort readers take messages as they come, and a network may swap them. A command that answers

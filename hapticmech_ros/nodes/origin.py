@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Whom a message comes from, as far as a subscriber can know."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The nodes' parameters as Markdown; docs/nodes.md holds it, and a test holds the two together."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of the nodes: one frozen, validated model per node. Imports no ROS.
 
 A change builds the whole model anew, so rules that concern several parameters hold at all times.

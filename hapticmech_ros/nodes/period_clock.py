@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Absolute deadlines of a periodic node: next = previous + period, never "now + period"."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """CRTK's servo_cp, hold and free: a device that is commanded to a pose."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Quality of service of every topic, each with its reason."""
 
 from __future__ import annotations

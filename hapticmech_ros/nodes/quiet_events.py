@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The package's kind of node: rclpy's, without two of its habits that stop or end a process.
 
 By default rclpy asks the middleware to tell of peers whose QoS or type does not fit, to log it.

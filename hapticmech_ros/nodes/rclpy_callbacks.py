@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Callbacks that are rclpy's own: of ``/clock``, and of services of parameters, states and types.
 
 They take whatever a message or request holds, and rclpy ends the process for an exception: time

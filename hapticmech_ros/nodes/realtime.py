@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a node's process asks of Linux to keep its deadlines, and what it was granted.
 
 Real-time scheduling, memory that stays in place, processors, and short idle states; each where this

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Records the graph's topics as they are on the wire into a rosbag2 bag.
 
 A process of its own, so that a slow disk delays nobody. Once it hears every topic it lets a waiting

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Recorded inputs for a graph in lockstep: for every tick, what was there at its time.
 
 A hand's wrenches, a device's samples or the environment's wrenches are taken from the control-rate

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Makes the graph's nodes and runs them, alone or several in one process."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """How old a device's samples are on arrival, without comparing two hosts' clocks.
 
 What a stamp lacks to the time of arrival is the way here and the difference of the two clocks. The

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What messages for people hold: looked at before they leave, as those of the control rate are."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Whom messages come from: a topic that one node may speak on, and how to notice a second.
 
 A ROS subscriber is not told which publisher sent a message, but each publisher counts its messages.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Counts and percentiles that cost next to nothing per message: a histogram of durations."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The controllers of Fig. 3 as a node: answers every device measurement with two wrenches."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Kernel that waits for a loop to stand still. It needs neither Python nor its lock."""
 
 from __future__ import annotations

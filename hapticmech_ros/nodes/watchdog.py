@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A watchdog: a node that is alive and does nothing ends, and whatever started it may do so again.
 
 The middleware may hold a lock for ever (rmw_fastrtps had such a fault with QoS events), while the

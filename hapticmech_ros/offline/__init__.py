@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Λ_h⁻¹, spectrum and count over a recording or over a grid of joint positions, without ROS."""
 
 from hapticmech_ros.offline.analysis import (

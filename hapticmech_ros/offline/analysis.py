@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Λ_h⁻¹, its spectrum and the count of joint constraints at many states of a mechanism."""
 
 from __future__ import annotations

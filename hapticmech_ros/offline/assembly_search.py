@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Configurations in which a scene's loops are closed, sought from many starts."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Figures of felt inertia and spectrum over a recording, or over one or two joints."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """States of a mechanism from a bag: `mechanism/state` at the control rate, or joint states."""
 
 from __future__ import annotations

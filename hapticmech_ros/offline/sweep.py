@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Operational analysis over a grid of prescribed joint positions, with loops kept closed."""
 
 from __future__ import annotations

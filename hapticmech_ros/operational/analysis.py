@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Analysis of a mechanism at an operational point: all that rendering needs of it."""
 
 from __future__ import annotations

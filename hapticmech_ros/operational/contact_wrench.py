@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """F_c of contacts at the operational points of a mechanism; see :mod:`.contact_wrench_kernels`."""
 
 from __future__ import annotations

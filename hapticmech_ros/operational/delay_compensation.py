@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Delay compensation: X and a_0 of an operational point for a loop with a delay τ.
 
 What springs, dampers and weight do at a state reaches the hand after τ; a force takes effect during

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Parts of kernels: X_τ and a_τ; see :mod:`.delay_compensation`."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Parts of kernels: the analysis at an operational point: X, its spectrum, P_c, Π and a_0."""
 
 from __future__ import annotations

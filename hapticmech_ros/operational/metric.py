@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Metric of the task space: the inertia that makes directions of different units comparable.
 
 The spatial inertia I_ℓ of the grasped link alone, at the operational point and in world axes, makes

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the analysis of an operational point finds at a state, as one array."""
 
 from __future__ import annotations

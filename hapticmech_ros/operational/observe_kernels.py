@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Kernel of all that rendering needs of an operational point: terms, analysis, delay, motion."""
 
 from __future__ import annotations

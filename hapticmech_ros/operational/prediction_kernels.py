@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The predicted state q', and free accelerations there; see :mod:`.delay_compensation`."""
 
 from __future__ import annotations

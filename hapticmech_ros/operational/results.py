@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Λ_h⁻¹ of an operational point at a state, and what follows from it.
 
 The constrained directions are chosen smoothly, for control:

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Spectrum of Λ_h⁻¹ in the link's metric: which directions are free and which are rigid.
 
 X = Λ_h⁻¹ = SᵀS is the dynamically consistent inverse inertia at an operational point, and

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Sizes of the arrays of a tick."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Methods chosen for a scene where there are alternatives, and the reasons."""
 
 from __future__ import annotations

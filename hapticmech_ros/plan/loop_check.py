@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Warnings if a scene's rendering loop has too small a delay margin.
 
 For the delay of the graph itself the margin is computed exactly, see

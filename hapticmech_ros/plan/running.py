@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Objects that run for a scene, from which the plan takes its facts."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Properties of a scene, and warnings to its author before it is rendered."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The plan of a scene, taken from the objects that run."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """How far the mechanism's steps are from ten times shorter ones, over a scene's experiment."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Computations of a session's tick for a scene: how often each is done, or why it is omitted."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is modelled: files and documents become a validated, frozen :class:`Scene`."""
 
 from hapticmech_ros.scene.document import Scene

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Angles as text: ``90 deg``, ``-pi/2``, ``2*pi/3``, where a scene's key is an angle in rad."""
 
 from __future__ import annotations

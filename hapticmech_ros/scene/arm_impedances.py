@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Measured impedance of human arms at the point held, as keys of a scene's ``arm`` hand."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A scene's keys set from outside its file: ``controller.joint_constraint.stiffness=500``."""
 
 from __future__ import annotations

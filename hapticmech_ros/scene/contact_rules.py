@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rules of shapes and contacts that concern more than one value of a scene."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Virtual objects in a scene: shapes on links or in the world, and the pairs that may touch."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Gains of the controllers of Fig. 3, and of what guards them."""
 
 from __future__ import annotations

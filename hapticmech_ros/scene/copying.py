@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A copy of a scene's file with other values, for nodes and for editing."""
 
 from __future__ import annotations

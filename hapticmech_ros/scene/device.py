@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The haptic device of a scene: its mechanics, its actuators and its sensors."""
 
 from __future__ import annotations

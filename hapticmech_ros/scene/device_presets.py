@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Real devices that a scene can name: figures and their sources, from ``config/devices``."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a scene may say: the frozen, validated description of one haptic simulation.
 
 All quantities are SI. Frames and origins follow the conventions of URDF: ``origin.xyz`` in metres

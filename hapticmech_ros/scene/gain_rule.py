@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Joint-constraint gains of a scene that gives none: the same rule for every device.
 
     k = min(2000 N/m, m (0.3 / τ)²),      b = 2 ζ √(k m),      ζ = 0.8

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The hand of a scene: what holds the device, how firmly, when, and what it does."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rules of a scene's device and hand that concern more than one value."""
 
 from __future__ import annotations

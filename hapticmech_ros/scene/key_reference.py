@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Every key of a scene file: kind, rule, unit and meaning, from the models that check them.
 
 Meanings are those of the models' docstrings, which stand beside the fields.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rule of a scene's limits: what the scene itself says lies within them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """How large the numbers may be that a scene's nodes accept and send: far above what it needs."""
 
 from __future__ import annotations

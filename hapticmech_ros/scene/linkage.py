@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Linkages by points: ``linkage`` of a scene, and the links, joints and loops that it stands for.
 
 Bars that share a point are pinned there. The tree is that of the bars in their order: each is

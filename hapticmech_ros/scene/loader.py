@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """From a file, or a name of a shipped scene, to a validated frozen :class:`Scene`."""
 
 from __future__ import annotations

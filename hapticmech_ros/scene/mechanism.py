@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The mechanism in a scene: links, joints and what acts in them, closures, points held."""
 
 from __future__ import annotations

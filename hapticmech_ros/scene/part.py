@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What parts of a scene are made of: strict numbers, names, and models closed to unknown keys."""
 
 from __future__ import annotations

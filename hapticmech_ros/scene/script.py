@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Wrenches over time from a CSV file, for a hand that follows a script."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Documents of scenes: read from files, and validated as a frozen :class:`Scene`."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Device, mechanism, analysis and control in one process, without ROS."""
 
 from hapticmech_ros.session.run import Run

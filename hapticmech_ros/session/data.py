@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """All that a session's ticks read and write besides the mechanism: one array, allocated once."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a session's tick consists of: a call of the kernel, or parts of it around what is Python."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Device, mechanism, analysis and control in one process, one tick at a time, without ROS.
 
 The reference for the graph of nodes: same core objects, same order, no clock. Bitwise repeatable.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Ticks of a session in one kernel: measure, analyse, answer, and move device and mechanism on."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Closures that close by themselves: when one does, and when one that was opened may again."""
 
 from __future__ import annotations

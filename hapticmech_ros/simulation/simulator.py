@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The mechanism in time: one fixed step after another, closures switched and latched on the way."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The mechanism at a time, and over a time; nothing here changes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What people look at: shapes, frames, joint positions and URDF text. Knows no ROS and no clock."""
 
 from hapticmech_ros.view.frames import NamedTransform, fixed_frames, moving_frames

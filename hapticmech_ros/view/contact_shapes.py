@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What only the viewer draws of contacts: hulls of meshes, and the force at each point."""
 
 from __future__ import annotations

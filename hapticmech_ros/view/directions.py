@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rigid and free directions of an operational point, so that they can be drawn.
 
 Columns n_i of the spectrum are unique only where their μ are: any rotation among equal ones will

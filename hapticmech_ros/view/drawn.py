@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A picture as a file: shapes seen from afar, in parallel projection, the nearer ones last."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Named frames: what tf says of a mechanism and a device, apart from its messages.
 
 Every link is placed in ``world``; what is fixed in a link is placed there once and for all.

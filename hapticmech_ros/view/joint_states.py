@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Positions and rates of the joints that the URDF text has, as robot_state_publisher wants them.
 
 A URDF joint has one number. A spherical joint is three hinges there, about x, y and z in turn. What

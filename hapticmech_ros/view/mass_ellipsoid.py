@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The mass felt at an operational point, in every direction: an ellipsoid.
 
 A force f along an eigenvector of the translational block of X = Λ_h⁻¹ accelerates the point along

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Links, joints and closures as shapes; sizes are shares of the mechanism's length ``unit``, m."""
 
 from __future__ import annotations

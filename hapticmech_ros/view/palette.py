@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Colours and what they mean; a test compares them with docs/visualization.md."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The whole picture: from what is known of mechanism, device and forces to shapes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where everything that is drawn of a mechanism is, at a configuration."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Shapes as frozen descriptions: what a marker, or any other picture, is made from.
 
 Positions are in ``world``, m. A shape is known by its namespace and number, which stay the same

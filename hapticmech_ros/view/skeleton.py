@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The mechanism as lines, for pictures: links between their joints, at a configuration."""
 
 from __future__ import annotations

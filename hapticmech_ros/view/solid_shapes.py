@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What may touch, and springs between points, as shapes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A still picture of a scene, where it starts or elsewhere."""
 
 from __future__ import annotations

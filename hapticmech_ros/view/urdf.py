@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """URDF text of a scene's tree, for RViz, robot_state_publisher and whoever reads URDF.
 
 URDF knows trees only: closures are named in a comment and left open. It has no spherical joint

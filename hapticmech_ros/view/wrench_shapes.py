@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Wrenches and directions as shapes: forces are arrows, torques are rings about their axis."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Bounds of the numbers in messages: what each of them is, and how large it may be.
 
 A layout says which quantity every number is; a scene's ``limits`` say how large it may be. What

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Float64MultiArray as bytes on the wire (XCDR1), for the messages of the control rate.
 
 Written and read without building the message's Python objects, which cost more than the physics in

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Layout of ``mechanism/contacts``: every point of contact of a mechanism, in one message.
 
 A stamp, and eleven numbers for each point, so that the message is as long as there are points.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Topics of contacts, in scenes that have some."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where the numbers of the graph's flat messages are, as a C++ header."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Writing ``device/state`` messages in place, at the control rate."""
 
 from __future__ import annotations

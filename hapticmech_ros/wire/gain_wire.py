@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``device/local_feedback_gain``: how commands depend on the device, for its own loop."""
 
 from __future__ import annotations

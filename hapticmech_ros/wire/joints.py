@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Names of the coordinates that a JointState carries, for joints of any type.
 
 A joint of one degree of freedom has its own name and its usual position. A joint of several has one

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Kernel that checks a flat message at once, in place of several calls of NumPy."""
 
 from __future__ import annotations

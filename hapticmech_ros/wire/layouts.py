@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Layouts of the Float64MultiArray messages that carry more than one matrix.
 
 Names and sizes of the fields go into the messages' layout labels, so that a bag can be read without

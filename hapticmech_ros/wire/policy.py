@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """An SROS2 policy of the graph: which node may publish, hear and answer what, by its tables."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Energies at the ports of rendering, as ``device/energy`` and ``controller/energy`` tell them."""
 
 from __future__ import annotations

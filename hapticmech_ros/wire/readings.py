@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Messages of the control rate, checked but not taken apart: what the compiled control reads.
 
 They keep the same rules as in :mod:`~hapticmech_ros.wire.layouts`; see

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """PoseStamped, TwistStamped and JointState as bytes on the wire (XCDR1), in ``world``.
 
 As in :mod:`~hapticmech_ros.wire.cdr`: the messages' Python objects would cost several times as

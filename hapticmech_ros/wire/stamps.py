@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Stamps in messages: two numbers, which are looked at before anything is computed of them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Layout of ``mechanism/state``: all that the analyser needs of a mechanism, in one message.
 
 Flags of the closures, joint coordinates and rates, the contact wrench at every operational point

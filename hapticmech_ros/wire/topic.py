@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a topic is: name, type, rate, direction of the wrench, and which QoS it has.
 
 Names are relative, so that namespaces and remapping work; ``{point}`` stands for the name of an

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Every topic of the graph, in the order of docs/topics.md."""
 
 from __future__ import annotations

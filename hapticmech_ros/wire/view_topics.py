@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Topics of the scene viewer. /tf is not among them: its message type is not on PyPI."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """WrenchStamped as bytes on the wire (XCDR1), for the commands of the control rate.
 
 As in :mod:`~hapticmech_ros.wire.cdr`: the message's Python objects would cost more than the rest.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The model of what is felt, against what sessions show: without running one, it says the same."""
 
 import numpy as np

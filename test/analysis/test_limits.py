@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Z-width and M-width of sessions agree with eigenvalues, and penetration with F / k."""
 
 import json

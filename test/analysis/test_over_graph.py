@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Felt impedance over a graph: what is compared where samples are missing."""
 
 from pathlib import Path

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Trials of passivity: what is counted, what is refused, and what they find."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The linear copy of a session's loop, the rules of the literature, and the touch that decides."""
 
 from functools import partial

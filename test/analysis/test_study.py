@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The protocol of a study: what is written, what is printed, and the exit code."""
 
 import io

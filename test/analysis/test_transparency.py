@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Felt beside desired impedance: right where the device closes the force channel."""
 
 import json

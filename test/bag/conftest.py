@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Messages to put into bags, serialized by rosbags and not by the package."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Sound bags, and bags with faults put in."""
 
 from __future__ import annotations

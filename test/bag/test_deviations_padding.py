@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Padding between values says nothing: messages that differ only there are the same."""
 
 import numpy as np

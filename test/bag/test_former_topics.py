@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Bags recorded before topics were renamed are refused, and the present names said."""
 
 from __future__ import annotations

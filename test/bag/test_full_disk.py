@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A disk that is full: one sentence, and what was written before can be read."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Bags that somebody wrote to do harm: each ends in a sentence, in bounded memory and time."""
 
 from __future__ import annotations

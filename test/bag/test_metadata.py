@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Metadata as rosbag2 of ROS 2 Jazzy writes it, field by field."""
 
 from __future__ import annotations

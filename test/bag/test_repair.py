@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Bags of writers that were killed, and files that were cut: what is recovered, and what is not."""
 
 from __future__ import annotations

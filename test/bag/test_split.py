@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Bags of several files: names, metadata, and reading them as one."""
 
 from __future__ import annotations

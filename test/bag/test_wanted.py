@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Reading what is wanted gives what the library gives, message for message, and finds damage."""
 
 from __future__ import annotations

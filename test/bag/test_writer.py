@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Bags that BagWriter writes, read by rosbags, by mcap's own packages and by SQLite."""
 
 from __future__ import annotations

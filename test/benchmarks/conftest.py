@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Runs made up of round numbers: figures that a reader can work out by himself."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The ablation's scenes, its check, its sums, its files and its command; no times."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """One run of the accuracy benchmark: what is measured, and what is said of a run that fails."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The accuracy benchmark's plan, tables, picture, files and command."""
 
 from __future__ import annotations

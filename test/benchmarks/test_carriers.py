@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Carriers of messages between two processes: what is sent arrives, and is answered."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Checks of a run: they pass what is right, and each wrong is found by one of them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is felt through other people's drivers: the mechanism, and not what the driver lacks."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
 import numpy as np
 
 from benchmarks.graph.recorded import Losses, delay, hop, losses, total

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The memory benchmark: what it reads, its slopes and verdicts, its files and its command."""
 
 from __future__ import annotations

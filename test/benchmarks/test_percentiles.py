@@ -1,3 +1,6 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
 from dataclasses import astuple
 
 import numpy as np

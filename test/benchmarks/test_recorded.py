@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A bag written by hand gives back the latencies and losses that were put into it."""
 
 from pathlib import Path

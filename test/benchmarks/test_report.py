@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is shown: failures are told, and the picture and the JSON take every kind of run."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The speed benchmark's first question: do all simulators compute the same motion?"""
 
 from __future__ import annotations

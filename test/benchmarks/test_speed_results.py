@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The speed benchmark's fronts, ratios, growth, goals, tables, files and command."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Goals: met by runs made to meet them, and each missed by the run that misses it alone."""
 
 from __future__ import annotations

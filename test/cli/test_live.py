@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech live``: bad addresses, and what is missing, are one sentence each."""
 
 from __future__ import annotations

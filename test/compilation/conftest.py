@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A folder of kernels of one's own, with the library in it that is built already."""
 
 import os

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A build that fails is told in a sentence; what cannot be kept is used all the same."""
 
 import errno

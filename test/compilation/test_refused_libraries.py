@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is not the library as it was written is not loaded, said in one sentence, built anew."""
 
 import gc

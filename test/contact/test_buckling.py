@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A heavy box on a light one on springs: up to which mass it stands is a question of statics."""
 
 import numpy as np

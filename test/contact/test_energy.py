@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Energy never grows: step by step to the bounds of T16a and T16c, and in the end not at all."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Pairs out of reach: nothing is changed by them, and nothing that comes near is missed."""
 
 import numpy as np

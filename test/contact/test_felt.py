@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the hand feels of contacts: the wrench at the operational point, consistent and in full."""
 
 import subprocess

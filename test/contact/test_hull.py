@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Hulls of points: flat faces whole, whatever triangles they come in."""
 
 from itertools import pairwise

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Damping in proportion to the push: exact rebounds, rest, energy, and what scenes may say."""
 
 from itertools import pairwise

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Impacts: rebounds as the law at every stiffness and phase, no energy made, rest after them."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Contacts of mechanisms whose own springs are stiffer than a step resolves."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Contacts of mechanisms: planar ones, with closed loops in motion, and links on links."""
 
 from itertools import pairwise

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A period in one call, and what is left to Python: searches, workspace, steps that need care."""
 
 from itertools import pairwise

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Bodies on bodies, in corners, on links of a mechanism: and beside MuJoCo."""
 
 from itertools import pairwise

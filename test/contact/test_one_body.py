@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """One body on a floor or a slope: analytic answers, shape by shape."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rolling: neither energy from nothing nor a brake, however far a body turns in a step."""
 
 import numpy as np

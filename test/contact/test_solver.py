@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Forces are what the law says, at every point and in every step, hard scenes included."""
 
 from itertools import pairwise

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The three controllers joined: what the device and the mechanism get in one period."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A late, uneven and lossy connection: what arrives, when, and that it is the same each time."""
 
 import itertools

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Engagement keeps two poses together from wherever they are; the pose error is the log map."""
 
 import numpy as np

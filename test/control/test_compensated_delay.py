@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """How late a loop is: what the mechanism does by itself, and what it learns of the hand."""
 
 import pytest

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The compiled control against the readable one: same wrenches from the same measurements."""
 
 from dataclasses import replace

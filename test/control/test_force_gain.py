@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """G corrects a command for another hand wrench exactly, wherever no limit is met."""
 
 import numpy as np

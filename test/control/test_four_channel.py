@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Four-channel controller: the transparency oracle of physics section 5, in one dimension.
 
 With equal impedances sΛ on both sides, C2 = C3 = 1 and C_m = C_s:

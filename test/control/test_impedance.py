@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the device does under the impedance controller: algebra of physics section 5."""
 
 import numpy as np

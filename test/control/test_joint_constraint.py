@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Joint-constraint controller: only wrenches that joints carry, limited, without a step."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """States of the mechanism that are late by whole periods: what they have not been moved by yet."""
 
 import numpy as np

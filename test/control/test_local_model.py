@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Loops closed in the device: the answer to the device as it is, found from an old one."""
 
 import numpy as np

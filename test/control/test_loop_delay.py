@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Delays that are measured and declared: what gains are made for, and when they change."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The loop's kernels do what readable implementations do, to rounding: every wrench and account."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Delay and gain margins of the sampled loop: closed forms, and sessions that diverge."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Actuators give no more than there is: each sample's account, and loops that would diverge."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Poses in kernels against Pinocchio's: the logarithm at every angle, and carrying on."""
 
 import numpy as np

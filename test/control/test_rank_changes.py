@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Directions that become constrained, and free again: no step of the force, and no energy."""
 
 import numpy as np

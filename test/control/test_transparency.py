@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The transparency oracle on the sampled, delayed loop: exact as the period goes to zero.
 
 A device and a mechanism of the same Λ, C2 = C3 = 1 and C_m = C_s: then (sΛ + C_m + C_s)(V_h - V_e)

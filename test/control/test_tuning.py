@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Gains by name, and from one set to another while it renders, without a bump."""
 
 import numpy as np

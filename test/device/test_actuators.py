@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Actuators: their lag is a first-order one exactly, and what has none gives no torque."""
 
 import numpy as np

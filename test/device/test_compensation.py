@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the driver adds: weight is carried, friction is less, rest stays rest."""
 
 import numpy as np

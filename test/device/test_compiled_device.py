@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The device against the readable one: same motion, same measurements, same wrenches."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The hand's wrench without a sensor: found without bias, late as its bandwidth says."""
 
 import numpy as np

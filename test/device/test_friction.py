@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Coulomb friction of the device: rest under less, a constant brake above, no energy from it."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Hands that let go and take hold: when, where from, and with which mass."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The hand's laws: constant push, and a spring and damper to a target that moves smoothly."""
 
 import numpy as np

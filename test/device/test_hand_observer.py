@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """F_h at a device that somebody else drives: from its motion and its actuators alone."""
 
 import numpy as np

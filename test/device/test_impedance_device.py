@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The simulated device against what a rigid body does; its actuators and its encoders."""
 
 import numpy as np

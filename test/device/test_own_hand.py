@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A hand of one's own: a law in Python on the device that kernels move."""
 
 import numpy as np

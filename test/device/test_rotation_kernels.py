@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rotations inside kernels against Pinocchio's and Eigen's, at every angle."""
 
 from itertools import pairwise

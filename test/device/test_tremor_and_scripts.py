@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Tremor added to a hand, and hands that follow a file."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """End stops of the device: held at a finite depth, never pulling, never giving energy."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A run of the paper's experiment, once for all tests, and bags made of its samples."""
 
 from __future__ import annotations

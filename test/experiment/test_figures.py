@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures: files, and that what is drawn is what was recorded."""
 
 import dataclasses

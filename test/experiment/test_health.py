@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Diagnostics of a graph's nodes from a bag."""
 
 import pytest

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Angles and interpolation of orientations against Pinocchio's exponential map."""
 
 import numpy as np

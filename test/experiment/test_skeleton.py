@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Lines of the mechanism and reach of its loop."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Files read in a process of their own, that may neither take long nor much memory."""
 
 from __future__ import annotations

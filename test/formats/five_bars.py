@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The shipped five-bar as people would bring it: URDF, MJCF, SDF, and scene files beside them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What tests of files have in common: a scene as Pinocchio's model, in the names of its file."""
 
 from __future__ import annotations

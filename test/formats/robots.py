@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Where the robots of the package example-robot-data are, if it is installed (extra ``robots``)."""
 
 from __future__ import annotations

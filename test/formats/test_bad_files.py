@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Files that are no mechanism: each is refused by a rule, in bounded memory and without a crash."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a scene gets by a rule where its model's file is silent: start, stops, friction, metric."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The same five-bar as YAML, URDF, MJCF and SDF feels the same and moves alike."""
 
 import numpy as np

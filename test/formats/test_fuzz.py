@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Mutants of good files: each loads and evaluates to finite numbers, or is refused in our words."""
 
 from __future__ import annotations

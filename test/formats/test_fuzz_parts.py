@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Mutants of what a scene takes from a model's files: its shapes, its includes, its meshes."""
 
 from __future__ import annotations

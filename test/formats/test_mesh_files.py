@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Meshes are found where files name them: beside the file, or in packages and models."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """MJCF is read as MuJoCo reads it: the same inertia, bias forces, poses, constraints."""
 
 from __future__ import annotations

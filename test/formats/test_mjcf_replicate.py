@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What refers to replicas is replicated as MuJoCo's compiler does; other counts are refused."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Errors of files name file, line and element, and names that are near those that are not there."""
 
 from __future__ import annotations

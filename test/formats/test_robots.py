@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Robots that people have: each weighs what it weighs in Pinocchio, or is refused by a rule."""
 
 from __future__ import annotations

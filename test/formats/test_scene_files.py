@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Scene files beside a model: its names stand for what became of them; the scene goes before."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """SDFormat: poses relative to anything, axes in any frame, loops closed by joints."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Gearboxes and mimics of SDFormat turn what they say they turn, by how much they say."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Models of several SDFormat files, screws, and comments as other parsers take them."""
 
 from __future__ import annotations

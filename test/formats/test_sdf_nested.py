@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Models in models are what they are when they are written as one."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Shapes of files are where Pinocchio and MuJoCo have them, and in a scene once it names them."""
 
 from __future__ import annotations

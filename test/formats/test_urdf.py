@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Trees in URDF are the same to us and to Pinocchio's own reader; what is left out is said."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What mimics a joint that does not move does not move either: it is where that holds it."""
 
 from __future__ import annotations

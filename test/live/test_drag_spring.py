@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The spring that drags: its law, its limit, and that sampling does not make it unstable."""
 
 from __future__ import annotations

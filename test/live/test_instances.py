@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Shapes as instances of unit bodies: where they are, and that they keep their places."""
 
 from __future__ import annotations

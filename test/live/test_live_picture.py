@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The picture of a live session: what belongs to which link, what the hand is, what is hidden."""
 
 from __future__ import annotations

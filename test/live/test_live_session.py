@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The live session by a clock of the test's: pace, drags that end, commands, recordings."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """One drag at a time: who has it, where it pulls to, and when it ends."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The page in a browser, used as people use it: looked at, dragged, set, closed."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The session's process: it answers, it ends, and it lets go when nothing is heard."""
 
 from __future__ import annotations

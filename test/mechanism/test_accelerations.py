@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Accelerations and closure forces against a dense KKT solve and Pinocchio's own solver."""
 
 import numpy as np

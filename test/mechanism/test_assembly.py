@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The initial state: closed to 1e-12, on the nearest branch, or refused with the reason."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Loops held by Baumgarte's pull: how errors decay, how far loops open, when that is refused."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Every kind of closure: residual, Jacobian and bias, on and off the closed position."""
 
 import copy

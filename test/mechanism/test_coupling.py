@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Couplings: joints that keep a ratio, as gears and mimic joints do."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Samples that land at, or next to, positions where branches of the motion cross.
 
 Each mechanism's motion through its crossing is one equation for one angle. Energy stays to 1e-8 of

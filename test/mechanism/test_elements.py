@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Springs, friction, stops and efforts: forces against energies, slopes, and kernels."""
 
 import copy

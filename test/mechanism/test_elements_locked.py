@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Locked joints: fixed where the scene starts; and joints that move no mass."""
 
 import copy

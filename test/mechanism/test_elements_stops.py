@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Stops of a joint: they push, never pull, and give back less than they took."""
 
 import itertools

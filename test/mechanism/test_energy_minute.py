@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A minute at 1 ms by rk4: what no force takes stays, and no branch is changed."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Loops written with seven digits: fitted within 1e-5, so that they move as they were meant to."""
 
 import numpy as np

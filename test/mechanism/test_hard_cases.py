@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Mechanisms that are hard on a solver: what must hold, and what is told where it cannot.
 
 Never NaN, never silence: a step gives a closed, finite state or raises an error of the package.

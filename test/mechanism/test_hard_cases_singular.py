@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Singular positions: passed with a sample on them, started from, and held at under load.
 
 In line, two windows (IFToMM benchmark A02) lose two of four rows: other branches open there, and

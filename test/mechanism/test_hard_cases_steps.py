@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Steps from 4 ms to 62.5 us, and loops that latch at speed."""
 
 from itertools import pairwise

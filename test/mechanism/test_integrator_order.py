@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Order of convergence of every integrator, and the power balance of a motion."""
 
 from itertools import pairwise

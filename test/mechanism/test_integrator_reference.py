@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The adaptive reference against closed forms and equations written by hand."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A period in equal parts, and steps that end where no step should: jumps and turned axes."""
 
 import numpy as np

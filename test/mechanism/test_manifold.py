@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """q ⊕ θ and J_r(θ)⁻¹ v inside kernels against Pinocchio's, at small angles and at large ones."""
 
 import numpy as np

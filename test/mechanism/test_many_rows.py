@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Closures of many rows: what QR gives is what the SVD of the readable implementation gives."""
 
 import copy

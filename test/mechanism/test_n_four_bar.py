@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Two parallelograms in a row (IFToMM benchmark A02, N = 2) against their exact motion.
 
 All rods fall in line ten times in 10 s. There the loops lose rank and a second branch opens; the

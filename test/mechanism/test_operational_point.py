@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Operational points put elsewhere on a mechanism: the same as a scene that has them there."""
 
 import itertools

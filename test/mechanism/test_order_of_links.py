@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The order in which a scene lists its links changes nothing: siblings first, or subtrees first."""
 
 import numpy as np

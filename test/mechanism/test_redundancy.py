@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Redundant rows: counted by the solver's rank, named in the scene's order."""
 
 import numpy as np

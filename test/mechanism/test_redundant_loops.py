@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Redundant closures keep simulating, also where only the closed positions make them redundant.
 
 Off the closed positions by phi, such rows are independent by about phi: a Runge-Kutta stage there

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Benchmarks three ways: published values, equations written by hand, and the package.
 
 The equations (test/oracles) share no code with the package: what agrees here is the physics, the

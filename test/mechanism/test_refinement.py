@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Steps that are done again in smaller ones: of equal length, and by their errors."""
 
 import math

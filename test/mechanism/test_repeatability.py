@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """State in, state out: same inputs give the same bits, and states are left as they were."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rods: a distance kept between two points, in space and in the plane."""
 
 import copy

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Many steps in one call: the same states as steps one by one."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The sparse factorisation against the dense one: same rank, same motion, and when it gives up."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Steps whose energy account is off: refined, counted, and above a limit refused."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Steps by kernels against steps in plain NumPy: same states, same energies, same errors."""
 
 from typing import ClassVar

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The linearly implicit rule: against its definition, closed forms, and references."""
 
 from copy import deepcopy

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Which integrator a scene gets that names none: by its elements and the inertia they move."""
 
 import numpy as np

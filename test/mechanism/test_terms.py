@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The mechanism against the readable one: same terms, same motion, same errors."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """D, h and the operational point's kinematics against references that know no Pinocchio."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Wrenches on links: as on an operational point there, and with the same energy account."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Commands in a device's own axes: said where these are known, and not otherwise."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """When a device must not obey: an emergency stop, and two that command."""
 
 from types import SimpleNamespace

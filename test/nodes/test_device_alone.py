@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The simulated device without the other nodes: a client commands it, and an arm holds it."""
 
 from __future__ import annotations

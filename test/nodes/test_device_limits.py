@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of device and controller: within what their scene allows, and kept as they are."""
 
 import math

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a controller says of its engagements: everything, in a few lines."""
 
 from __future__ import annotations

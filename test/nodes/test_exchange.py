@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Messages within a process: each once, in order, and outside only if somebody listens there."""
 
 import time

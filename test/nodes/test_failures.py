@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What an actor does when something goes wrong: nothing escapes, it begins anew, or gives up."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The wait of a node's loop: deadlines are met though the system wakes it up late."""
 
 from __future__ import annotations

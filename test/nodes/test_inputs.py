@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Commands that stand: for how long, and which of them counts for samples that are caught up."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Messages between processes of one host: who gets them, whoever dies, stalls or lies."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Commands corrected by what the device has done since: which samples, which gains, how long."""
 
 import numpy as np

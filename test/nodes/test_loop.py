@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """How a node's process ends: signals that come late, and its last line."""
 
 from __future__ import annotations

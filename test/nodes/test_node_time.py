@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A node's time goes on evenly whatever is done to the clock of the machine; a step is noticed."""
 
 from __future__ import annotations

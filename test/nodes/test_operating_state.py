@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """CRTK's operating state of device and mechanism: told when it changes, and obeyed when it is."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Messages in order, samples' ages without common clocks, and answers to a device's samples."""
 
 import numpy as np

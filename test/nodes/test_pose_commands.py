@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """CRTK's servo_cp, hold and free: the device alone is pulled to a pose by a spring and damper."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A graph in real time whose nodes are never late moves as the session does, tick by tick."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a node's process asks of Linux: granted or refused, and told; its children are ordinary."""
 
 import ctypes

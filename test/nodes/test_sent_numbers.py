@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """No number that is not finite leaves in a message, be it of people's topics or of control."""
 
 import math

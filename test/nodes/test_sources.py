@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A second publisher of a topic is noticed by its numbers; losses and a late number are not one."""
 
 from __future__ import annotations

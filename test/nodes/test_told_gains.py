@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Gains that the device is told, by the controller and by others: one thread, made-up time."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A process whose loop stands still ends and says so; one that was stopped goes on."""
 
 from __future__ import annotations

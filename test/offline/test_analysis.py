@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A recording analysed: the same as each of its states, whatever kind of message they came in."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Configurations that close a scene's loops, from starts that do not."""
 
 from __future__ import annotations

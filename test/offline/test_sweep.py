@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Joints prescribed over a grid: loops stay closed and on their branch."""
 
 import numpy as np

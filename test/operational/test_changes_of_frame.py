@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """X changes by congruence with point and axes; mu does not change with axes or units."""
 
 import numpy as np

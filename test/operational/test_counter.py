@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The reported number of joint constraints: thresholds, dwell, and no flicker."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Footnote 2 of the paper: which joint of a loop is cut does not affect what the user feels."""
 
 import numpy as np

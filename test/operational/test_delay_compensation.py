@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """X and a_0 for a late loop: what the mechanism will do by then, and never more than X."""
 
 import copy

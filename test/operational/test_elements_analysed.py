@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What acts in joints enters the free acceleration, however it is found."""
 
 import copy

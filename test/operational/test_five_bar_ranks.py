@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Ranks of X on every link of the paper's five-bar: serial, closed, and with links 3-4 in line."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Laws of X on random mechanisms: symmetry, sign, rank, null space, order, redundancy."""
 
 import numpy as np

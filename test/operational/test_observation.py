@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a controller needs of a point, in one go, against the analysis and the terms of Eq. 1."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Counterexamples to Eqs. 2-12 as the paper prints them (docs/derivations.md gives the proofs)."""
 
 import numpy as np

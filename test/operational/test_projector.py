@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The smooth choice of constrained directions: weights, P_c and the balanced share."""
 
 from itertools import pairwise

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Ranks decided on S are right where ranks decided on eigenvalues of X are wrong."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The package's own terms (D, W, J, S, X) of a sample, for tests to check against the oracles."""
 
 from __future__ import annotations

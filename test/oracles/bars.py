@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Planar bars by hand: points are sums of arms in the complex plane, derivatives term by term.
 
 A point is z = c + sum_k a_k exp(i s_k), s_k = S_k q. So dz/dq = sum_k i a_k exp(i s_k) S_k and at

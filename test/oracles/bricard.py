@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Bricard's mechanism (IFToMM benchmark A04): five rods, cut at the sixth hinge.
 
 Rods of 1 kg, 1 m and 0.1 m square section. The cut asks the last point to stay and the last hinge

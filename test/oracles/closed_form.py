@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Dense textbook formulas: KKT solve, null-space X, ranks by scipy. Slow, and meant to be."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Steps with contacts beside the kernel: Pinocchio's kinematics and the readable mechanism's steps.
 
 Near test, points and forces are the kernel's own functions, run as Python on what Pinocchio and the

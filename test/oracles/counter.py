@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Number of joint constraints a user is told of: a Schmitt trigger with dwell on each s_i."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Mechanisms whose motion through a crossing of branches is one equation for one angle.
 
 Each has its crossing at angle 0. None has gravity. What they have in common is ``passed``.

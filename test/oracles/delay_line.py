@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The connection between device and controller: late, uneven and lossy messages, for tests.
 
 What is sent at t arrives at t + d (1 + j u), u evenly spread between -1 and 1, or not at all.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Devices held by a scene's hand, of each kind, and runs of them."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Five-point central differences: truncation h^4 f5/30, h^4 f6/90; rounding eps/h, eps/h^2."""
 
 from __future__ import annotations

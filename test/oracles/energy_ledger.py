@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Energies of the controllers, sample by sample.
 
 E_m   = ∫ f · v dt                       given to the mechanism at its operational point

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Seeded random mechanisms as scene documents, their closures met at the sampled configuration."""
 
 from __future__ import annotations

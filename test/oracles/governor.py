@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Flyball governor (IFToMM benchmark A05): spin psi', angle a of both arms, slider height s.
 
 Arms hinge at (+-h, 0, 1) of the shaft and point a below the horizontal. The spin follows from

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A scene's mechanism and the readable one, and how far their results are apart."""
 
 from __future__ import annotations

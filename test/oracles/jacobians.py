@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Jacobians, inertia and momentum of a scene from axes and arms of its joints, in plain NumPy.
 
 For trees of revolute, prismatic and free joints; a free joint's rates are in its body's axes.

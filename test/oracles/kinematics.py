@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Forward kinematics and closure residuals of scene documents in plain NumPy, one link at a time.
 
 Nothing here comes from Pinocchio or from the package: a scene is read as dictionaries, and every

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Lagrange's equations of a planar chain of revolute joints, closed form in absolute angles.
 
 With theta_i the absolute angles, T = 1/2 sum a_ij cos(theta_i - theta_j) theta_i' theta_j', so

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a command would be for the device as it is now: loops closed in the device itself.
 
     u = u' + G (F_h - F_h') - K ξ - B (v - v'),      K = k P_c,   B = b P_c

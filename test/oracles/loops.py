@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """One physical loop, cut open at any of its joints.
 
 Bodies 1..n and joints 0..n: joint 0 carries body 1 on the world, joint n carries body n on the

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """D and h of a scene by virtual power and finite differences of its forward kinematics.
 
     D = sum J_c^T m J_c + J_w^T I J_w + a J_r^T J_r

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Initial value problems solved as tightly as double precision allows."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Motions of one angle: a point mass on a rod, and parallelograms in a row."""
 
 from __future__ import annotations

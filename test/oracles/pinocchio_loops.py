@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Accelerations and closure forces from Pinocchio's own constraint solver (API of Pinocchio 4)."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Planar chains and the five-bar of the paper; closed positions from triangles, not solvers."""
 
 from __future__ import annotations

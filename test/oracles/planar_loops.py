@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Slider-crank, four-bar and five-bar in as many coordinates as they have freedoms.
 
 Bars of a chain have absolute angles theta. The first n are the coordinates u, the last close the

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Passivity at the mechanism's port: it gets no more than the hand has put in.
 
     E_m <= E_h + slack,      E_h = Σ ½ (F_h + F_h') · ξ

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The motion of a scene to ten digits and more, offline: adaptive steps of high order.
 
 What fixed steps are judged by where no closed form is known. Latching closures stay as they start.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A period of rendering: from the samples of device and mechanism to what acts on both."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A device with Coulomb friction, which its encoders' steps need if nothing is to hum."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Scene documents with a start and a step, run by the package's simulator."""
 
 from __future__ import annotations

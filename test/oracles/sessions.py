@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Sessions of scenes from their start, and what tests ask of them as arrays."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Andrews' squeezer mechanism, the IVP test set's index-1 form: seven angles, six closures.
 
 M q'' + G^T lambda = f and G q'' = -G' q'. Lengths m, masses kg, inertias kg m^2 about the centres.

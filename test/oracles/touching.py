@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Scenes of bodies that touch a floor and each other."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The plan of a scene says what runs: it follows the scene, and what is counted while it runs."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What ``scene check`` says of the mechanism's steps."""
 
 import json

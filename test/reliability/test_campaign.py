@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The command that runs the campaign, and what it does with parts that cannot be measured."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the campaign of messages measures: time, memory and force; each can break its limit."""
 
 from __future__ import annotations

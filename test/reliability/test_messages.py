@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Hostile messages and states against all actors at once, in one thread and made-up time."""
 
 from __future__ import annotations

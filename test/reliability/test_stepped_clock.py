@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The clock that tests step: the time of day follows, the monotonic clock does not."""
 
 from __future__ import annotations

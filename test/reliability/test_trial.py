@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is read from the watcher's samples: each fault that a device can have is seen."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech bag`` in a process of its own, and a publisher in another."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """CRTK's own messages, built from their definitions: ``crtk_msgs`` is not on PyPI.
 
 The generators, headers and libraries of ROS 2 are those of the wheels; a C++ compiler and the

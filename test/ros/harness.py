@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What graph tests share: a domain of their own, processes that always end, waits that time out."""
 
 from __future__ import annotations

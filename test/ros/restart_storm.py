@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Four nodes, each in a process, of which one after the other is killed and started anew at random.
 
 Processes are forked from this one, which has imported all they need: a start takes a tenth of the

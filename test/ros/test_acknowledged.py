@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The last messages of a publisher: others have them before it is destroyed."""
 
 from __future__ import annotations

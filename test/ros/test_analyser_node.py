@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The analyser alone: what it says of a state is what the core says, and nothing kills it."""
 
 import numpy as np

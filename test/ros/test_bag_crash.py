@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A recorder that is killed while messages stream in."""
 
 from __future__ import annotations

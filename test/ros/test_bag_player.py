@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech bag play`` in a graph: what it publishes, when, and how it is steered."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech bag record`` in a graph: what it finds, how it subscribes, how it ends."""
 
 from __future__ import annotations

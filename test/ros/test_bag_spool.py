@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The queue between those who hear messages and the disk."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The graph's benchmark over real nodes: what it reports hangs together. Nothing here is timed."""
 
 from __future__ import annotations

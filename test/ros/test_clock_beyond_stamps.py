@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A machine's clock that is set to what no stamp can tell, and back: nobody is under a force."""
 
 from __future__ import annotations

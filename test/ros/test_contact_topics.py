@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A mechanism that touches things says where, and what each pair does, to those who listen."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The controller alone: the core's answer to the measurements, and silence when any is missing."""
 
 import math

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The graph as a CRTK client sees it, who knows the convention and nothing of this package."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's experiment over real nodes agrees with the session, in four processes and in one."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The simulated device alone: CRTK topics, obedience, and zero force when commands stop."""
 
 import math

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The device node with weight and without a force sensor: it fails closed all the same."""
 
 from pathlib import Path

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The commands of README and documents, run as they are written.
 
 ``ros2`` is not on PyPI: ``ros2 run`` starts the executable, and ``topic pub``, ``service call`` and

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What `ros2 run` starts: found through ament, run for real, ended by a signal."""
 
 import os

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Who can find a graph, and who can meddle with it: processes on its machine, and nobody else."""
 
 import subprocess

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Pushes of other nodes: summed, held or expiring, on points and on links, in any frame."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Drivers that other people wrote: what each of them says is enough to feel the mechanism.
 
 The driver here is a body that a hand pushes, stepped as time goes on, with CRTK's topics alone and

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """All four nodes: they find each other in any order, render, and survive each other's deaths."""
 
 import signal

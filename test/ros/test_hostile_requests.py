@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Requests of services that every node has from rclpy: answered, whatever they hold."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is felt over a graph of real nodes, in one process."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The graph on the lane: who carries what, beside tools, strangers and the dead."""
 
 from __future__ import annotations

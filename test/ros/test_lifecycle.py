@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Managed nodes: up and down by services, silent unless active, and ended from any state."""
 
 from __future__ import annotations

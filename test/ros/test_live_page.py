@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech run --live`` in a browser: a link is dragged, a loop opened, a gain set."""
 
 from __future__ import annotations

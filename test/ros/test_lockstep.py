@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Graphs in lockstep: the same bits on every run, the session's numbers, and replays of either."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The node drives a realistic device, held by an arm, as the session does."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Waiting for messages: for as long as was said, until a future is done, and leaving nothing."""
 
 from __future__ import annotations

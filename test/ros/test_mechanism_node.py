@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The mechanism alone: anyone may push it, bad pushes are refused, lost ones run out."""
 
 import math

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A device on another host, as far as one machine can be two: over a path of packets."""
 
 import sys

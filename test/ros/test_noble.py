@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The commands of docs/install.md for Ubuntu 24.04, where only its packages can be imported.
 
 The system's folder has ROS 2 and what else Ubuntu and ROS have packages of, as links to this

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Held elsewhere while the graph runs: by topic and by parameter, told to all, without a bump."""
 
 from itertools import pairwise

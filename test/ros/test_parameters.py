@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Parameters: described, checked as a whole, refused with value and rule, and obeyed."""
 
 from __future__ import annotations

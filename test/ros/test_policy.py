@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The policy for SROS2 against a running graph: what nodes do is allowed, and is all there is."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a node cannot start with is said in a sentence, with exit code 1."""
 
 import json

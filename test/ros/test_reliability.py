@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The campaign's short form: a few faults of each kind against one graph of real nodes.
 
 In full, with limits on force and time of return: `make campaign`, docs/reliability.md.

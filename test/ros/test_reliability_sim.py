@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The campaign's short form for /clock: a graph of its own, and no other one beside it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Nodes that are killed and started anew at random, two hundred times, and those that are not."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech run``: how long it runs, what it starts again, and what it takes as names."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """``hapticmech run --record``: the recorder may die, the graph goes on, and both are said."""
 
 import os

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The device's safety envelope over the graph: each cause brings zero force, and says so."""
 
 import math

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Over the graph: safety cannot be taken from device and controller by parameters."""
 
 from pathlib import Path

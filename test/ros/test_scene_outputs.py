@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the viewer publishes, with stand-ins for node and tf2_msgs: to whom, when, and how."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The viewer alone: it draws what it hears, drops what is over, and nothing kills it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Nodes that live by /clock: time is what it says, stands when it stands, and goes back with it."""
 
 from __future__ import annotations

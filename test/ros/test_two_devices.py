@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Two devices on one mechanism: each engages by itself, and each feels what the other does."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Messages say what shapes, frames and wrenches say."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Documents that tests spoil: plain dictionaries of shipped scenes, a fresh copy each time."""
 
 import copy

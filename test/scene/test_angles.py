@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Angles as text: where they may be written, and what they are."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Every rule that shapes and contacts can break: the error names key path, value and rule."""
 
 import pytest

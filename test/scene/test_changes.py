@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Keys of a scene that are set from outside its file."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """docs/devices.md: every snippet is a scene's, every key and every preset is there."""
 
 import re

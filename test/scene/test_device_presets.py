@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Real devices by name: each has its sources, runs, and gives way to what a scene says itself."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Gains of the joint constraint where a scene gives none."""
 
 import numpy as np

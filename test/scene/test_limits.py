@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """How large numbers may be: what a scene says of it, and that its own figures lie within."""
 
 import pytest

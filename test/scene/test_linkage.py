@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Linkages by points: what they stand for is what one would have written by hand."""
 
 import re

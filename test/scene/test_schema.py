@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The JSON Schema of scene files: what validation takes, and ``model`` beside it."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Shipped scenes load, close, freeze, and survive being written out and read again."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Every shipped scene, taken hold of for two seconds: nothing comes apart, and all is bounded."""
 
 from functools import cache

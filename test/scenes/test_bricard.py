@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Bricard's linkage: mobile where the count of freedoms says that it is not; one way to go."""
 
 from functools import cache

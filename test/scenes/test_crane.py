@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A crane: the rope that is a constraint where it hangs, the swing, and the wall that is hit."""
 
 from functools import cache

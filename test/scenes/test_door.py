@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A door felt at its knob: a circle to move along, a stop at its end, a latch."""
 
 from functools import cache

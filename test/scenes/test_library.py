@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The library's page has every scene, its picture, its command and what the check says of it."""
 
 import re

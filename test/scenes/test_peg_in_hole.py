@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A peg in a hole: in with clearance, on two points when it is pulled aside, and jammed."""
 
 from functools import cache

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A scissor lift: one freedom behind five loops, its height, its mass, the lever of its bars."""
 
 from functools import cache

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Two arms on a free-flying base with one payload: what is felt, what is kept, what gives way."""
 
 from functools import cache

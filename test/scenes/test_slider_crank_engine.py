@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A slider-crank felt at its crank pin and at its piston, against closed forms over the turn."""
 
 from functools import cache

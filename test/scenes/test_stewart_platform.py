@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A platform on six legs: free in all directions, heavy by its legs, rigid once they are locked."""
 
 from functools import cache

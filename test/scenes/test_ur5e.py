@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """An industrial arm felt at its flange: published frames, its inertia, its wrist singularity."""
 
 from functools import cache

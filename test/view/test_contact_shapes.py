@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Hulls in the picture: where they are, how large; and the forces at points of contact."""
 
 from __future__ import annotations

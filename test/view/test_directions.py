@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rigid and free directions: the span is the analysis's, and the picture does not flicker."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Named frames: where the oracle says, each name once, and everything hangs on world."""
 
 from __future__ import annotations

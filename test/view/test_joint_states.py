@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Positions and rates of the URDF's joints stand for the state that they were made from."""
 
 from __future__ import annotations

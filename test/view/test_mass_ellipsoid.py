@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The mass felt as an ellipsoid: axes where Newton's law says, flat in a plane, cut off."""
 
 from __future__ import annotations

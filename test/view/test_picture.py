@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The whole picture: everything is where it belongs, under a name that it keeps."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Shapes: where their ends are, which way they turn, and what vanishes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Files for RViz, PlotJuggler and Foxglove: well-formed, and all that they name is published."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Shapes that may touch, springs between points and slides are drawn where they are."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Still pictures of scenes: everything that is drawn is in them, and seen from the right side."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The URDF text, read by Pinocchio, is the mechanism that the scene describes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Our bytes are what ROS's own serialisation makes, and the other way round."""
 
 import numpy as np

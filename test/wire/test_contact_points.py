@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Points of contact on the wire: what goes in comes out, and what is wrong is refused."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The C++ header of the flat messages: offsets of the tables, and C++."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Renderings written in place are those that are packed from the objects."""
 
 import numpy as np

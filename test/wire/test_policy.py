@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The policy for SROS2: an enclave for each process, and what it allows."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Messages of the control rate, read without taking them apart: same numbers, same refusals."""
 
 import numpy as np

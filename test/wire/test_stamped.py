@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What is written without a message's objects is read by the middleware as that message."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """States on the wire: what is packed is unpacked again, and what breaks a rule is refused."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """WrenchStamped bytes: as rclpy writes and reads them, and refusals."""
 
 import struct

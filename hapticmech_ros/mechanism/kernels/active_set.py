@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A set of active closures: the model that kernels take, dense, and sparse where it is quicker."""
 
 from __future__ import annotations

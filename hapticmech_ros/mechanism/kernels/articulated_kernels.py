@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """D = L Lᵀ without D: articulated inertias instead of a Cholesky factor, linear in the joints.
 
 Going from the tips to the world, each rate c leaves its axis S_c, U_c = I S_c and d_c = S_cᵀU_c of

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A = L⁻¹Wᵀ of closures that each reach few rates: QR inside a band, linear in their number.
 
 Columns of A are taken in the order of the first place that they reach, in which Householder

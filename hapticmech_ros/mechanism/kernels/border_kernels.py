@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Rates that many closures share, at a sparse factorisation's border: a platform's on its legs.
 
 Where every closure reaches places of its own and a few that it shares with others, A = L⁻¹Wᵀ is

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Residual φ, Jacobian W and bias Ẇv of each kind of closure, as :mod:`closures` defines them.
 
 A pose is a row of ``poses``, 12 numbers: a frame's three axes in the world, then its origin. A

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Couplings of two joints: one row θ - ratio θ_leader - offset, as :mod:`closures` defines it.
 
 The place of a coupling's frame a is no frame's: it begins with ratio and offset.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What kernels know of a configuration, as one array: see :class:`Data`."""
 
 from __future__ import annotations

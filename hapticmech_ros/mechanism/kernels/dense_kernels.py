@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """W of all closures, dense, and its factorisation with that of D: SVD, or QR of many rows."""
 
 from __future__ import annotations

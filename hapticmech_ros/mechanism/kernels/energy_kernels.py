@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Energies at a state, from what a factorisation there has filled, and the account of a step."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Kernels of Eq. 1 at a configuration: factorisation of D and W, accelerations, projections.
 
 Every kernel takes the mechanism's constants as ``numbers`` and ``values`` (see

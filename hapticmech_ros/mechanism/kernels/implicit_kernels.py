@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Stages of the linearly implicit rule, see :mod:`~hapticmech_ros.mechanism.implicit`."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Which path a set of closures takes: dense, or sparse in an order that keeps its band narrow.
 
 Rates that many closures share, such as those of a platform on its legs, are left to a border.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """q ⊕ θ and the rate of θ, joint by joint, as Pinocchio has them.
 
 Positions of revolute and prismatic joints are numbers. The others are poses: of a planar joint x,

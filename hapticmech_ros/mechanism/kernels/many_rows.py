@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Factorisation of many closure rows, as loops inside kernels: a rank-revealing QR, not an SVD.
 
 One-sided Jacobi turns every pair of rows several times: m² n each. Here A P = Q R by Householder

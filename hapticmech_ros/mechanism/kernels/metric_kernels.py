@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The mass metric and what closures leave of it: dense or sparse, by one name.
 
 With D = L Lᵀ, L⁻¹ takes joint forces to the metric and L⁻ᵀ takes it to rates; U spans the columns

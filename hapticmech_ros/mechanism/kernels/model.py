@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What kernels know of a mechanism: its constants for one set of active closures, in two arrays.
 
 A call of a kernel pays for each of its arrays, so that few long ones take the place of many. The

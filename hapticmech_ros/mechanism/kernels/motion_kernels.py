@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What moves: operational points and the closures' Ẇv.
 
 Everything follows from joint Jacobians in the world's axes at the world's origin: the twist of a

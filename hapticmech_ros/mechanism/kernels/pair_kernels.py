@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Pairs of wrenches on two joints: what a closure row, a spring or a push does to the rates.
 
 A pair is 12 numbers: the wrench on joint a, then that on joint b, forces first, moments about the

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Steps of the mechanism by one kernel, one or many."""
 
 from __future__ import annotations

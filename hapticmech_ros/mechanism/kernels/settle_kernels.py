@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The end of a step inside a kernel: see :mod:`~hapticmech_ros.mechanism.projection`."""
 
 from __future__ import annotations

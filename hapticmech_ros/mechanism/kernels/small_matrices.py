@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Factorisations and solves of matrices with few rows, as loops inside kernels.
 
 Only the order of operations differs from LAPACK's: results agree to rounding.

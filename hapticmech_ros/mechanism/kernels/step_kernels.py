@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A step of the mechanism inside a kernel: the work that its parts share, and explicit stages.
 
 The rules are those of :mod:`~hapticmech_ros.mechanism.schemes`.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the mechanism's kernels read and fill besides matrices, by name: one table for each array.
 
 Kernels index with the names below each table; Python takes slices of the tables.

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The tree at a configuration: poses, joint axes, inertias, D and h, as loops inside kernels.
 
 What Pinocchio computes, from the constants that its model has: tests hold both together. Calls

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Plays a rosbag2 bag into the graph: recorded bytes, recorded QoS, recorded times."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Reads messages ahead in a thread, so that a slow disk does not delay their publication."""
 
 from __future__ import annotations

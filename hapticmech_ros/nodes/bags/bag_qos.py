@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Quality of service between a graph and a bag: what to ask for, what to offer."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Records topics of a running graph into a rosbag2 bag, as they are on the wire."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Between the thread that hears messages and the disk: a queue, and a thread that writes.
 
 A disk that stalls delays nobody who listens. What is queued is on disk within half a second.

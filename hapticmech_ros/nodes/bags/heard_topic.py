@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """One topic that is being recorded: its subscription, what it has brought, and what it missed."""
 
 from __future__ import annotations

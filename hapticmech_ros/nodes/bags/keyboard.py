@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Keys pressed in the terminal, one by one and without waiting."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a page asks of a running graph, by topics and services that anybody could use."""
 
 from __future__ import annotations

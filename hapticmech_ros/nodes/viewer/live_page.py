@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The live page of a running graph: a node that looks on, and pushes as anybody may.
 
 It has a process of its own and uses topics and services only. The page's threads and the node's

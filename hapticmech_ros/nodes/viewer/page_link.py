@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Between a page's threads and the node's: commands one way, reports the other."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the scene viewer hears: newest messages, kept as bytes until a picture is drawn."""
 
 from __future__ import annotations

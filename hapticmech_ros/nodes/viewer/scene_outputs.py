@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What the scene viewer publishes: each thing only while somebody subscribes to it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The scene viewer: an optional node that turns what the others say into what people look at.
 
 It draws at its own rate, and only what somebody subscribes to; while nobody does it does not even

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Shapes, frames and wrenches of the pure core as messages that viewers understand."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Impedance controller: the device feels as heavy as the mechanism, in the range space of Λ_h⁻¹.
 
     u_imp = Λ_d X (F + C6 F_h) - (1 - (1 - β) Π) F + Λ_d a_0 + device bias,   F = F_h + C2 F_c

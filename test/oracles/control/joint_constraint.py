@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Joint-constraint controller: limited stiffness in the null space of Λ_h⁻¹.
 
     u_jc = -(k P_c e + b P_c ė), limited in force and torque as a whole

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What a device's driver does at the sample rate: compensation before, force sensing after."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The hand's wrench without a sensor: a momentum observer, from encoders and actuators.
 
 Momentum p = Λ_d v changes by all that acts. What is known of it, actuators u, weight w, viscous

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """What resists a device's motion besides viscous damping: end stops, then Coulomb friction.
 
 Both are implicit in the speed at the end of a step h, so that neither adds energy at any stiffness

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The laws of a scene's hands: pushes, or a spring and damper to a moving target."""
 
 from __future__ import annotations

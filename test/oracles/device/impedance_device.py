@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Simulated impedance-type device: a rigid body between hand and actuators, sampled and held.
 
     (Λ_d + Λ_a) ẍ = F_s + F_o + u + w - b ẋ - f

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Loop closures in NumPy: residual φ, Jacobian W and bias Ẇv, see ``mechanism.closures``."""
 
 from __future__ import annotations

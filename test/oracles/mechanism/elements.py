@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Forces of springs, dampers, friction and stops in NumPy, and their slopes."""
 
 from __future__ import annotations

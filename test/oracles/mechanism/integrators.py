@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The rules of ``mechanism.schemes`` as functions on the manifold, before the projection."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Eq. 1 at a state by Pinocchio's algorithms and LAPACK."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Steps of the readable mechanism in NumPy: integration, then projection, or Baumgarte's pull."""
 
 from __future__ import annotations

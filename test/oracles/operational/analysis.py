@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Everything that rendering needs to know of a mechanism at an operational point, with NumPy."""
 
 from __future__ import annotations

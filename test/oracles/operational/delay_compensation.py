@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """How an operational point answers through a late loop; see ``operational.delay_compensation``."""
 
 from __future__ import annotations

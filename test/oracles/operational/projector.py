@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Smooth choice of the constrained directions; see ``operational.results``."""
 
 from __future__ import annotations

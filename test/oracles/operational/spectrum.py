@@ -1,3 +1,5 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """X = Λ_h⁻¹ = SᵀS, the dynamically consistent inverse inertia at a point, and the spectrum of S.
 
 S = (1 - U Uᵀ) L⁻¹ J_hᵀ      with D = L Lᵀ and U an orthonormal basis of range(L⁻¹Wᵀ)
