@@ -140,11 +140,12 @@ URDF = """<robot name="box"><link name="base"/>
 <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
 <link name="body"><inertial><mass value="1"/>
 <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
-<collision><geometry><mesh filename="{mesh}"/></geometry></collision></link></robot>"""
+<{kind}><geometry><mesh filename="{mesh}"/></geometry></{kind}></link></robot>"""
 CORNERS = [(0, 0, 0), (0.2, 0, 0), (0, 0.2, 0), (0, 0, 0.2)]
 
 
-def test_meshes_of_a_model_are_drawn_without_a_contact(tmp_path):
+@pytest.mark.parametrize("kind", ["collision", "visual"])
+def test_meshes_of_a_model_are_drawn_without_a_contact(tmp_path, kind):
     faces = "".join(f"f {a} {b} {c}\n" for a, b, c in ((1, 3, 2), (1, 2, 4), (1, 4, 3), (2, 3, 4)))
     corners = "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS)
     (tmp_path / "body.obj").write_text(corners + faces)
@@ -152,7 +153,7 @@ def test_meshes_of_a_model_are_drawn_without_a_contact(tmp_path):
     counts = {}
     for mesh in ("body.obj", "bad.obj"):
         model, path = tmp_path / f"{mesh}.urdf", tmp_path / f"{mesh}.png"
-        model.write_text(URDF.replace("{mesh}", mesh))
+        model.write_text(URDF.replace("{mesh}", mesh).replace("{kind}", kind))
         found = CliRunner().invoke(app, ["scene", "show", str(model), "--out", str(path)])
         assert found.exit_code == 0, found.output
         assert ("not drawn" in found.output) == (mesh == "bad.obj")
