@@ -133,7 +133,7 @@ def test_parts_of_scenes_in_the_documents_are_valid(part: str, tmp_path: Path) -
     with (tmp_path / "scene.yaml").open("w") as stream:
         YAML(typ="safe", pure=True).dump(whole, stream)
     scene = load_scene(tmp_path / "scene.yaml")
-    assert set(said) - {"format", "model"} <= scene.model_fields_set
+    assert set(said) - {"format", "model", "linkage"} <= scene.model_fields_set
 
 
 def test_every_command_that_the_readme_names_exists() -> None:

@@ -490,9 +490,8 @@ class LivePage:
         with TemporaryDirectory() as folder:
             path = Path(folder) / name
             shapes = [one for one in shown.frame.shapes if one.namespace != MASS]
-            draw_shapes(
-                shapes, path, shown.picture.planar, f"{self._name}, {shown.state.time:.2f} s"
-            )
+            title = f"{self._name}, {shown.state.time:.2f} s"
+            draw_shapes(shapes, path, shown.picture.planar, title)
             content = path.read_bytes()
         self._with_viser(partial(event.client.send_file_download, name, content))
 

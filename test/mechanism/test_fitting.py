@@ -163,7 +163,7 @@ def test_shipped_scenes_are_as_written():
         assert Mechanism(load_scene(name)).fit is None, name
 
 
-@pytest.mark.parametrize("middle", ["bar", "tie"])
+@pytest.mark.parametrize("middle", ["bar", "rod"])
 def test_three_parallel_bars_of_seven_digits_move(middle):
     """A parallelogram with a third leg, drawn askew: its length is off in the eighth digit."""
     cos, sin = np.cos(0.3), np.sin(0.3)
@@ -181,7 +181,7 @@ def test_three_parallel_bars_of_seven_digits_move(middle):
     if middle == "bar":
         linkage["bars"].append({"name": "leg", "points": ["E", "F"], "mass": 0.1})
     else:
-        linkage["ties"] = [{"name": "leg", "points": ["E", "F"]}]
+        linkage["rods"] = [{"name": "leg", "points": ["E", "F"]}]
     document = {
         "format": "hapticmech-scene/1",
         "name": "three_legs",
