@@ -74,7 +74,7 @@ TYPES: dict[str, Any] = {
 # Of states and of commands that change them: CRTK's own types, or what stands for them here.
 STATES = (table.DEVICE_OPERATING_STATE, table.POINT_OPERATING_STATE)
 COMMANDS = (table.DEVICE_STATE_COMMAND, table.POINT_STATE_COMMAND)
-WORDS = (*STATES, *COMMANDS, table.DEVICE_HOLD, table.DEVICE_FREE)
+WORDS = (*STATES, *COMMANDS, table.DEVICE_HOLD, table.DEVICE_FREE, table.DEVICE_BODY_AXES)
 TYPES |= {topic.type: message_class(topic.type) for topic in WORDS}
 
 
