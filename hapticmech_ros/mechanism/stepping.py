@@ -355,16 +355,16 @@ class Stepper:
         parts.held[:] = 0.0 if external.in_joints is None else external.in_joints
         parts.settings[TOUCHING] = len(external.touching)
         self.prepare(heeded)
+        self._account.fill(0.0)
         parts.account[OWED] = start.owed
         return start.packed(active_set)
 
     def prepare(self, heeded: int = EVERYTHING) -> None:
-        """Set what the kernel's steps heed, and begin their account.
+        """Set what the kernel's steps heed.
 
         Args:
             heeded: see ``run_kernels``.
         """
-        self._account.fill(0.0)
         wanted = heeded, self.step, self._tolerance
         if wanted == self._prepared:
             return

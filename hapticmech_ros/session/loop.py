@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -73,9 +72,6 @@ from hapticmech_ros.session.tick_kernels import (
 )
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import nanoseconds
-
-if TYPE_CHECKING:
-    from hapticmech_ros.contact.touching import Touching
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
 _FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
@@ -237,11 +233,8 @@ class SessionLoop:
     def _left(self) -> LeftState:
         """Return how the kernel left the mechanism."""
         totals, q, v = (one.copy() for one in (self._parts.totals, self._parts.q, self._parts.v))
-        return LeftState(self._known, totals, q, v, self._touching())
-
-    def _touching(self) -> Touching | None:
-        """Return the points of contact of the last step; None in a scene without contacts."""
-        return None if self._contacts is None else self._contacts.touching()
+        touching = None if self._contacts is None else self._contacts.touching()
+        return LeftState(self._known, totals, q, v, touching)
 
     def _begin(self, state: MechanismState) -> None:
         """Go on from a state of the mechanism."""

@@ -125,7 +125,8 @@ class Session(SessionLoop):
         if hand_wrench is not None:
             inputs[0, 6:] = _wrench("hand_wrench", hand_wrench)
         time, device, state = self.time, self._device_state, self._mechanism_state
-        known = (self._known, self._touching()) if state is None else state
+        touching = None if self._contacts is None else self._contacts.touching()
+        known = (self._known, touching) if state is None else state
         if pushed:
             self._tick_pushed(inputs, _NO_RECORDS, pushed)
         else:
