@@ -69,7 +69,7 @@ def test_the_rule_with_delay_holds_for_little_damping_only():
 def test_without_units_all_walls_are_one():
     """K τ² / m at 0.6 of the largest damping: 0.55, whatever the delay, from one period on."""
     wall = Wall(late("door"))
-    for delay in (1, 2, 10, 50):
+    for delay in (1, 2, 10, 30):
         tau = (delay + 0.5) * 1e-3
         stiffness = wall.predicted(0.6 * wall.most_damping(delay), delay, "nobody")
         assert stiffness * tau**2 / wall.mass == pytest.approx(0.55, abs=0.02)
