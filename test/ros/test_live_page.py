@@ -67,7 +67,7 @@ def address(domain: int) -> Iterator[str]:
         stop_process(process)
 
 
-@pytest.mark.skip(reason="unstable: it passed in 3 of 6 runs here, and why is not known")
+@pytest.mark.skip(reason="unstable, and why is not known: 2 passed, 1 failed, 4 without an end")
 def test_a_running_graph_is_dragged_tuned_and_let_go(
     domain: int, peer: Peer, browser: Browser, address: str
 ) -> None:
