@@ -207,10 +207,15 @@ def _hulls_of(opened: Opened) -> dict[int, Hull]:
 def first_view(shapes: Sequence[Shape], planar: bool) -> tuple[Array, Array, Array]:
     """Return from where (3,) to look at what (3,), m, and what is up (3,).
 
-    A planar scene is seen from above, with y upwards.
+    A planar scene is seen from above, with y upwards. What forces there are when it is opened, as
+    in a graph that runs, changes nothing.
     """
     places = np.vstack(
-        [one.points if len(one.points) else one.pose.translation[None] for one in shapes]
+        [
+            one.points if len(one.points) else one.pose.translation[None]
+            for one in shapes
+            if not one.namespace.startswith(LAYERS["forces"])
+        ]
     )
     low, high = places.min(axis=0), places.max(axis=0)
     centre, size = 0.5 * (low + high), max(float(np.linalg.norm(high - low)), 1e-3)

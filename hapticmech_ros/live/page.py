@@ -109,7 +109,7 @@ class LivePage:
         self._drawing: Drawing | None = None
         self._newest: LiveState | None = None
         self._shown: Drawn | None = None
-        self._looked_at = False
+        self._has_view = False
         self._number, self._name = 0, ""
         self._history = History()
         self._nodes: dict[NodeKey, Any] = {}
@@ -168,6 +168,8 @@ class LivePage:
             if state is None or current is None:
                 continue
             self._history.add(state)
+            if not self._has_view:
+                self._with_viser(partial(self._look_at_scene, current.picture, state))
             if self.looked_at and self._due("picture", PICTURES_HZ):
                 self._with_viser(partial(self._show, current.drawn(state, self._hidden)))
 
@@ -208,14 +210,12 @@ class LivePage:
                 node.remove()
         self._nodes, self._lines, self._hulls = {}, None, {}
         if new:
-            self._looked_at = False
+            self._has_view = False
             self._make_scene_controls(opened, picture.closures)
 
     def _show(self, new: Drawn) -> None:
         """Show a picture, and from time to time its numbers and plots."""
         picture = new.picture
-        if not self._looked_at:
-            self._look_at_scene(picture, new.frame)
         old, self._shown = self._shown, new
         with self._server.atomic():
             for key, arrays in new.instances.items():
@@ -310,10 +310,11 @@ class LivePage:
         self._hulls[number] = node
         return node
 
-    def _look_at_scene(self, picture: LivePicture, frame: LiveFrame) -> None:
+    def _look_at_scene(self, picture: LivePicture, state: LiveState) -> None:
         """Let everybody look at a new scene from where it is seen well."""
-        self._looked_at = True
-        eye, centre, up = first_view(frame.shapes, picture.planar)
+        # Before anybody looks, if possible: a browser that is starting takes up only a part of it.
+        self._has_view = True
+        eye, centre, up = first_view(picture.draw(state, self._hidden).shapes, picture.planar)
         self._server.scene.set_up_direction("+y" if picture.planar else "+z")
         for camera in (
             self._server.initial_camera,
@@ -340,9 +341,7 @@ class LivePage:
             link = ""
         if link is None:
             return
-        held, grip = (
-            (device, np.zeros(3)) if not link else (start, shown.frame.in_link(link, start))
-        )
+        held, grip = (start, shown.frame.in_link(link, start)) if link else (device, np.zeros(3))
         self._mouse.grab(event.client_id, link, grip, held, eye, start, shown.picture.planar)
         self._mouse.move(event.client_id, eye, seen)
 

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -93,6 +95,16 @@ def test_the_first_view_sees_everything(name):
     for one in shapes:
         to = one.pose.translation - eye if not len(one.points) else one.points[0] - eye
         assert -to @ near / np.linalg.norm(to) > np.cos(half)
+
+
+def test_forces_that_are_there_already_do_not_change_the_first_view():
+    session, picture = begun("five_bar")
+    shapes = picture.draw(session.state()).shapes
+    far = replace(shapes[0], namespace="device_command", points=np.full((2, 3), 9.0))
+    for one, other in zip(
+        first_view(shapes, picture.planar), first_view([*shapes, far], picture.planar), strict=True
+    ):
+        assert np.array_equal(one, other)
 
 
 def test_a_mesh_is_drawn_as_its_hull(tmp_path):

@@ -283,7 +283,7 @@ def test_a_bag_is_recorded_from_the_lane_without_the_middleware(
             )
             before = int(figures(statuses["haptic_device"])["periods"])
             peer.until(
-                lambda: int(figures(statuses["haptic_device"])["periods"]) > before + 1000,
+                lambda: int(figures(statuses["haptic_device"])["periods"]) > before + 1250,
                 "samples on the lane alone",
             )
             # The middleware carries all for a second more: it may know of the recorder only then.
@@ -292,6 +292,7 @@ def test_a_bag_is_recorded_from_the_lane_without_the_middleware(
             assert recorder.wait(30.0) == 0
             assert recorder.stdout is not None
             text = recorder.stdout.read()
+            late = int(figures(statuses["haptic_device"])["missed_deadlines"])
     for topic in SENDERS:
         assert re.search(rf"{topic}: \d+ messages, 0 lost", text), text
     with BagReader(bag) as reader:
@@ -300,8 +301,9 @@ def test_a_bag_is_recorded_from_the_lane_without_the_middleware(
             for item in reader.messages("/device/state")
         ]
     assert len(stamps) > 1000
-    # Samples that were missed have no message; no message is missing or there twice.
+    # A period begun too late has no message of its own; no message is missing or there twice.
     assert stamps == sorted(set(stamps))
+    assert round((stamps[-1] - stamps[0]) / 4e6) + 1 - len(stamps) <= late
 
 
 @pytest.mark.parametrize("victim", list(NODES))

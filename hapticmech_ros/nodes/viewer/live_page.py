@@ -312,6 +312,8 @@ class LivePageNode(ClockedActor[LiveParameters]):
         self._number += 1
         scene = self._mechanism.scene
         self._link.tell(Opened(self._number, Open(self.parameters.scene), scene, self.point))
+        # At once, for the page to have its view before anybody opens it.
+        self._link.tell(self._state(self._last, False, self.now_ns()))
 
     def _on_diagnostics(self, message: DiagnosticArray, now_ns: int) -> None:
         wanted = self.node.resolve_topic_name(DEVICE).lstrip("/")
