@@ -20,7 +20,8 @@ from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.scene import Scene, load_scene, shipped_scenes
 
-ROUNDS, TICKS = 40, 500
+# Long enough for all scenes to move and to come to rest.
+ROUNDS, TICKS = 120, 500
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 

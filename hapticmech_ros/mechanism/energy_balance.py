@@ -26,7 +26,7 @@ class Balance(NamedTuple):
         made: what was made from nothing.
         exchanged: kinetic energy at both ends, change of the potential one, work and losses, and
             what the step's forces would give to a free mechanism at rest.
-        rounding: of the potential energies.
+        rounding: of the potential energies, and what nobody feels.
         kinetic: at the end.
     """
 

@@ -20,8 +20,9 @@ PASSING = 1e-4
 # Next to a singular position, below the first share, a branch is found by interpolation between
 # points of which none has less than the second one.
 SINGULAR, DETERMINED = 1e-3, 3e-4
-# Rounding of an energy, as a share of it.
-ENERGY_ROUNDING = 1e-14
+# Rounding of an energy, as a share of it; and an energy that nobody feels, J: a thousand times the
+# thermal one of a degree of freedom at room temperature, k T. A step at rest exchanges less.
+ENERGY_ROUNDING, UNFELT = 1e-14, 4e-18
 # What steps make from nothing is taken out of the motion where it adds up to more than this share
 # of what was exchanged since the start and moved at most, and than the rounding of so many steps;
 # see also ``schemes``.

@@ -31,7 +31,7 @@ from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
 from hapticmech_ros.mechanism.kernels.step_layout import POTENTIAL, STEP
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
-from hapticmech_ros.mechanism.tolerances import ENERGY_ROUNDING
+from hapticmech_ros.mechanism.tolerances import ENERGY_ROUNDING, UNFELT
 
 # Of an account of a step.
 OFF, JUDGED, MADE, EXCHANGED, ROUNDING, KINETIC, BALANCE = range(7)
@@ -88,8 +88,8 @@ def put_balance(
     What of that is held against a tolerance, and what was made from nothing: both are energy beyond
     the work done for a rule that ``damps`` what is faster than its step, and integrates no losses
     of that; else ``off`` either way, and if positive. What was exchanged: kinetic energy at both
-    ends, change of the potential one, work and losses. Rounding of the potential energies. The
-    kinetic energy at the end.
+    ends, change of the potential one, work and losses. Rounding of the potential energies, and what
+    nobody feels. The kinetic energy at the end.
     """
     moved, stood = kinetic_energy(model, first, parts.v0), potential_energy(model, first, parts.q0)
     moves, stands = kinetic_energy(model, last, parts.v), potential_energy(model, last, parts.q)
@@ -100,7 +100,7 @@ def put_balance(
     if not np.isfinite(gained + lost):
         out[JUDGED] = np.inf
     out[EXCHANGED] = moved + moves + abs(stands - stood) + abs(work_in) + abs(lost)
-    out[ROUNDING] = ENERGY_ROUNDING * (abs(stood) + abs(stands))
+    out[ROUNDING] = ENERGY_ROUNDING * (abs(stood) + abs(stands)) + UNFELT
     out[KINETIC] = moves
 
 

@@ -26,7 +26,13 @@ from hapticmech_ros.mechanism.motion import (
 )
 from hapticmech_ros.mechanism.projection import Projected, came_apart, project, refuse_flipped
 from hapticmech_ros.mechanism.stepping import Stepper
-from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE, ENERGY_ROUNDING, NEAR, PASSING
+from hapticmech_ros.mechanism.tolerances import (
+    BAUMGARTE_FAILURE,
+    ENERGY_ROUNDING,
+    NEAR,
+    PASSING,
+    UNFELT,
+)
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.simulation.latching import Latches
@@ -108,7 +114,7 @@ class ReadableStepper(Stepper):
         work_in, lost = stepped.work_in, stepped.energy_lost
         off = (moves - moved) + (stands - stood) - work_in + lost
         exchanged = moved + moves + abs(stands - stood) + abs(work_in) + abs(lost)
-        rounding = ENERGY_ROUNDING * (abs(stood) + abs(stands))
+        rounding = ENERGY_ROUNDING * (abs(stood) + abs(stands)) + UNFELT
         return Balance(off, abs(off), max(off, 0.0), exchanged, rounding, moves)
 
     def _substep(self, start: Start, external: ExternalWrenches) -> Stepped:
