@@ -29,6 +29,8 @@ def worker_pool(
         prepare: called in each of them first.
         given: what it is called with.
     """
+    # Workers share the processors among themselves; NumPy here has begun with its own threads.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     start = (prepare, given)
     return ProcessPoolExecutor(processes or os.cpu_count(), get_context("spawn"), _begin, start)
 

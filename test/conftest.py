@@ -6,10 +6,14 @@ The tools are those in benchmarks/, which are not installed. A child takes a ten
 each file, and tests read thousands: ``test_foreign_text`` shows that it makes no difference.
 """
 
+import os
 import sys
 from pathlib import Path
 
 import pytest
+
+# Before NumPy is there: tests share the processors among themselves.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from hapticmech_ros import foreign_text
 

@@ -81,7 +81,7 @@ def tick_matrix(
     if delay < 0:
         raise InvalidInputError("delay", delay, "must be 0 or more periods")
     loop = _Loop(scene, law, inverse_inertia, rows, delay, held)
-    return np.array([loop.tick(one) for one in np.eye(loop.size)]).T
+    return loop.tick(np.eye(loop.size))
 
 
 def diverges(matrix: Array) -> bool:
@@ -120,9 +120,9 @@ class _Loop:
         self._filter = cut_off / (1.0 + cut_off) if coarse else None
         self.size = self._n * (6 + 2 * delay)
 
-    def tick(self, state: Array) -> Array:
-        """Return the state (size,) a period later."""
-        period, parts = self._period, state.reshape(-1, self._n)
+    def tick(self, states: Array) -> Array:
+        """Return states (size, k) a period later."""
+        period, parts = self._period, states.reshape(-1, self._n, states.shape[1])
         x, rate, p, p_rate, seen, inert = parts[:6]
         to_device = list(parts[6 : 6 + self._delay])
         to_mechanism = list(parts[6 + self._delay :])

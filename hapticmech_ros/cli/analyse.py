@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from hapticmech_ros.cli.console import OutOption, SceneArgument, console, progress
+from hapticmech_ros.cli.console import (
+    ChangesOption,
+    OutOption,
+    SceneArgument,
+    console,
+    progress,
+)
 from hapticmech_ros.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -71,6 +77,7 @@ def sweep(
         str, typer.Option(help="operational point", show_default="the scene's first")
     ] = "",
     processes: Annotated[int, typer.Option(help="number of processes", min=1)] = 2,
+    changes: ChangesOption = None,
     out: OutOption = Path("sweep"),
 ) -> None:
     """Compute the inertia felt over a grid of joint positions, loops closed: table and plot."""
@@ -80,7 +87,7 @@ def sweep(
     from hapticmech_ros.scene import load_scene
 
     prescribed = [_prescribed(text) for text in joint]
-    loaded = load_scene(scene)
+    loaded = load_scene(scene, changes=changes or ())
     begun = time.perf_counter()
     places = math.prod(len(one.values) for one in prescribed)
     with progress() as bar:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -44,3 +45,33 @@ def progress() -> Progress:
 def words(text: str) -> tuple[str, ...]:
     """Return what stands between the commas of an option."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def with_changes(scenes: Sequence[str], changes: Sequence[str] | None, out: Path) -> list[str]:
+    """Return scenes as they are if nothing changes, else paths of changed copies.
+
+    Copies are in the folder ``scenes`` of the results, for every process that takes part, and for
+    whoever asks later what was done. Those of an earlier run are replaced.
+
+    Args:
+        scenes: names or paths.
+        changes: ``key=value`` each, of every scene.
+        out: folder for the results.
+
+    Raises:
+        SceneError: a bad scene or change.
+    """
+    if not changes:
+        return list(scenes)
+    from hapticmech_ros.scene.copying import copy_scene
+
+    folder, made = out / "scenes", list[str]()
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, scene in enumerate(scenes):
+        stem = Path(scene).stem
+        name = stem if stem not in (Path(one).stem for one in made) else f"{stem}_{number}"
+        copy = folder / f"{name}.yaml"
+        copy.unlink(missing_ok=True)
+        copy_scene(scene, copy, changes)
+        made.append(str(copy))
+    return made

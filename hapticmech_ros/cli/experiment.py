@@ -18,6 +18,7 @@ from hapticmech_ros.cli.console import (
     SceneArgument,
     console,
     progress,
+    with_changes,
     words,
 )
 from hapticmech_ros.errors import InvalidInputError
@@ -41,12 +42,14 @@ def demo(
     composed: ComposedOption = False,
     duration: DurationOption = None,
     storage: Annotated[str, typer.Option(help="mcap or sqlite3")] = "mcap",
+    changes: ChangesOption = None,
 ) -> None:
     """Run the paper's experiment over ROS: graph, bag, figures, summary."""
     from hapticmech_ros.experiment.demo import run_demo
     from hapticmech_ros.experiment.from_session import UnfinishedRunError
     from hapticmech_ros.scene import load_scene
 
+    (scene,) = with_changes([scene], changes, out)
     with progress() as bar:
         task = bar.add_task("starting the graph", total=None)
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from hapticmech_ros.cli.console import OutOption, words
+from hapticmech_ros.cli.console import ChangesOption, OutOption, with_changes, words
 from hapticmech_ros.cli.study import JsonOption, ProcessesOption, carry_out, numbers
 from hapticmech_ros.errors import InvalidInputError
 
@@ -46,6 +46,7 @@ def impedance(
         str,
         typer.Option(help="session; composed or processes: a graph of real nodes, with a recorder"),
     ] = "session",
+    changes: ChangesOption = None,
     out: OutOption = OUT,
     json_only: JsonOption = False,
 ) -> None:
@@ -56,7 +57,7 @@ def impedance(
     periods = numbers("--delays", delays, int)
     if over not in OVER:
         raise InvalidInputError("--over", over, f"must be one of {', '.join(OVER)}")
-    chosen = scenes or list(shipped_scenes())
+    chosen = with_changes(scenes or list(shipped_scenes()), changes, out)
     carry_out(lambda show: transparency(chosen, periods, show, over), out, json_only)
 
 
@@ -71,6 +72,7 @@ def limits(
     device: Annotated[str, typer.Option(help="preset instead of the scenes' devices")] = "",
     everything: AllOption = False,
     processes: ProcessesOption = 2,
+    changes: ChangesOption = None,
     out: OutOption = OUT,
     json_only: JsonOption = False,
 ) -> None:
@@ -82,7 +84,8 @@ def limits(
 
     periods = numbers("--delays", delays or (ALL_DELAYS if everything else DELAYS), int)
     hertz = numbers("--rates", rates or (ALL_RATES if everything else RATES), float)
-    loaded = [load_scene(name) for name in _sampled(scenes, everything)]
+    chosen = with_changes(_sampled(scenes, everything), changes, out)
+    loaded = [load_scene(name) for name in chosen]
     if device:
         loaded = [with_device(scene, device) for scene in loaded]
     cases = cases_of(loaded, periods, hertz, words(what))
@@ -95,13 +98,15 @@ def compare(
     delays: PeriodsOption = "1",
     everything: AllOption = False,
     processes: ProcessesOption = 2,
+    changes: ChangesOption = None,
     out: OutOption = OUT,
     json_only: JsonOption = False,
 ) -> None:
     """Render the same motions by the architecture, without joint constraints, and by a proxy."""
     from hapticmech_ros.analysis.comparison import compare as compare_renderings
 
-    chosen, periods = _sampled(scenes, everything), numbers("--delays", delays, int)
+    periods = numbers("--delays", delays, int)
+    chosen = with_changes(_sampled(scenes, everything), changes, out)
     carry_out(lambda show: compare_renderings(chosen, periods, processes, show), out, json_only)
 
 
@@ -116,6 +121,7 @@ def passivity(
     ] = "scene,firm",
     delays: Annotated[str, typer.Option(help="ms each way, with commas")] = "0,50",
     seconds: Annotated[float, typer.Option(help="s of each trial", min=0.1)] = 5.0,
+    changes: ChangesOption = None,
     out: OutOption = OUT,
     json_only: JsonOption = False,
 ) -> None:
@@ -125,7 +131,8 @@ def passivity(
     from hapticmech_ros.scene import shipped_scenes
 
     late = [1e-3 * delay for delay in numbers("--delays", delays, float)]
-    asked = trials(scenes or list(shipped_scenes()), words(devices), words(hands), late, seconds)
+    chosen = with_changes(scenes or list(shipped_scenes()), changes, out)
+    asked = trials(chosen, words(devices), words(hands), late, seconds)
     carry_out(lambda show: try_passivity(asked, show), out, json_only)
 
 

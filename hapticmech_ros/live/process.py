@@ -17,8 +17,9 @@ from types import TracebackType
 
 from hapticmech_ros.compilation.library import COMPILE_TIMEOUT_S
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.live.commands import COMMANDS, Command, Failed, Open, Report, newest
+from hapticmech_ros.live.commands import COMMANDS, Command, Failed, Open, Report
 from hapticmech_ros.live.live_session import AT_ONCE_S, LiveSession
+from hapticmech_ros.live.mailbox import Mailbox
 
 # Between two states that are sent, s.
 STATE_PERIOD_S = 1.0 / 60.0
@@ -45,9 +46,7 @@ class LiveProcess:
         context = get_context("spawn")
         self._pipe, there = context.Pipe()
         self._sending = threading.Lock()
-        self._came = threading.Condition()
-        self._news: list[Report] = []
-        self._ended = False
+        self._told = Mailbox(_ENDED)
         self._process = context.Process(
             target=_serve, args=(there, asked), name="live session", daemon=True
         )
@@ -55,13 +54,11 @@ class LiveProcess:
         there.close()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-        with self._came:
-            begun = self._came.wait_for(lambda: self._news or self._ended, _START_S)
-            missing = Failed(_ENDED if begun else _NOT_BEGUN)
-            first = self._news[0] if self._news else missing
-        if isinstance(first, Failed):
+        try:
+            self._begin()
+        except HapticMechError:
             self.close()
-            raise HapticMechError(first.reason)
+            raise
 
     def __enter__(self) -> LiveProcess:
         return self
@@ -93,12 +90,7 @@ class LiveProcess:
         Raises:
             HapticMechError: the process has ended.
         """
-        with self._came:
-            self._came.wait_for(lambda: self._news or self._ended, timeout_s)
-            found, self._news = self._news, []
-            if not found and self._ended:
-                raise HapticMechError(_ENDED)
-        return found
+        return self._told.take(timeout_s)
 
     def close(self) -> None:
         """End the process."""
@@ -111,19 +103,21 @@ class LiveProcess:
         self._reader.join()
         self._pipe.close()
 
+    def _begin(self) -> None:
+        """Wait until the session has begun."""
+        first = self._told.first(_START_S)
+        if first is None:
+            raise HapticMechError(_NOT_BEGUN)
+        if isinstance(first, Failed):
+            raise HapticMechError(first.reason)
+
     def _read(self) -> None:
         while True:
             try:
-                report: Report | None = self._pipe.recv()
+                self._told.put(self._pipe.recv())
             except (EOFError, OSError):
-                report = None
-            with self._came:
-                self._ended = report is None
-                if report is not None:
-                    self._news = newest([*self._news, report])
-                self._came.notify_all()
-                if self._ended:
-                    return
+                self._told.close()
+                return
 
 
 def _serve(pipe: Connection, asked: Open) -> None:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.wire.topic import ARRAY, MECHANISM, VIEWER, WRENCH, Topic
+from hapticmech_ros.wire.topic import ARRAY, MECHANISM, PAGE, VIEWER, WRENCH, Topic
 
 CONTACTS = Topic(
     "mechanism/contacts",
@@ -13,7 +13,7 @@ CONTACTS = Topic(
     "stamp, then for each point of contact its pair, position, normal, depth and force. Also "
     "`mechanism/contacts/<contact>/measured_cf`, the wrench of one pair: by shape b, on shape a, "
     "at the origin of a's frame, axes of `world`",
-    (VIEWER,),
+    (VIEWER, PAGE),
     rate="contact",
 )
 # One for each declared pair, whose name takes the place of the point's.

@@ -7,17 +7,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from xml.etree import ElementTree
 
-from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM, VIEWER
+from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM, PAGE, VIEWER
 from hapticmech_ros.wire.topics import (
     CLOSURES,
+    DIAGNOSTICS,
     EMERGENCY_STOP,
     EXTERNAL_WRENCH,
     HAND_WRENCH,
+    SET_OPERATIONAL_POINT,
     START_HAND,
     TOPICS,
 )
 
-NODES = (DEVICE, MECHANISM, ANALYSER, CONTROLLER, VIEWER)
+NODES = (DEVICE, MECHANISM, ANALYSER, CONTROLLER, VIEWER, PAGE)
+# Look on, each in a process of its own.
+ONLOOKERS = (VIEWER, PAGE)
 # Four nodes in one process; and who pushes, commands states and records, which is none of them.
 COMPOSED, OPERATOR = "composed", "operator"
 # Of every node.
@@ -40,13 +44,16 @@ _TF = ("/tf", "/tf_static")
 def published(node: str) -> list[str]:
     """Return patterns of the topics that a node publishes; * stands for names of any length."""
     own = [_pattern(t.name) for t in TOPICS if t.publisher == node]
-    managed = ("/diagnostics", f"{node}/transition_event")
+    if node == PAGE:
+        own = [*(f"{_pattern(topic.name)}/{PAGE}" for topic in _PUSHES)]
+        own.append(_pattern(SET_OPERATIONAL_POINT.name))
+    managed = (DIAGNOSTICS.name, f"{node}/transition_event")
     return [*_LOG, *managed, *own, *(_TF if node == VIEWER else ())]
 
 
 def heard(node: str) -> list[str]:
     """Return patterns of the topics that a node subscribes to."""
-    found = ["/clock", "/parameter_events"]
+    found = ["/clock", "/parameter_events", *([DIAGNOSTICS.name] if node == PAGE else ())]
     for topic in TOPICS:
         if node in topic.subscribers:
             found.append(_pattern(topic.name))
@@ -60,6 +67,11 @@ def answered(node: str) -> list[str]:
     return [*(f"{node}/{name}" for name in _OWN_SERVICES), *_SERVICES.get(node, ())]
 
 
+def requested(node: str) -> list[str]:
+    """Return patterns of the services that a node calls."""
+    return [f"{CLOSURES.name}/*", f"{CONTROLLER}/set_parameters"] if node == PAGE else []
+
+
 def policy(namespace: str = "/", enclaves: str = "/hapticmech") -> str:
     """Return the policy as XML: an enclave for each process, and one for the operator's.
 
@@ -71,7 +83,7 @@ def policy(namespace: str = "/", enclaves: str = "/hapticmech") -> str:
     processes = ElementTree.SubElement(root, "enclaves")
     nodes = {node: _of_a_node(node) for node in NODES}
     held = {node: {node: rules} for node, rules in nodes.items()}
-    held[COMPOSED] = {node: rules for node, rules in nodes.items() if node != VIEWER}
+    held[COMPOSED] = {node: rules for node, rules in nodes.items() if node not in ONLOOKERS}
     held[OPERATOR] = {OPERATOR: _of_the_operator()}
     for process, profiles in held.items():
         enclave = ElementTree.SubElement(processes, "enclave", path=f"{enclaves}/{process}")
@@ -90,8 +102,10 @@ Rules = dict[tuple[str, str], list[str]]
 
 
 def _of_a_node(node: str) -> Rules:
+    calls: Rules = {("services", "request"): requested(node)} if requested(node) else {}
     return {
         ("services", "reply"): answered(node),
+        **calls,
         ("topics", "publish"): published(node),
         ("topics", "subscribe"): heard(node),
     }

@@ -64,7 +64,7 @@ POSE, TWIST, WRENCH = (
 ARRAY = "std_msgs/msg/Float64MultiArray"
 DEVICE, MECHANISM = "haptic_device", "mechanism_simulator"
 ANALYSER, CONTROLLER = "nullspace_analyser", "teleoperation_controller"
-VIEWER = "scene_viewer"
+VIEWER, PAGE = "scene_viewer", "live_page"
 
 
 def crtk_type(name: str) -> str:

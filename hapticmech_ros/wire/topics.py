@@ -12,6 +12,7 @@ from hapticmech_ros.wire.topic import (
     CONTROLLER,
     DEVICE,
     MECHANISM,
+    PAGE,
     POSE,
     TWIST,
     VIEWER,
@@ -35,7 +36,7 @@ DEVICE_STATE = Topic(
     DEVICE,
     "measured_cp, measured_cv and hand/measured_cf of one sample in one message; of a device "
     "without it the controller uses those three",
-    (CONTROLLER,),
+    (CONTROLLER, PAGE),
     rate="control",
 )
 DEVICE_POSE = Topic(
@@ -43,7 +44,7 @@ DEVICE_POSE = Topic(
     POSE,
     DEVICE,
     "pose of the point held, frame `world`",
-    (CONTROLLER, VIEWER),
+    (CONTROLLER, VIEWER, PAGE),
 )
 DEVICE_TWIST = Topic(
     "device/measured_cv",
@@ -66,7 +67,7 @@ HAND_FORCE = Topic(
     DEVICE,
     "F_h, measured or estimated (`force_sensor`): by the hand, on the device, at the point held, "
     "axes of `world`",
-    (CONTROLLER, VIEWER),
+    (CONTROLLER, VIEWER, PAGE),
 )
 DEVICE_SETPOINT = Topic(
     "device/setpoint_cf",
@@ -87,7 +88,7 @@ DEVICE_COMMAND = Topic(
     CONTROLLER,
     "by the device, on the hand, at the point held, axes of `world`; stamp of the device "
     "measurement it answers",
-    (DEVICE, VIEWER),
+    (DEVICE, VIEWER, PAGE),
     rate="control",
 )
 DEVICE_BODY_COMMAND = Topic(
@@ -192,7 +193,7 @@ STATE = Topic(
     MECHANISM,
     "input of the analyser in one message: stamp, closed loops, joint positions and velocities, "
     "F_c and pose in its link of every operational point",
-    (ANALYSER, VIEWER),
+    (ANALYSER, VIEWER, PAGE),
     rate="control",
 )
 JOINT_STATES = Topic(
@@ -232,7 +233,7 @@ POINT_COMMAND = Topic(
     CONTROLLER,
     "by the hand through the controller, on the mechanism, at the operational point, axes of "
     "`world`",
-    (MECHANISM, VIEWER),
+    (MECHANISM, VIEWER, PAGE),
     rate="control",
 )
 POINT_OPERATING_STATE = Topic(
@@ -326,7 +327,7 @@ COUNT = Topic(
     "std_msgs/msg/UInt8",
     ANALYSER,
     "number of joint constraints felt",
-    (VIEWER,),
+    (VIEWER, PAGE),
 )
 IMPEDANCE_PART = Topic(
     "controller/impedance_cf",

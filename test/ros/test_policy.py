@@ -7,14 +7,15 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable
 from fnmatch import fnmatchcase
+from importlib.util import find_spec
 from typing import Any
 
 import pytest
 from visualization_msgs.msg import MarkerArray
 
 from hapticmech_ros.bag.check import OPTIONAL
-from hapticmech_ros.wire.policy import answered, heard, published
-from hapticmech_ros.wire.topics import DEVICE_BODY_FORCE, TOPICS
+from hapticmech_ros.wire.policy import answered, heard, published, requested
+from hapticmech_ros.wire.topics import DEVICE_BODY_FORCE, DIAGNOSTICS, TOPICS
 from ros.harness import Peer, running
 
 pytestmark = pytest.mark.ros
@@ -35,6 +36,22 @@ def _patterns(rules: list[str]) -> dict[str, str]:
     return {rule: rule if rule.startswith("/") else f"/{rule}" for rule in rules}
 
 
+def _lacking(there: set[str], rules: list[str]) -> list[str]:
+    """Return what is allowed and named, and not there."""
+    needed = [(rule, name) for rule, name in _patterns(rules).items() if rule not in SOME]
+    return [
+        rule
+        for rule, pattern in needed
+        if not rule.endswith("/*") and not any(fnmatchcase(one, pattern) for one in there)
+    ]
+
+
+def _wild(there: set[str], rules: list[str]) -> list[str]:
+    """Return what is there, and not allowed."""
+    patterns = _patterns(rules).values()
+    return [one for one in there if not any(fnmatchcase(one, pattern) for pattern in patterns)]
+
+
 def test_nodes_do_what_the_policy_allows_and_nothing_else(domain: int, peer: Peer) -> None:
     node = peer.node
     asks: tuple[tuple[Callable[..., Any], Callable[[str], list[str]]], ...] = (
@@ -49,24 +66,35 @@ def test_nodes_do_what_the_policy_allows_and_nothing_else(domain: int, peer: Pee
             peer.until(lambda name=name: name in peer.node.get_node_names(), f"the node {name}")
         for ask, rules in asks:
             for name in NODES:
-                wanted = _patterns(rules(name))
-                needed = {rule for rule in wanted if rule not in SOME and not rule.endswith("/*")}
+                allowed = rules(name)
 
-                def lacking(ask=ask, name=name, wanted=wanted, needed=needed) -> list[str]:
-                    there = _names(ask(name, "/"))
-                    return [
-                        rule
-                        for rule in needed
-                        if not any(fnmatchcase(one, wanted[rule]) for one in there)
-                    ]
+                def lacking(ask=ask, name=name, allowed=allowed) -> list[str]:
+                    return _lacking(_names(ask(name, "/")), allowed)
 
                 with contextlib.suppress(TimeoutError):
                     peer.until(lambda lacking=lacking: not lacking(), "all that is named")
                 assert not lacking(), (name, rules.__name__)
-                there = _names(ask(name, "/"))
-                wild = [
-                    one
-                    for one in there
-                    if not any(fnmatchcase(one, pattern) for pattern in wanted.values())
-                ]
+                wild = _wild(_names(ask(name, "/")), allowed)
                 assert not wild, (name, rules.__name__, wild)
+
+
+@pytest.mark.skipif(find_spec("viser") is None, reason="viser, of the extra live, is not installed")
+def test_the_live_page_does_what_the_policy_allows(domain: int, peer: Peer) -> None:
+    """While nobody looks at it, it hears of diagnostics alone."""
+    node, page = peer.node, "live_page"
+    with running(page, domain, "five_bar", port=8790):
+        peer.until(lambda: page in node.get_node_names(), "the page's node")
+        asks = (
+            (node.get_publisher_names_and_types_by_node, published(page)),
+            (node.get_service_names_and_types_by_node, answered(page)),
+            (node.get_client_names_and_types_by_node, requested(page)),
+        )
+        for ask, allowed in asks:
+            peer.until(
+                lambda ask=ask, allowed=allowed: not _lacking(_names(ask(page, "/")), allowed),
+                "all that is named",
+            )
+            assert not _wild(_names(ask(page, "/")), allowed)
+        listening = _names(node.get_subscriber_names_and_types_by_node(page, "/"))
+        assert DIAGNOSTICS.name in listening
+        assert not _wild(listening, heard(page))

@@ -8,6 +8,7 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from typer.testing import CliRunner
@@ -128,3 +129,40 @@ def test_a_push_that_is_none_is_refused(tmp_path):
     for text in ("1,2", "a,b,c", "nan,0,0"):
         with pytest.raises(InvalidInputError, match="three numbers"):
             run("experiment", "five_bar", "--push", text, "--out", str(tmp_path / "out"))
+
+
+@pytest.mark.parametrize("command", ["impedance", "passivity"])
+def test_studies_leave_the_changed_scene_beside_their_results(tmp_path, command):
+    other = tmp_path / "other"
+    other.mkdir()
+    assert run("scene", "copy", "two_link", str(other / "two_link.yaml")).exit_code == 0
+    scenes = ("two_link", str(other / "two_link.yaml"))
+    for mass in ("0.5", "0.6"):
+        words = ("feel", command, *scenes, "--set", f"device.mass={mass}", "--delays", "1")
+        done = run(*words, "--out", str(tmp_path / "out"))
+        assert done.exit_code == 0, done.output
+        for name in ("two_link", "two_link_1"):
+            changed = load_scene(tmp_path / "out" / "scenes" / f"{name}.yaml")
+            assert changed.device.mass == float(mass)
+            assert changed.device.mass != load_scene("two_link").device.mass
+
+
+def test_a_study_feels_what_was_changed(tmp_path):
+    felt = []
+    for changes in ((), ("--set", "device.mass=1.0")):
+        done = run("feel", "impedance", "five_bar", "--json", *changes, "--out", str(tmp_path))
+        assert done.exit_code == 0, done.output
+        felt.append(
+            [row["ratio_real"] for row in json.loads(done.stdout) if row["loop"] == "device"]
+        )
+    assert not np.allclose(felt[0], felt[1])
+
+
+def test_a_sweep_is_of_the_changed_scene(tmp_path):
+    felt = []
+    for changes in ((), ("--set", "links.link1.inertial.mass=5.0")):
+        words = ("sweep", "two_link", "--joint", "joint2=0.5:1.0:3", "--processes", "1")
+        assert run(*words, *changes, "--out", str(tmp_path)).exit_code == 0
+        with np.load(tmp_path / "sweep.npz") as found:
+            felt.append(found["inverse_inertia"])
+    assert not np.allclose(felt[0], felt[1])

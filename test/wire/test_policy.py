@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hapticmech_ros.cli import app
-from hapticmech_ros.wire.policy import NODES, answered, heard, published
+from hapticmech_ros.wire.policy import NODES, answered, heard, published, requested
 from hapticmech_ros.wire.topics import TOPICS
 
 
@@ -45,7 +45,7 @@ def test_a_node_may_do_what_its_tables_say_and_nothing_else(node):
     assert allowed(profile, "topics", "publish") == set(published(node))
     assert allowed(profile, "topics", "subscribe") == set(heard(node))
     assert allowed(profile, "services", "reply") == set(answered(node))
-    assert not allowed(profile, "services", "request")
+    assert allowed(profile, "services", "request") == set(requested(node))
     others = {t.name for t in TOPICS if t.publisher not in (node, "every node")}
     assert not others & set(published(node))
 

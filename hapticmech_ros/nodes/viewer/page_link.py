@@ -4,10 +4,8 @@
 
 from __future__ import annotations
 
-import threading
 from collections import deque
 
-from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import (
     Command,
     Drag,
@@ -17,8 +15,8 @@ from hapticmech_ros.live.commands import (
     Report,
     SwitchClosure,
     Tune,
-    newest,
 )
+from hapticmech_ros.live.mailbox import Mailbox
 
 
 class PageLink:
@@ -26,9 +24,7 @@ class PageLink:
 
     def __init__(self) -> None:
         self._asked: deque[Command] = deque()
-        self._came = threading.Condition()
-        self._news: list[Report] = []
-        self._closed = False
+        self._told = Mailbox("the node of this page has ended")
 
     @property
     def takes(self) -> frozenset[type]:
@@ -48,12 +44,7 @@ class PageLink:
         Raises:
             HapticMechError: the node has ended.
         """
-        with self._came:
-            self._came.wait_for(lambda: self._news or self._closed, timeout_s)
-            found, self._news = self._news, []
-            if not found and self._closed:
-                raise HapticMechError("the node of this page has ended")
-        return found
+        return self._told.take(timeout_s)
 
     def asked(self) -> list[Command]:
         """Return what was asked for since the last time, in its order."""
@@ -61,12 +52,8 @@ class PageLink:
 
     def tell(self, report: Report) -> None:
         """Tell the page something."""
-        with self._came:
-            self._news = newest([*self._news, report])
-            self._came.notify_all()
+        self._told.put(report)
 
     def close(self) -> None:
         """Tell nothing more."""
-        with self._came:
-            self._closed = True
-            self._came.notify_all()
+        self._told.close()
