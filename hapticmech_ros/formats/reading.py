@@ -19,7 +19,6 @@ from hapticmech_ros.errors import SceneError, SceneProblem, nearest
 from hapticmech_ros.formats.mjcf import read_mjcf
 from hapticmech_ros.formats.mjcf_include import open_includes
 from hapticmech_ros.formats.model import Document, Imported, Model, Note, origin_of
-from hapticmech_ros.formats.model_part import ModelPart
 from hapticmech_ros.formats.sdf import read_sdf
 from hapticmech_ros.formats.sdf_include import open_includes as open_sdf_includes
 from hapticmech_ros.formats.shapes import (
@@ -37,6 +36,7 @@ from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.scene.contacts import Shape
 from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Origin
+from hapticmech_ros.scene.model_part import ModelPart
 from hapticmech_ros.scene.validation import (
     problems_of,
     scene_from_document,

@@ -14,11 +14,11 @@ from typer.testing import CliRunner
 from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import SceneError
-from hapticmech_ros.formats.model_part import ModelPart
 from hapticmech_ros.scene import Scene, shipped_scenes
 from hapticmech_ros.scene.angles import angle_of
 from hapticmech_ros.scene.key_reference import examples, meanings, parts
 from hapticmech_ros.scene.mechanism import JointType
+from hapticmech_ros.scene.model_part import ModelPart
 from hapticmech_ros.scene.schema import scene_schema
 from hapticmech_ros.scene.validation import written_document
 from hapticmech_ros.yaml_text import read_yaml
