@@ -16,10 +16,10 @@ def compiled_kernels() -> None:
     compile_ahead()
 
 
-@pytest.fixture(scope="session", autouse=True)
-def as_urgent_as_nodes() -> None:
+@pytest.fixture(autouse=True)
+def as_urgent_as_nodes(request: pytest.FixtureRequest) -> None:
     """Beside another worker's graph: two at nice -20 left a test no processor for minutes."""
-    if "PYTEST_XDIST_WORKER" in os.environ:
+    if "PYTEST_XDIST_WORKER" in os.environ and request.node.get_closest_marker("ros"):
         with suppress(PermissionError):
             os.setpriority(os.PRIO_PROCESS, 0, -20)
 
