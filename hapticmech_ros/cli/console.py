@@ -68,10 +68,13 @@ def with_changes(scenes: Sequence[str], changes: Sequence[str] | None, out: Path
     folder, made = out / "scenes", list[str]()
     folder.mkdir(parents=True, exist_ok=True)
     for number, scene in enumerate(scenes):
-        stem = Path(scene).stem
-        name = stem if stem not in (Path(one).stem for one in made) else f"{stem}_{number}"
-        copy = folder / f"{name}.yaml"
-        copy.unlink(missing_ok=True)
-        copy_scene(scene, copy, changes)
+        copy = folder / f"{Path(scene).stem}.yaml"
+        while str(copy) in made:
+            copy = copy.with_name(f"{copy.stem}_{number}.yaml")
+        # What is changed may be such a copy itself: it stays until the new one is whole.
+        new = folder / f".{copy.name}"
+        new.unlink(missing_ok=True)
+        copy_scene(scene, new, changes)
+        new.replace(copy)
         made.append(str(copy))
     return made

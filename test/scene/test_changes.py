@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
+from hapticmech_ros.cli.console import with_changes as changed_copies
 from hapticmech_ros.errors import InvalidInputError, SceneError
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.changes import with_changes
@@ -145,6 +146,21 @@ def test_studies_leave_the_changed_scene_beside_their_results(tmp_path, command)
             changed = load_scene(tmp_path / "out" / "scenes" / f"{name}.yaml")
             assert changed.device.mass == float(mass)
             assert changed.device.mass != load_scene("two_link").device.mass
+
+
+def test_a_changed_copy_can_be_changed_again_and_none_replaces_another(tmp_path):
+    (copy,) = changed_copies(["two_link"], ["device.mass=0.5"], tmp_path)
+    assert changed_copies([copy], ["device.damping=7.0"], tmp_path) == [copy]
+    device = load_scene(copy).device
+    assert (device.mass, device.damping) == (0.5, 7.0)
+    with pytest.raises(SceneError):
+        changed_copies([copy], ["device.mass=-1"], tmp_path)
+    assert load_scene(copy).device == device
+    named = [tmp_path / name for name in ("two_link_2.yaml", "two_link.yaml")]
+    for path in named:
+        shutil.copy(copy, path)
+    asked = [str(named[0]), "two_link", str(named[1])]
+    assert len(set(changed_copies(asked, ["device.mass=0.6"], tmp_path))) == 3
 
 
 def test_a_study_feels_what_was_changed(tmp_path):
