@@ -95,6 +95,9 @@ def test_the_live_page_does_what_the_policy_allows(domain: int, peer: Peer) -> N
                 "all that is named",
             )
             assert not _wild(_names(ask(page, "/")), allowed)
-        listening = _names(node.get_subscriber_names_and_types_by_node(page, "/"))
-        assert DIAGNOSTICS.name in listening
-        assert not _wild(listening, heard(page))
+
+        def listening() -> set[str]:
+            return _names(node.get_subscriber_names_and_types_by_node(page, "/"))
+
+        peer.until(lambda: DIAGNOSTICS.name in listening(), "the page to hear of diagnostics")
+        assert not _wild(listening(), heard(page))
