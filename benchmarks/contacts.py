@@ -17,7 +17,8 @@ import numpy as np
 
 from benchmarks.speed.contender import initial_state
 from benchmarks.speed.mujoco_peer import MujocoScene
-from hapticmech_ros.scene import Scene, document_of, load_scene, scene_from_document
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import Scene, document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
 
 # Steps of a round; so many before the first one, for boxes to come to rest.

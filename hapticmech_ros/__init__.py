@@ -19,9 +19,10 @@ if TYPE_CHECKING:
         InvalidInputError,
         SceneError,
     )
+    from hapticmech_ros.loading import load_scene
     from hapticmech_ros.mechanism import Mechanism
     from hapticmech_ros.operational import OperationalAnalysis, analyse
-    from hapticmech_ros.scene import Scene, changed_scene, load_scene
+    from hapticmech_ros.scene import Scene
     from hapticmech_ros.session import Run, Sample, Session
     from hapticmech_ros.simulation import MechanismState, Simulator
 
@@ -45,8 +46,7 @@ _HOMES = {
     "SimulatedDevice": "device",
     "Simulator": "simulation",
     "analyse": "operational",
-    "changed_scene": "scene",
-    "load_scene": "scene",
+    "load_scene": "loading",
 }
 
 __all__ = [
@@ -69,7 +69,6 @@ __all__ = [
     "SimulatedDevice",
     "Simulator",
     "analyse",
-    "changed_scene",
     "load_scene",
 ]
 

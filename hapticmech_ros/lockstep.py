@@ -16,8 +16,8 @@ from pathlib import Path
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.feeds import check_feeds
 from hapticmech_ros.graph import Graph, start_process, stop_process, told_by
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.scene import load_scene
 
 CLOCK = "hapticmech_ros.nodes.lockstep_clock"
 

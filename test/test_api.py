@@ -11,15 +11,8 @@ import numpy as np
 import pytest
 
 import hapticmech_ros
-from hapticmech_ros import (
-    InvalidInputError,
-    Mechanism,
-    SceneError,
-    Session,
-    changed_scene,
-    load_scene,
-)
-from hapticmech_ros.scene import shipped_scenes
+from hapticmech_ros import InvalidInputError, Mechanism, SceneError, Session, load_scene
+from hapticmech_ros.loading import shipped_scenes
 
 
 def test_every_public_name_is_there() -> None:
@@ -52,15 +45,15 @@ def test_columns_of_a_run_are_its_rows() -> None:
 
 def test_a_changed_scene_is_validated_and_the_first_one_stays() -> None:
     scene = load_scene("two_link")
-    heavier = changed_scene(scene, "links[0].inertial.mass=2.5", "device.mass=0.4")
+    heavier = scene.with_("links[0].inertial.mass=2.5", "device.mass=0.4")
     assert heavier.links[0].inertial.mass == 2.5
     assert heavier.device.mass == 0.4
     assert scene == load_scene("two_link")
-    assert changed_scene(scene) == scene
+    assert scene.with_() == scene
     with pytest.raises(SceneError, match=r"device\.mass"):
-        changed_scene(scene, "device.mass=-1")
+        scene.with_("device.mass=-1")
     with pytest.raises(SceneError, match="unknown key"):
-        changed_scene(scene, "device.masss=1")
+        scene.with_("device.masss=1")
 
 
 def test_objects_say_what_they_are_in_a_line() -> None:
@@ -88,7 +81,7 @@ def test_a_scene_with_other_keys_is_validated() -> None:
     scene = load_scene("two_link")
     links = [link.model_copy() for link in scene.links]
     other = scene.with_("device.mass=0.4", gravity=np.array((0.0, -9.81, 0.0)), links=links)
-    assert other == changed_scene(scene, "device.mass=0.4", "gravity=[0, -9.81, 0]")
+    assert other == scene.with_("device.mass=0.4", "gravity=[0, -9.81, 0]")
     assert other.with_(gravity=scene.gravity, device=scene.device) == scene
     for wrong, rule in (
         ({"gravity": (0.0, 1.0)}, "gravity"),

@@ -16,7 +16,7 @@ BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
 ALL_FILES = [*FILES, *sorted(BENCHMARKS.rglob("*.py"))]
 CORE = (
     *("scene", "mechanism", "operational", "control", "device", "wire", "session", "errors"),
-    *("formats", "plan", "contact", "simulation"),
+    *("formats", "loading", "plan", "contact", "simulation"),
 )
 # Above the core, still without ROS: they run sessions and read files.
 TOOLS = ("experiment", "bag", "view")
@@ -135,6 +135,7 @@ def graph_of(folder):
     """Return what each module of a package imports of it, by names without the package's.
 
     A module of a package counts, not the package that it is in: that imports what it offers.
+    What is imported by its name as text counts like any other.
     """
     modules = {
         ".".join(path.relative_to(folder.parent).with_suffix("").parts).removesuffix(
@@ -151,6 +152,8 @@ def graph_of(folder):
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 inner = {f"{node.module}.{name.name}": node.module for name in node.names}
                 names |= {name if name in modules else base for name, base in inner.items()}
+            elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+                names |= {one.value for one in node.args if isinstance(one, ast.Constant)}
         found[module] = (names & modules.keys()) - {module}
     start = len(folder.name) + 1
     return {name[start:]: {other[start:] for other in seen} for name, seen in found.items()}
@@ -183,6 +186,22 @@ def test_imports_go_one_way(folder):
     graph = graph_of(folder)
     assert sum(map(len, graph.values())) > len(graph)
     assert not circles(graph)
+
+
+def test_an_import_by_text_is_seen(tmp_path):
+    folder = tmp_path / "house"
+    folder.mkdir()
+    (folder / "a.py").write_text("from house.b import one\n")
+    (folder / "b.py").write_text("import importlib\nimportlib.import_module('house.a').one\n")
+    assert circles(graph_of(folder)) == [{"a", "b"}]
+
+
+def test_rooms_know_each_other_one_way():
+    rooms = {}
+    for module, seen in graph_of(PACKAGE).items():
+        room = module.split(".")[0]
+        rooms.setdefault(room, set()).update(other.split(".")[0] for other in seen)
+    assert not circles({room: (seen & rooms.keys()) - {room} for room, seen in rooms.items()})
 
 
 # From below: each knows only those before it.

@@ -13,7 +13,8 @@ from formats.five_bars import mjcf, sdf, urdf
 from hapticmech_ros import foreign_text, load_scene
 from hapticmech_ros.errors import FileError, SceneError
 from hapticmech_ros.foreign_text import parsed
-from hapticmech_ros.scene.loader import document_of, shipped_scenes
+from hapticmech_ros.loading import shipped_scenes
+from hapticmech_ros.scene import document_of
 from hapticmech_ros.xml_text import elements
 from hapticmech_ros.yaml_text import document_in
 from oracles.parsers import parser

@@ -85,7 +85,7 @@ def test_a_node_needs_nothing_of_the_commands(tmp_path):
     program = (
         "import sys\nimport hapticmech_ros.nodes.runtime\n"
         "from hapticmech_ros.nodes.entry import NODES\n"
-        "from hapticmech_ros.scene import load_scene\nload_scene('five_bar')\n"
+        "from hapticmech_ros.loading import load_scene\nload_scene('five_bar')\n"
         "print(*{name.split('.')[0] for name in sys.modules})\n"
     )
     ran = subprocess.run(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import InvalidInputError, Session, load_scene
-from hapticmech_ros.scene import shipped_scenes
+from hapticmech_ros.loading import shipped_scenes
 
 PUSH = np.array([0.3, -0.2, 0.0, 0.0, 0.0, 0.01])
 

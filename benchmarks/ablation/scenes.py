@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
-from hapticmech_ros.scene import Scene, document_of, load_scene, scene_from_document
+from hapticmech_ros.scene import Scene, document_of, scene_from_document
 
 LINK = 0.15
 TIP = {"xyz": [LINK, 0.0, 0.0]}

@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import Scene
 
 _FOLDER = Path(__file__).parent
 

@@ -23,7 +23,8 @@ from hapticmech_ros import Session
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.scene import Scene, load_scene, shipped_scenes
+from hapticmech_ros.loading import load_scene, shipped_scenes
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.workers import in_order
 

@@ -18,7 +18,8 @@ import typer
 from hapticmech_ros import Session
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.scene import Scene, load_scene, shipped_scenes
+from hapticmech_ros.loading import load_scene, shipped_scenes
+from hapticmech_ros.scene import Scene
 
 # Long enough for all scenes to come to rest; with so many pairs of sessions, as where in
 # memory one lies changes its time as well.

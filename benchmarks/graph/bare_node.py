@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from benchmarks.graph.bare_examples import TYPES, Example, Examples
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.loop import (
     StopRequest,
     print_report,
@@ -31,7 +32,6 @@ from hapticmech_ros.nodes.node_time import NodeTime
 from hapticmech_ros.nodes.period_clock import PeriodClock
 from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, LATCHED, STREAM_PUBLISHER
 from hapticmech_ros.nodes.statistics import DurationHistogram
-from hapticmech_ros.scene import load_scene
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topic import ANALYSER, ARRAY, CONTROLLER, DEVICE, MECHANISM, Topic
 from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_STATE, DIAGNOSTICS, STATE, TOPICS

@@ -14,8 +14,8 @@ from ruamel.yaml import YAML
 
 from hapticmech_ros.discovery import Transport
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene import load_scene, scene_from_document
-from hapticmech_ros.scene.loader import document_of
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import document_of, scene_from_document
 
 Layout = Literal["separate", "composed"]
 Kind = Literal["real", "bare"]

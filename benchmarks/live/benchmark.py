@@ -22,7 +22,7 @@ from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.installation import refuse_unmet
 from hapticmech_ros.live.commands import Open, Reset
 from hapticmech_ros.live.settings import OWN_HAND, VISER, changes_of
-from hapticmech_ros.scene import shipped_scenes
+from hapticmech_ros.loading import shipped_scenes
 
 if TYPE_CHECKING:
     from benchmarks.live.browser import Page

@@ -25,8 +25,9 @@ from hapticmech_ros.analysis.study import Sheet, Show, judged, silent
 from hapticmech_ros.cli.console import OutOption, SceneArgument
 from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 
 if TYPE_CHECKING:

@@ -27,8 +27,8 @@ from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
 from benchmarks.reliability.wire_messages import run_wire
-from hapticmech_ros.scene import load_scene
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.wire.topics import OPERATIONAL_POINT, SET_OPERATIONAL_POINT
 
 PART = "messages"

@@ -17,9 +17,9 @@ from benchmarks.reliability.emulated_network import EmulatedNetwork, Path, not_p
 from benchmarks.reliability.figure import Figure, save, table, unmeasured
 from benchmarks.reliability.split_graph import SplitGraph, Watched, run_for
 from hapticmech_ros.analysis.passivity import Trial, scene_of
-from hapticmech_ros.scene import load_scene
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.controller import Connection
-from hapticmech_ros.scene.loader import document_of
 from hapticmech_ros.session import Session
 
 PART = "network"

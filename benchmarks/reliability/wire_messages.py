@@ -36,9 +36,9 @@ from benchmarks.reliability.free_topics import free_topics, gentler
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
 from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.loop import wait_for_messages
 from hapticmech_ros.nodes.qos import LATCHED
-from hapticmech_ros.scene import load_scene
 from hapticmech_ros.wire.topic import CONTROLLER, DEVICE
 
 PART, SCENE, POINT = "messages", "five_bar", "handle"

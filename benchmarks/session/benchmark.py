@@ -22,8 +22,8 @@ from hapticmech_ros.analysis.study import Sheet, Show, number, silent
 from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.scene import Scene, load_scene
-from hapticmech_ros.scene.loader import shipped_scenes
+from hapticmech_ros.loading import load_scene, shipped_scenes
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 
 # Ticks of a session whose results are compared, before any is timed; and in a round.

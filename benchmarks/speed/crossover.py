@@ -16,8 +16,9 @@ import numpy as np
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from benchmarks.speed.scaling import chain
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism.kernels.layout import sparse
-from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import Simulator
 
 WINDOWS, RODS = (1, 2, 4, 8, 16, 40), (2, 5, 10, 20, 40, 80)

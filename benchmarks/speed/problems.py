@@ -15,7 +15,8 @@ from benchmarks.accuracy.cases import cases as accuracy_cases
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from benchmarks.speed.platform import stewart_platform
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import Scene
 
 # Written by reference.py.
 PATH = Path(__file__).parent / "reference.json"

@@ -46,8 +46,8 @@ from hapticmech_ros.experiment.figure_style import (
     dress,
     new_figure,
 )
-from hapticmech_ros.scene import load_scene
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.workers import in_order
 
 FREQUENCIES_HZ = (2, 5, 10, 20)

@@ -11,7 +11,7 @@ import numpy as np
 from hapticmech_ros.analysis.scene_variants import held_by_nobody
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 
 

@@ -30,8 +30,8 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.compensated_delay import compensated_loop_delay
 from hapticmech_ros.control.force_gain import force_gain
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.device import Device
-from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.simulation import Simulator
 
 

@@ -19,7 +19,7 @@ from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.operational import OperationalAnalysis
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.hand import ConstantWrenchHand
 from hapticmech_ros.session import Session
 from hapticmech_ros.simulation import Simulator

@@ -29,7 +29,7 @@ from hapticmech_ros.control.loop_stability import ON_CIRCLE
 from hapticmech_ros.control.measurements import OperationalModel
 from hapticmech_ros.device.hand import spring_gains
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, SpringDamperHand
 
 

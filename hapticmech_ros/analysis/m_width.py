@@ -29,7 +29,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session
 
 # N, of the push of one period, or of G times the push if that is larger, so that no limit is

@@ -20,7 +20,8 @@ from hapticmech_ros.analysis.scene_variants import LOOPS
 from hapticmech_ros.analysis.study import Results, Sheet, Show, plain, silent
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.gain_rule import damping_for

@@ -25,7 +25,7 @@ from hapticmech_ros.control.prediction import InFlight, point_ahead
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.saturation import limited
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 
 # Gain margin of the chosen gains.
 GAIN_MARGIN = 2.0

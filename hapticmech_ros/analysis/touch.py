@@ -28,7 +28,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session
 
 Observe = Callable[[Sample], Array]

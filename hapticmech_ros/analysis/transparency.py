@@ -27,7 +27,7 @@ from hapticmech_ros.experiment.figure_style import (
     dress,
     new_figure,
 )
-from hapticmech_ros.scene import load_scene
+from hapticmech_ros.loading import load_scene
 
 # Measured with a session, or with a graph of nodes in one process or in four.
 OVER = ("session", "composed", "processes")

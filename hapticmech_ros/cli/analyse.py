@@ -42,10 +42,10 @@ def analyse(
 ) -> None:
     """Compute Λ_h⁻¹, spectrum and count at every state of a recording: a table and a plot."""
     from hapticmech_ros.experiment.figure_style import save
+    from hapticmech_ros.loading import load_scene
     from hapticmech_ros.mechanism import Mechanism
     from hapticmech_ros.offline import analyse_states, states_from_bag
     from hapticmech_ros.offline.figure import analysis_figure
-    from hapticmech_ros.scene import load_scene
 
     mechanism = Mechanism(load_scene(scene))
     states = states_from_bag(bag, mechanism, topic, namespace)
@@ -82,9 +82,9 @@ def sweep(
 ) -> None:
     """Compute the inertia felt over a grid of joint positions, loops closed: table and plot."""
     from hapticmech_ros.experiment.figure_style import save
+    from hapticmech_ros.loading import load_scene
     from hapticmech_ros.offline import sweep as run_sweep
     from hapticmech_ros.offline.figure import sweep_figure
-    from hapticmech_ros.scene import load_scene
 
     prescribed = [_prescribed(text) for text in joint]
     loaded = load_scene(scene, changes=changes or ())

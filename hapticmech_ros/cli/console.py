@@ -63,7 +63,7 @@ def with_changes(scenes: Sequence[str], changes: Sequence[str] | None, out: Path
     """
     if not changes:
         return list(scenes)
-    from hapticmech_ros.scene.copying import copy_scene
+    from hapticmech_ros.loading.copying import copy_scene
 
     folder, made = out / "scenes", list[str]()
     folder.mkdir(parents=True, exist_ok=True)

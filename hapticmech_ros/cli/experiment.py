@@ -47,7 +47,7 @@ def demo(
     """Run the paper's experiment over ROS: graph, bag, figures, summary."""
     from hapticmech_ros.experiment.demo import run_demo
     from hapticmech_ros.experiment.from_session import UnfinishedRunError
-    from hapticmech_ros.scene import load_scene
+    from hapticmech_ros.loading import load_scene
 
     (scene,) = with_changes([scene], changes, out)
     with progress() as bar:
@@ -83,7 +83,7 @@ def experiment(
     """Run the same experiment in one process, without ROS."""
     from hapticmech_ros.experiment.from_session import UnfinishedRunError, run_session
     from hapticmech_ros.experiment.run import write_results
-    from hapticmech_ros.scene import load_scene
+    from hapticmech_ros.loading import load_scene
 
     loaded = load_scene(scene, changes=changes or ())
     hand = loaded.hand

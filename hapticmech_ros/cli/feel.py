@@ -52,7 +52,7 @@ def impedance(
 ) -> None:
     """Measure felt over desired impedance along the free directions, over frequency."""
     from hapticmech_ros.analysis.transparency import OVER, transparency
-    from hapticmech_ros.scene import shipped_scenes
+    from hapticmech_ros.loading import shipped_scenes
 
     periods = numbers("--delays", delays, int)
     if over not in OVER:
@@ -80,7 +80,7 @@ def limits(
     from hapticmech_ros.analysis.limits import cases_of
     from hapticmech_ros.analysis.limits import limits as measured_limits
     from hapticmech_ros.analysis.scene_variants import with_device
-    from hapticmech_ros.scene import load_scene
+    from hapticmech_ros.loading import load_scene
 
     periods = numbers("--delays", delays or (ALL_DELAYS if everything else DELAYS), int)
     hertz = numbers("--rates", rates or (ALL_RATES if everything else RATES), float)
@@ -128,7 +128,7 @@ def passivity(
     """Test passivity over delay, jitter and loss: does the hand get more energy than it gave?"""
     from hapticmech_ros.analysis.passivity import passivity as try_passivity
     from hapticmech_ros.analysis.passivity import trials
-    from hapticmech_ros.scene import shipped_scenes
+    from hapticmech_ros.loading import shipped_scenes
 
     late = [1e-3 * delay for delay in numbers("--delays", delays, float)]
     chosen = with_changes(scenes or list(shipped_scenes()), changes, out)
@@ -137,7 +137,7 @@ def passivity(
 
 
 def _sampled(scenes: list[str] | None, everything: bool) -> list[str]:
-    from hapticmech_ros.scene import shipped_scenes
+    from hapticmech_ros.loading import shipped_scenes
 
     if scenes:
         return scenes

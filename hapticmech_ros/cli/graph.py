@@ -86,9 +86,9 @@ def run(
     from hapticmech_ros.graph import AuxiliaryProcess, Graph, start_process
     from hapticmech_ros.installation import refuse_unmet
     from hapticmech_ros.live.settings import VISER
+    from hapticmech_ros.loading import load_scene
     from hapticmech_ros.lockstep import LockstepRun, run_lockstep
     from hapticmech_ros.nodes.entry import PAGE, VIEWER
-    from hapticmech_ros.scene import load_scene
 
     if live and lockstep:
         raise InvalidInputError("--live", live, "in lockstep there is no page")

@@ -27,7 +27,7 @@ def live(
     from hapticmech_ros.live.commands import Open
     from hapticmech_ros.live.process import LiveProcess
     from hapticmech_ros.live.settings import MOUSE_ALONE, VISER, changes_of, checked_address
-    from hapticmech_ros.scene import shipped_scenes
+    from hapticmech_ros.loading import shipped_scenes
 
     address = checked_address("--host", host)
     refuse_unmet([VISER])

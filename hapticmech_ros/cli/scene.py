@@ -34,8 +34,8 @@ def plan(
 ) -> None:
     """Print the plan compiled from SCENE: what a tick computes, what it leaves out, and why."""
     from hapticmech_ros.cli.scene_tables import show_plan
+    from hapticmech_ros.loading import load_scene
     from hapticmech_ros.plan.scene_plan import plan_scene
-    from hapticmech_ros.scene import load_scene
 
     found = plan_scene(load_scene(scene, changes=changes or ()), point)
     if json_only:
@@ -51,7 +51,7 @@ def plan(
 def list_scenes() -> None:
     """List the scenes that come with the package."""
     from hapticmech_ros.cli.scene_tables import show_scenes
-    from hapticmech_ros.scene import load_scene, shipped_scenes
+    from hapticmech_ros.loading import load_scene, shipped_scenes
 
     show_scenes([(name, load_scene(path).description) for name, path in shipped_scenes().items()])
 
@@ -67,9 +67,8 @@ def check(
     """Print what SCENE is, which parts of its model file are not used, and possible problems."""
     from hapticmech_ros.cli.scene_tables import show_check
     from hapticmech_ros.formats import left_out
+    from hapticmech_ros.loading import find_scene, load_scene
     from hapticmech_ros.plan.scene_check import check_scene
-    from hapticmech_ros.scene import load_scene
-    from hapticmech_ros.scene.loader import find_scene
 
     found = check_scene(load_scene(scene, changes=changes or ()))
     left = left_out(find_scene(scene))
@@ -98,8 +97,7 @@ def show(
     """Draw SCENE at its start: the point held, and its rigid and free directions."""
     from hapticmech_ros.errors import ClosureError
     from hapticmech_ros.formats import drawn_shapes
-    from hapticmech_ros.scene import load_scene
-    from hapticmech_ros.scene.loader import find_scene
+    from hapticmech_ros.loading import find_scene, load_scene
     from hapticmech_ros.view.still import draw_scene, readable
 
     loaded = load_scene(scene, changes=changes or ())
@@ -133,9 +131,9 @@ def assemble(
     """Find configurations in which the loops of SCENE are closed."""
     from hapticmech_ros.cli.console import progress
     from hapticmech_ros.cli.scene_tables import show_assemblies
+    from hapticmech_ros.loading import load_scene
+    from hapticmech_ros.loading.copying import copy_scene
     from hapticmech_ros.offline.assembly_search import initial_state, search_assemblies
-    from hapticmech_ros.scene import load_scene
-    from hapticmech_ros.scene.copying import copy_scene
 
     loaded = load_scene(scene, changes=changes or ())
     with progress() as bar:
@@ -172,7 +170,7 @@ def copy(
     ] = False,
 ) -> None:
     """Write a copy of SCENE with other values, for nodes and for editing."""
-    from hapticmech_ros.scene.copying import copy_scene
+    from hapticmech_ros.loading.copying import copy_scene
 
     copy_scene(scene, out, changes or (), expanded)
     console.print(f"{out}", highlight=False, markup=False, soft_wrap=True)
@@ -187,8 +185,8 @@ def schema(
     """Print the JSON Schema of scene files, for editors."""
     import json
 
+    from hapticmech_ros.loading import load_scene, shipped_scenes
     from hapticmech_ros.scene.key_reference import examples, key_reference
-    from hapticmech_ros.scene.loader import load_scene, shipped_scenes
     from hapticmech_ros.scene.schema import scene_schema
 
     if markdown:

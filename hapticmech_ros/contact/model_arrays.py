@@ -36,8 +36,8 @@ from hapticmech_ros.contact.layout import (
 )
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.model import TreeModel, se3
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Mesh, Shape, Sphere
-from hapticmech_ros.scene.document import Scene
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,9 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.saturation import limited
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.device import Device
-from hapticmech_ros.scene.document import Scene
 
 _GAINS, _RAMP = SETTINGS.slice("task", "c6"), SETTINGS.slice("ramp", "carries")
 _LIMITS = SETTINGS.slice("force_limit", "torque_limit")

@@ -11,8 +11,8 @@ connection between device and controller makes both ways longer.
 from __future__ import annotations
 
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Connection
-from hapticmech_ros.scene.document import Scene
 
 # Silence that jitter alone explains, s, is waited for beside a timeout; no more than so much, for
 # the hand's sake: whoever falls silent, it is without force 20 ms after the last command.

@@ -12,7 +12,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.device_side_kernels import allow_command
 from hapticmech_ros.control.passivity import NO_WRENCH, PassivityController, passivity_for
 from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits, safety_limits
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 
 
 class DeviceSide:

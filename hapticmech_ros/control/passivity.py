@@ -38,8 +38,8 @@ from hapticmech_ros.control.device_side_kernels import (
 )
 from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
 from hapticmech_ros.layout import DEVICE_SAMPLE
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Passivity
-from hapticmech_ros.scene.document import Scene
 
 NO_WRENCH = np.zeros(6)
 NO_WRENCH.flags.writeable = False

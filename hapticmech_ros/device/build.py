@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from hapticmech_ros.device.hand import HandLaw
 from hapticmech_ros.device.impedance_device import ImpedanceDevice
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 
 
 def device_for(scene: Scene, with_hand: bool = True, law: HandLaw | None = None) -> ImpedanceDevice:

@@ -25,7 +25,7 @@ from hapticmech_ros.graph import (
     stop_process,
     told_by,
 )
-from hapticmech_ros.scene import load_scene
+from hapticmech_ros.loading import load_scene
 
 RECORDER = "hapticmech_ros.nodes.recorder"
 

@@ -20,7 +20,7 @@ from hapticmech_ros.experiment.figure_style import (
     titled,
 )
 from hapticmech_ros.experiment.record import ExperimentRecord
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 
 CAPTION = (
     "Number of virtual joint constraints felt by the user (top), and s = √μ of every "

@@ -15,8 +15,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.experiment.summary import count_changes
-from hapticmech_ros.scene import load_scene
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import Scene
 
 # Okabe and Ito's colours, distinguishable with colour vision deficiencies.
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"

@@ -33,7 +33,7 @@ from hapticmech_ros.experiment.figure_style import (
 from hapticmech_ros.experiment.reach import taut_circle
 from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.experiment.summary import count_changes, pose_errors
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.view.skeleton import Skeleton, skeleton
 
 MM = 1e3

@@ -23,7 +23,7 @@ from hapticmech_ros.experiment.figure_style import (
     titled,
 )
 from hapticmech_ros.experiment.record import ExperimentRecord
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 
 CAPTION = (
     "Virtual joint-constraint wrench on the user: by the joint-constraint controller, at "

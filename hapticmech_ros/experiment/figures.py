@@ -12,7 +12,7 @@ from hapticmech_ros.experiment.figure_style import save
 from hapticmech_ros.experiment.figure_trajectory import trajectory_figure
 from hapticmech_ros.experiment.figure_wrench import wrench_figure
 from hapticmech_ros.experiment.record import ExperimentRecord
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 
 FIGURES = {
     "fig5a.png": count_figure,

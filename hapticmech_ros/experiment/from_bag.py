@@ -20,7 +20,7 @@ from hapticmech_ros.experiment.orientation import slerp
 from hapticmech_ros.experiment.record import ExperimentRecord, first_push
 from hapticmech_ros.experiment.stamped import samples_of
 from hapticmech_ros.mechanism.model import build_tree
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.energy_topics import ENERGY
 from hapticmech_ros.wire.layouts import ENERGY_NAMES

@@ -13,7 +13,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InaccurateStepError, InvalidInputError
 from hapticmech_ros.experiment.record import ExperimentRecord, first_push
 from hapticmech_ros.quaternions import quaternion_of
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session
 from hapticmech_ros.simulation import MechanismState
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Closure, Link, LinkFrame
 
 _SAME_PLACE = 1e-9

@@ -15,7 +15,7 @@ from hapticmech_ros.experiment.from_session import UnfinishedRunError
 from hapticmech_ros.experiment.health import GraphHealth
 from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.experiment.summary import summarise
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 
 SUMMARY, FAILURE = "summary.json", "failure.json"
 # Figures need some samples.

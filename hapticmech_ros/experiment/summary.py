@@ -17,7 +17,7 @@ from hapticmech_ros.experiment.coverage import coverage
 from hapticmech_ros.experiment.health import GraphHealth
 from hapticmech_ros.experiment.orientation import angle_between
 from hapticmech_ros.experiment.record import ExperimentRecord
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 
 Json = dict[str, Any]
 

@@ -9,7 +9,6 @@ from hapticmech_ros.formats.reading import (
     expand,
     left_out,
     read_model,
-    scene_of,
 )
 
 __all__ = [
@@ -20,5 +19,4 @@ __all__ = [
     "expand",
     "left_out",
     "read_model",
-    "scene_of",
 ]

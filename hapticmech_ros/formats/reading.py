@@ -34,14 +34,9 @@ from hapticmech_ros.formats.urdf import read_urdf
 from hapticmech_ros.formats.xml_nodes import Source
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.scene.contacts import Shape
-from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.scene.model_part import ModelPart
-from hapticmech_ros.scene.validation import (
-    problems_of,
-    scene_from_document,
-    written_document,
-)
+from hapticmech_ros.scene.validation import problems_of, written_document
 
 # What reads a file, by its outermost element.
 READERS = {"robot": read_urdf, "mujoco": read_mjcf, "sdf": read_sdf}
@@ -84,15 +79,6 @@ def _refuse_many(source: Source) -> None:
     for tag, limit in LIMITS.items():
         if counts[tag] > limit:
             raise source.error(source.root, counts[tag], f"at most {limit} elements <{tag}>")
-
-
-def scene_of(document: Mapping[str, Any], source: Path) -> Scene:
-    """Return the scene of a document with ``model``; see :func:`expand`.
-
-    Raises:
-        SceneError: see there.
-    """
-    return scene_from_document(expand(document, source), str(source))
 
 
 class LeftOut(NamedTuple):

@@ -12,8 +12,7 @@ import pinocchio as pin
 from hapticmech_ros.formats.model import Document
 from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_upper
 from hapticmech_ros.mechanism.model import authored_state, build_tree
-from hapticmech_ros.scene.document import Scene
-from hapticmech_ros.scene.validation import scene_from_document
+from hapticmech_ros.scene import Scene, scene_from_document
 
 # A stop and what its joint moves swing at this over the step, rad: explicit rules allow 2.8 of the
 # square root of the inertia's changes, so that it may fall to a hundredth before they do not.

@@ -12,7 +12,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 
 # What is dragged where it is not a link.
 HAND = "hand"

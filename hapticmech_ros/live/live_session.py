@@ -34,7 +34,7 @@ from hapticmech_ros.live.commands import (
 )
 from hapticmech_ros.live.grip import Dragging
 from hapticmech_ros.live.state_bag import StateBag
-from hapticmech_ros.scene.loader import changed_scene, load_scene
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.session import Sample, Session
 
 # Ticks that are computed at once take this long in real time (s); then commands are heard again.
@@ -186,7 +186,7 @@ class LiveSession:
         if not command.key.startswith(_GAINS):
             raise InvalidInputError("key to tune", command.key, f"must begin with {_GAINS}")
         tuned = {**self._tuned, command.key: float(command.value)}
-        self.session.tune(changed_scene(self.session.scene, *_changes(tuned)).controller)
+        self.session.tune(self.session.scene.with_(*_changes(tuned)).controller)
         self._tuned = tuned
 
     def _hold(self, frame: str) -> Opened:

@@ -9,7 +9,7 @@ from functools import reduce
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 
 # What serves the page; the extra ``live`` in setup.py says the same.
 VISER = "viser>=1.1"

@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Capsule, Mesh
-from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.view import Placement
 from hapticmech_ros.view.mechanism_shapes import joint_shape
 from hapticmech_ros.view.shapes import Key

@@ -15,9 +15,9 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.instances import unit_body
+from hapticmech_ros.loading import find_scene
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
-from hapticmech_ros.scene.loader import find_scene
 
 
 class VisualBody(NamedTuple):

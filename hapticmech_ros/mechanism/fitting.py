@@ -28,7 +28,7 @@ from hapticmech_ros.mechanism.constraint_space import Closing, solve_lower
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
 from hapticmech_ros.mechanism.model import TreeModel, authored_state, se3
 from hapticmech_ros.mechanism.tolerances import RESOLVED, SOLVER_RANK_TOLERANCE
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint, LinkFrame, Origin
 
 # No frame is moved by more: a fraction of the mechanism's length, or rad. Rows that are no further

@@ -25,7 +25,7 @@ from hapticmech_ros.mechanism.kernels.tree_kernels import JOINT_KINDS, joint_row
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.multibody import MultibodyModel
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint, OperationalPoint
 
 # A pose in memory: the columns of its rotation, then its translation.

@@ -28,7 +28,7 @@ from hapticmech_ros.mechanism.elements import Elements, bind_spring
 from hapticmech_ros.mechanism.inertia import ANGULAR, refuse_massless
 from hapticmech_ros.mechanism.model import TreeModel, authored_state, build_tree
 from hapticmech_ros.mechanism.stiffness import chosen_integrator
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 
 

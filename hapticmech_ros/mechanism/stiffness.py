@@ -19,7 +19,7 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.elements import PointSpring
 from hapticmech_ros.mechanism.model import TreeModel, authored_state
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import IntegratorName
 
 # Half and three quarters of what rk4 bears: the inertia depends on the posture.

@@ -19,6 +19,7 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.compensated_delay import jitter_allowance
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.failures import Failures
 from hapticmech_ros.nodes.host import Host
@@ -30,7 +31,7 @@ from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLISHER
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.nodes.statistics import DurationHistogram
-from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.limit_rules import check_limits
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.bounds import wrench_bounds

@@ -15,8 +15,8 @@ from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.ordering import InOrder
 from hapticmech_ros.nodes.sample_age import SampleAge
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.wire.readings import DeviceReading
 
 

@@ -49,7 +49,7 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     title = names[0] if len(names) == 1 else "composed"
     if any(argument in ("-h", "--help") for argument in arguments):
-        from hapticmech_ros.scene import shipped_scenes
+        from hapticmech_ros.loading import shipped_scenes
 
         purpose = "; ".join(PURPOSES[name] for name in names)
         scenes = ", ".join(shipped_scenes())

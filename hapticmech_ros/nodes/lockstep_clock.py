@@ -24,6 +24,7 @@ from rosgraph_msgs.msg import Clock
 
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.child import write_progress
 from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.nodes.message_class import message_class
@@ -31,7 +32,7 @@ from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.nodes.qos import LATCHED, LOCKSTEP, RECORDER_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.replay_feed import Feed, feed_from_bag
-from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import array_stamp, header_stamp
 from hapticmech_ros.wire.topic import ARRAY, VIEWER, Topic

@@ -25,6 +25,7 @@ from std_srvs.srv import Trigger
 
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.child import write_progress
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import Inbox, StopRequest
@@ -33,7 +34,6 @@ from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.origin import Origin
 from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
-from hapticmech_ros.scene import load_scene
 from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS

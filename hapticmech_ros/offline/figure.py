@@ -26,7 +26,7 @@ from hapticmech_ros.experiment.figure_style import (
 )
 from hapticmech_ros.offline.analysis import AnalysedStates, FeltStates
 from hapticmech_ros.offline.sweep import PrescribedJoint, SweptStates
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 
 WHAT = (
     "Mass felt along each axis of the world, 1 / X_ii (top; none is drawn above {largest:g} kg, "

@@ -15,8 +15,8 @@ from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, loop_margins
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.operational import Analyser
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.gain_rule import DESIGN_PHASE_LAG, lag_of
 from hapticmech_ros.simulation import Simulator
 

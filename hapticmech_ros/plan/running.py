@@ -12,7 +12,7 @@ from hapticmech_ros.mechanism.motion import Plan, plan_of
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.mechanism.schemes import SCHEMES, Scheme
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator
 
 

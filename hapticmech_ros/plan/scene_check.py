@@ -19,7 +19,7 @@ from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.plan.loop_check import connection_warning
 from hapticmech_ros.plan.step_accuracy import StepAccuracy, step_accuracy
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator
 
 # Relative σ below which the start counts as next to a singular position: directions change within

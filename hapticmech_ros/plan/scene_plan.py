@@ -14,7 +14,7 @@ from hapticmech_ros.plan.arrays import ArraySize, arrays_of_tick
 from hapticmech_ros.plan.choices import Choice, choices
 from hapticmech_ros.plan.running import Running, running
 from hapticmech_ros.plan.tick import TickPart, parts_of_tick
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.session.run import Run
 from hapticmech_ros.simulation.state import EnergyAccount

@@ -10,14 +10,14 @@ from pathlib import Path
 from hapticmech_ros.errors import FileError, SceneProblem, nearest
 from hapticmech_ros.files import check_file, is_file
 from hapticmech_ros.scene.contacts import ContactPair, Shape
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.document import SceneDocument
 
 # What coal's reader accepts, broken files included: one of PLY with an empty face ends the process.
 MESH_SUFFIXES = (".stl", ".obj", ".dae", ".off")
 MESH_SIZE_LIMIT = 32_000_000
 
 
-def broken_contact_rules(scene: Scene) -> Iterator[SceneProblem]:
+def broken_contact_rules(scene: SceneDocument) -> Iterator[SceneProblem]:
     """Yield every rule of shapes and contacts that ``scene`` breaks."""
     yield from _names(scene)
     yield from _shapes(scene)
@@ -44,7 +44,7 @@ def _with_path(shape: object, folder: Path) -> object:
     return {**shape, "geometry": {**geometry, "file": str(folder / file)}}
 
 
-def _names(scene: Scene) -> Iterator[SceneProblem]:
+def _names(scene: SceneDocument) -> Iterator[SceneProblem]:
     groups = (
         ("shapes[{}].name", [shape.name for shape in scene.shapes]),
         ("contacts[{}].name", [contact.name for contact in scene.contacts]),
@@ -55,7 +55,7 @@ def _names(scene: Scene) -> Iterator[SceneProblem]:
                 yield SceneProblem(key.format(index), name, "names must be unique")
 
 
-def _shapes(scene: Scene) -> Iterator[SceneProblem]:
+def _shapes(scene: SceneDocument) -> Iterator[SceneProblem]:
     links = {link.name for link in scene.links}
     for index, shape in enumerate(scene.shapes):
         if shape.link != "world" and shape.link not in links:
@@ -81,7 +81,7 @@ def _mesh_file(key: str, file: str) -> Iterator[SceneProblem]:
 
 
 def _pair(
-    scene: Scene, key: str, contact: ContactPair, shapes: Mapping[str, Shape]
+    scene: SceneDocument, key: str, contact: ContactPair, shapes: Mapping[str, Shape]
 ) -> Iterator[SceneProblem]:
     """Yield what is wrong with the two shapes that a contact joins."""
     unknown = [side for side in ("a", "b") if getattr(contact, side) not in shapes]
@@ -108,7 +108,7 @@ def _law(key: str, contact: ContactPair) -> Iterator[SceneProblem]:
         yield SceneProblem(f"{key}.{other}", value, f"must be 0 with the law {law}")
 
 
-def _carrier(scene: Scene, link: str) -> str:
+def _carrier(scene: SceneDocument, link: str) -> str:
     """Return the first link towards the world that a joint moves; ``world`` if none does."""
     links = {one.name: one for one in scene.links}
     for _ in scene.links:

@@ -9,14 +9,10 @@ Unknown keys, NaN, wrong sizes and wrong types are refused; nothing is converted
 
 from __future__ import annotations
 
-import json
-from importlib import import_module
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import Field, model_validator
 
-from hapticmech_ros.errors import InvalidInputError, nearest
 from hapticmech_ros.scene.contacts import ContactPair, Shape
 from hapticmech_ros.scene.controller import Connection, Controller
 from hapticmech_ros.scene.device import Device
@@ -38,8 +34,11 @@ from hapticmech_ros.scene.rendering import Experiment, Perception
 TaskSpace = Literal["planar", "spatial"]
 
 
-class Scene(Part):
+class SceneDocument(Part):
     """One virtual mechanism, the device that renders it, the hand that moves it, and the gains.
+
+    Each key is valid by itself; a :class:`~hapticmech_ros.scene.scene.Scene` keeps the rules
+    between keys as well (:mod:`~hapticmech_ros.scene.rules`).
 
     Attributes:
         format: of the file.
@@ -88,33 +87,8 @@ class Scene(Part):
     experiment: Experiment = Experiment()
     limits: Limits = Limits()
 
-    def __repr__(self) -> str:
-        points = ", ".join(point.name for point in self.operational_points)
-        return (
-            f"Scene {self.name}: {len(self.links)} links, {len(self.closures)} closures, held at "
-            f"{points}"
-        )
-
-    def with_(self, *changes: str, **keys: object) -> Scene:
-        """Return a scene like this one, with some keys set, validated anew.
-
-        ``scene.with_("device.mass=0.2", gravity=(0.0, 0.0, -9.81))``
-
-        Args:
-            changes: ``key=value`` each, see :func:`~hapticmech_ros.scene.loader.changed_scene`.
-            keys: of the scene's outermost level: numbers, texts, sequences, mappings, or parts.
-
-        Raises:
-            SceneError: a key that is none, or a rule that is broken.
-        """
-        written = [f"{key}={json.dumps(value, default=_plain)}" for key, value in keys.items()]
-        # What validates a scene knows the scene; here it is known by its name alone.
-        loader = import_module("hapticmech_ros.scene.loader")
-        found: Scene = loader.changed_scene(self, *changes, *written)
-        return found
-
     @model_validator(mode="after")
-    def _gains_by_rule(self) -> Scene:
+    def _gains_by_rule(self) -> SceneDocument:
         """Fill in gains that were not given; see :mod:`~hapticmech_ros.scene.gain_rule`."""
         joint = self.controller.joint_constraint
         found = by_rule(joint, self.device, self.connection, self.simulation.period)
@@ -122,31 +96,3 @@ class Scene(Part):
             controller = self.controller.model_copy(update={"joint_constraint": found})
             object.__setattr__(self, "controller", controller)  # frozen for everybody else
         return self
-
-    def operational_point(self, name: str = "") -> OperationalPoint:
-        """Return the operational point ``name``; the first one if ``name`` is empty.
-
-        Raises:
-            InvalidInputError: no such point; the message lists those there are.
-        """
-        if not name:
-            return self.operational_points[0]
-        for point in self.operational_points:
-            if point.name == name:
-                return point
-        known = [point.name for point in self.operational_points]
-        rule = f"must be one of {known}{nearest(name, known)}"
-        raise InvalidInputError("operational point", name, rule)
-
-
-def _plain(value: object) -> object:
-    """Return parts of scenes and arrays as mappings, lists and numbers.
-
-    Raises:
-        TypeError: it is neither.
-    """
-    if isinstance(value, Part):
-        return value.model_dump(mode="json")
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    raise TypeError(f"{value!r} cannot be written into a scene")

@@ -9,13 +9,13 @@ from itertools import pairwise
 
 from hapticmech_ros.errors import InvalidInputError, SceneProblem
 from hapticmech_ros.scene.device import SERVO_ANGLE, most_servo_stiffness
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.document import SceneDocument
 from hapticmech_ros.scene.hand import AnyHand, ArmHand, ConstantWrenchHand, TargetHand
 from hapticmech_ros.scene.part import Vector3
 from hapticmech_ros.scene.script import read_script
 
 
-def broken_holding_rules(scene: Scene) -> Iterator[SceneProblem]:
+def broken_holding_rules(scene: SceneDocument) -> Iterator[SceneProblem]:
     """Yield every rule of device and hand that ``scene`` breaks."""
     yield from _sampling(scene)
     yield from _servo(scene)
@@ -25,7 +25,7 @@ def broken_holding_rules(scene: Scene) -> Iterator[SceneProblem]:
     yield from _script(scene)
 
 
-def hand_vectors(scene: Scene) -> Iterator[tuple[str, Vector3, Vector3]]:
+def hand_vectors(scene: SceneDocument) -> Iterator[tuple[str, Vector3, Vector3]]:
     """Yield key, linear and angular part of what the hand does."""
     hand = scene.hand
     if isinstance(hand, ConstantWrenchHand):
@@ -38,7 +38,7 @@ def hand_vectors(scene: Scene) -> Iterator[tuple[str, Vector3, Vector3]]:
         yield "hand.tremor", hand.tremor.xyz, hand.tremor.rotation
 
 
-def _sampling(scene: Scene) -> Iterator[SceneProblem]:
+def _sampling(scene: SceneDocument) -> Iterator[SceneProblem]:
     """Explicit damping is stable where a step takes less than all speed."""
     device, hand = scene.device, scene.hand
     step = scene.simulation.period / device.substeps
@@ -55,7 +55,7 @@ def _sampling(scene: Scene) -> Iterator[SceneProblem]:
             yield SceneProblem(key, angular_damping, rule.format("inertia"))
 
 
-def _servo(scene: Scene) -> Iterator[SceneProblem]:
+def _servo(scene: SceneDocument) -> Iterator[SceneProblem]:
     device, period = scene.device, scene.simulation.period
     for key, stiffness, what, side in (
         ("stiffness", device.servo.stiffness, "mass", "force"),
@@ -71,7 +71,7 @@ def _servo(scene: Scene) -> Iterator[SceneProblem]:
             yield SceneProblem(f"device.servo.{key}", stiffness, rule)
 
 
-def _waypoints(scene: Scene) -> Iterator[SceneProblem]:
+def _waypoints(scene: SceneDocument) -> Iterator[SceneProblem]:
     if isinstance(scene.hand, TargetHand):
         times = [waypoint.time for waypoint in scene.hand.waypoints]
         for index, (before, after) in enumerate(pairwise(times), start=1):
@@ -101,7 +101,7 @@ def _tremor(hand: AnyHand) -> Iterator[SceneProblem]:
             yield SceneProblem(f"hand.tremor.{key}", value, rule)
 
 
-def _script(scene: Scene) -> Iterator[SceneProblem]:
+def _script(scene: SceneDocument) -> Iterator[SceneProblem]:
     if scene.hand.kind != "scripted":
         return
     try:

@@ -7,10 +7,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from hapticmech_ros.errors import SceneError, SceneProblem
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.document import SceneDocument
 
 
-def check_limits(scene: Scene) -> None:
+def check_limits(scene: SceneDocument) -> None:
     """Refuse a scene whose own figures its nodes would refuse in messages.
 
     Without messages a scene may go beyond: its limits bound nothing else.
@@ -23,7 +23,7 @@ def check_limits(scene: Scene) -> None:
         raise SceneError(scene.name, problems)
 
 
-def _broken(scene: Scene) -> Iterator[SceneProblem]:
+def _broken(scene: SceneDocument) -> Iterator[SceneProblem]:
     """Yield each figure whose messages the scene's own nodes would refuse."""
     device, joint = scene.device, scene.controller.joint_constraint
     figures = (

@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticmech_ros.errors import SceneProblem, nearest
 from hapticmech_ros.scene.contact_rules import broken_contact_rules
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.document import SceneDocument
 from hapticmech_ros.scene.holding_rules import broken_holding_rules, hand_vectors
 from hapticmech_ros.scene.mechanism import Closure, Inertia, Joint, Link, Origin, Spring
 
@@ -36,7 +36,7 @@ UNIT_TOLERANCE = 1e-6
 ALIGNMENT_TOLERANCE = 1e-9
 
 
-def broken_rules(scene: Scene) -> list[SceneProblem]:
+def broken_rules(scene: SceneDocument) -> list[SceneProblem]:
     """Return every rule across values that ``scene`` breaks; an empty list if none."""
     return [
         *_names(scene),
@@ -53,7 +53,7 @@ def broken_rules(scene: Scene) -> list[SceneProblem]:
     ]
 
 
-def _names(scene: Scene) -> Iterator[SceneProblem]:
+def _names(scene: SceneDocument) -> Iterator[SceneProblem]:
     groups: tuple[tuple[str, Sequence[str]], ...] = (
         ("links[{}].name", [link.name for link in scene.links]),
         ("links[{}].joint.name", [link.joint.name for link in scene.links]),
@@ -74,7 +74,7 @@ def _names(scene: Scene) -> Iterator[SceneProblem]:
             yield SceneProblem(f"links[{index}].name", "world", "'world' is the fixed root")
 
 
-def _tree(scene: Scene) -> Iterator[SceneProblem]:
+def _tree(scene: SceneDocument) -> Iterator[SceneProblem]:
     known = {"world"}
     for index, link in enumerate(scene.links):
         if link.parent not in known:
@@ -87,7 +87,7 @@ def _tree(scene: Scene) -> Iterator[SceneProblem]:
         known.add(link.name)
 
 
-def _bodies(scene: Scene) -> Iterator[SceneProblem]:
+def _bodies(scene: SceneDocument) -> Iterator[SceneProblem]:
     for index, link in enumerate(scene.links):
         axis = np.linalg.norm(link.joint.axis)
         if link.joint.type in ("revolute", "prismatic") and abs(axis - 1.0) > UNIT_TOLERANCE:
@@ -106,7 +106,7 @@ def _bodies(scene: Scene) -> Iterator[SceneProblem]:
             yield SceneProblem(f"links[{index}].inertial.mass", 0.0, rule)
 
 
-def _references(scene: Scene) -> Iterator[SceneProblem]:
+def _references(scene: SceneDocument) -> Iterator[SceneProblem]:
     links = {link.name: link for link in scene.links}
     for index, closure in enumerate(scene.closures):
         yield from _ends(f"closures[{index}]", closure, links)
@@ -143,7 +143,7 @@ def _ends(key: str, part: Closure | Spring, links: Collection[str]) -> Iterator[
         yield SceneProblem(f"{key}.b.link", part.b.link, rule)
 
 
-def _joint_elements(scene: Scene) -> Iterator[SceneProblem]:
+def _joint_elements(scene: SceneDocument) -> Iterator[SceneProblem]:
     """Springs, stops, friction and efforts are along the one coordinate of a joint."""
     for index, link in enumerate(scene.links):
         joint, key = link.joint, f"links[{index}].joint"
@@ -170,7 +170,7 @@ def _joint_elements(scene: Scene) -> Iterator[SceneProblem]:
         yield SceneProblem("links", len(scene.links), "at least one joint must move")
 
 
-def _couplings(scene: Scene) -> Iterator[SceneProblem]:
+def _couplings(scene: SceneDocument) -> Iterator[SceneProblem]:
     """Couplings are between two joints that turn or slide."""
     joints = {link.joint.name: link.joint for link in scene.links}
     closures = {closure.name for closure in scene.closures}
@@ -190,7 +190,7 @@ def _couplings(scene: Scene) -> Iterator[SceneProblem]:
             yield SceneProblem(f"{key}.name", coupling.name, "must differ from closures' names")
 
 
-def _initial_state(scene: Scene) -> Iterator[SceneProblem]:
+def _initial_state(scene: SceneDocument) -> Iterator[SceneProblem]:
     joints = {link.joint.name: link.joint for link in scene.links}
     fields = (
         ("q", scene.initial_state.q, POSITION_SIZE),
@@ -216,7 +216,7 @@ def _initial_state(scene: Scene) -> Iterator[SceneProblem]:
                 yield SceneProblem(key, value, rule)
 
 
-def _plane(scene: Scene) -> Iterator[SceneProblem]:
+def _plane(scene: SceneDocument) -> Iterator[SceneProblem]:
     if not _is_planar(scene):
         return
     rule = "a planar scene moves in the world's x-y plane: "
@@ -239,7 +239,7 @@ def _plane(scene: Scene) -> Iterator[SceneProblem]:
             yield SceneProblem(key, given, rule + "the hand has x, y and turns about z only")
 
 
-def _thresholds(scene: Scene) -> Iterator[SceneProblem]:
+def _thresholds(scene: SceneDocument) -> Iterator[SceneProblem]:
     perception = scene.perception
     if perception.s_on >= perception.s_off:
         rule = f"must be above s_on = {perception.s_on}"
@@ -252,7 +252,7 @@ def inertia_matrix(inertia: Inertia) -> np.ndarray:
     return np.array([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]])
 
 
-def _is_planar(scene: Scene) -> bool:
+def _is_planar(scene: SceneDocument) -> bool:
     return scene.task_space == "planar"
 
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 from typing import Any
 
 from hapticmech_ros.scene.angles import allow_text
-from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.key_reference import describe
 from hapticmech_ros.scene.linkage import Linkage
 from hapticmech_ros.scene.model_part import ModelPart
+from hapticmech_ros.scene.scene import Scene
 
 
 def scene_schema() -> dict[str, Any]:

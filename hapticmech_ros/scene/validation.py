@@ -1,11 +1,12 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Documents of scenes: read from files, and validated as a frozen :class:`Scene`."""
+"""Documents of scenes: read from files, and validated."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -13,11 +14,12 @@ from pydantic_core import ErrorDetails
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
 from hapticmech_ros.foreign_text import parsed
 from hapticmech_ros.scene.angles import with_angles
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene.document import SceneDocument
 from hapticmech_ros.scene.part import LARGEST
 from hapticmech_ros.scene.rules import broken_rules
 from hapticmech_ros.yaml_text import document_in
 
+Kind = TypeVar("Kind", bound=SceneDocument)
 MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf")
 
 
@@ -36,8 +38,13 @@ def written_document(path: Path) -> object:
         raise SceneError.of_file(error) from None
 
 
-def scene_from_document(document: object, source: str = "<document>") -> Scene:
-    """Return the scene that plain dictionaries, lists and numbers describe, validated.
+def validated(kind: type[Kind], document: object, source: str) -> Kind:
+    """Return what plain dictionaries, lists and numbers describe; it keeps every rule.
+
+    Args:
+        kind: of document.
+        document: as written.
+        source: of it, for errors.
 
     Raises:
         SceneError: lists every broken rule with its key path and value.
@@ -45,7 +52,7 @@ def scene_from_document(document: object, source: str = "<document>") -> Scene:
     if not isinstance(document, Mapping):
         raise SceneError(source, [SceneProblem("<root>", document, "a scene is a mapping of keys")])
     try:
-        scene = Scene.model_validate(with_angles(document))
+        scene = kind.model_validate(with_angles(document))
     except ValidationError as error:
         raise SceneError(source, problems_of(error)) from None
     problems = broken_rules(scene)

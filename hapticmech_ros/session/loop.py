@@ -39,8 +39,8 @@ from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.contact_wrench import contact_wrench
 from hapticmech_ros.operational.counter import ConstraintCounter
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.session.data import PARTS, TOTALS, SessionData, session_data
 from hapticmech_ros.session.run import run_layout
 from hapticmech_ros.session.sample import LeftState

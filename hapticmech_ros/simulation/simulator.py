@@ -27,7 +27,7 @@ from hapticmech_ros.mechanism.motion import (
 )
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.mechanism.stepping import Stepper
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.simulation.latching import Latches
 from hapticmech_ros.simulation.state import EnergyAccount, MechanismState, Trajectory

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Mesh
-from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.view import palette
 from hapticmech_ros.view.placement import Placement
 from hapticmech_ros.view.shapes import Shape

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.mechanism.model import se3
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.view.placement import Placement
 
 WORLD = "world"

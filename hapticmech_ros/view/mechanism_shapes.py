@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint
 from hapticmech_ros.view import palette
 from hapticmech_ros.view.placement import Placement

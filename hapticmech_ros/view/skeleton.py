@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Origin
 
 # Frames nearer than this (m) to a link's own are at its joint: no line.

@@ -15,8 +15,8 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import rigid_count
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Mesh, Shape
-from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.view.contact_shapes import Hulls
 from hapticmech_ros.view.drawn import SIDE_PIXELS, draw_shapes

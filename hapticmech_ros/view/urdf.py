@@ -20,7 +20,7 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import placement_of
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint, Link
 from hapticmech_ros.view import palette
 from hapticmech_ros.view.joint_states import HINGES, hinge_name

@@ -14,7 +14,7 @@ from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import loop_margins
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene import shipped_scenes
+from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.simulation import Simulator
 
 FREQUENCIES = np.array(FREQUENCIES_HZ, dtype=float)

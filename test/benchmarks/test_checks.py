@@ -12,7 +12,7 @@ import pytest
 from benchmarks.graph.checks import Check, Expected, check_recording, check_run, expected
 from benchmarks.graph.recorded import Recorded
 from benchmarks.graph.statuses import Status
-from hapticmech_ros.scene import load_scene
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
 SESSION = Expected((1, 2), (("ground_pin",),), True)

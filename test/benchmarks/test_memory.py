@@ -19,7 +19,7 @@ from benchmarks.__main__ import app_of
 from benchmarks.memory.benchmark import Settings, watch_session
 from benchmarks.memory.growth import GROWTH_IN_AN_HOUR, LEAST_SAMPLES, Watch, grown, resident, trend
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene import load_scene
+from hapticmech_ros.loading import load_scene
 
 PAGE, SIZE = 4096.0, 64_000_000
 TIMES = np.arange(0.0, 3600.0, 5.0)

@@ -8,8 +8,8 @@ import pytest
 
 from benchmarks.graph.plan import Plan, scene_at_rate
 from hapticmech_ros.errors import InvalidInputError, SceneError
-from hapticmech_ros.scene import load_scene, shipped_scenes
-from hapticmech_ros.scene.loader import document_of
+from hapticmech_ros.loading import load_scene, shipped_scenes
+from hapticmech_ros.scene import document_of
 
 
 def test_every_configuration_is_run_as_often_as_asked_with_both_graphs_in_turn() -> None:

@@ -24,7 +24,8 @@ from hapticmech_ros.control.flat import (
 )
 from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene import document_of, load_scene, scene_from_document
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import document_of, scene_from_document
 from oracles.control import ReadableControl
 
 # Sums of some twenty products of the size of the largest, each rounded to 1e-16, in another order.

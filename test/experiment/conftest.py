@@ -16,7 +16,8 @@ from rosbags.typesys import Stores, get_typestore
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.experiment import ExperimentRecord, run_session
-from hapticmech_ros.scene import Scene, load_scene
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session
 from hapticmech_ros.wire.layouts import (
     ENERGY_NAMES,

@@ -13,7 +13,7 @@ from hapticmech_ros.experiment.figure_trajectory import trajectory_figure
 from hapticmech_ros.experiment.figure_wrench import wrench_figure
 from hapticmech_ros.experiment.figures import FIGURES, write_figures
 from hapticmech_ros.experiment.from_session import run_session
-from hapticmech_ros.scene import load_scene
+from hapticmech_ros.loading import load_scene
 
 
 @pytest.fixture(scope="module")

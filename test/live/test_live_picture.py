@@ -18,7 +18,7 @@ from hapticmech_ros.live.numbers import numbers_html
 from hapticmech_ros.live.settings import HANDS, MOUSE_ALONE, changes_of, gain_sliders
 from hapticmech_ros.live.shape_links import shape_links
 from hapticmech_ros.live.visual_bodies import visual_bodies
-from hapticmech_ros.scene import load_scene, shipped_scenes
+from hapticmech_ros.loading import load_scene, shipped_scenes
 from oracles.touching import FLOOR, body, pair, scene, shape
 
 

@@ -27,8 +27,8 @@ from hapticmech_ros.live.commands import (
 from hapticmech_ros.live.grip import DRAG_TIMEOUT_S
 from hapticmech_ros.live.live_session import MOST_BEHIND_S, LiveSession
 from hapticmech_ros.live.settings import MOUSE_ALONE, changes_of
+from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.offline import states_from_bag
-from hapticmech_ros.scene import shipped_scenes
 
 ALONE = changes_of(MOUSE_ALONE, 0.0)
 

@@ -7,7 +7,8 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from hapticmech_ros.loading import shipped_scenes
+from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.mechanism.stepping import ReadableSimulator

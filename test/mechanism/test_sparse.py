@@ -10,6 +10,7 @@ import pytest
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from benchmarks.speed.platform import stewart_platform
 from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
 from hapticmech_ros.mechanism.kernels import layout
@@ -17,7 +18,7 @@ from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures, solve_motion
 from hapticmech_ros.mechanism.kernels.layout import MANY_RATES
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.scene import load_scene, scene_from_document
+from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition, pair_of, sample_pair

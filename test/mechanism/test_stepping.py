@@ -10,11 +10,12 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import ClosureError, InvalidInputError
+from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
 from hapticmech_ros.mechanism.motion import ExternalWrenches, Plan, Start, plan_of
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.stepping import Stepper
-from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session
+from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.stiffness import DAMPED, STIFF, stiff_elements
 from hapticmech_ros.plan.scene_plan import plan_scene
-from hapticmech_ros.scene import load_scene, scene_from_document
-from hapticmech_ros.scene.loader import shipped_scenes
+from hapticmech_ros.scene import scene_from_document
 
 PERIOD, MASS, LENGTH, OWN = 1e-3, 0.2, 0.3, 1e-4
 

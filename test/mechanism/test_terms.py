@@ -7,12 +7,13 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import ClosureError, HapticMechError, InvalidInputError
+from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
 from hapticmech_ros.mechanism.kernels.small_matrices import orthogonalise
 from hapticmech_ros.mechanism.projection import project
-from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import (

@@ -12,8 +12,9 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Bool
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
-from hapticmech_ros.scene import document_of, load_scene
+from hapticmech_ros.scene import document_of
 from hapticmech_ros.wire.wrench import encode_wrench
 
 

@@ -7,6 +7,7 @@ import math
 import pytest
 
 from hapticmech_ros.errors import SceneError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.controller_limits import input_timeout_of
 from hapticmech_ros.nodes.device_limits import limits_of
 from hapticmech_ros.nodes.parameters import (
@@ -16,7 +17,7 @@ from hapticmech_ros.nodes.parameters import (
     ParameterError,
     locked_by,
 )
-from hapticmech_ros.scene import document_of, load_scene, scene_from_document
+from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.device import Device, Safety
 
 DEVICE = Device(

@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 from hapticmech_ros import InvalidInputError, Simulator, load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import ClosureError
+from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.offline.assembly_search import initial_state, search_assemblies
-from hapticmech_ros.scene import shipped_scenes
 
 # Bars of 1, 2, 1.5 and 1.8 m: a four-bar that can turn, with two assemblies at each angle.
 BARS = (1.0, 2.0, 1.5, 1.8)

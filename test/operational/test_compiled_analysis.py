@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import load_scene
+from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from hapticmech_ros.scene import scene_from_document
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition, falling, pair_of, sample_pair
 from oracles.operational import ReadableAnalyser

@@ -9,9 +9,10 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.scene import scene_from_document, shipped_scenes
+from hapticmech_ros.scene import scene_from_document
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition, falling, pair_of, sample_pair
 from oracles.operational import ReadableAnalyser

@@ -12,8 +12,7 @@ from hapticmech_ros.mechanism import Evaluation, Mechanism
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace
 from hapticmech_ros.mechanism.model import authored_state
-from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene, scene_from_document
 from oracles.generator import Sample
 from oracles.kinematics import Array
 from oracles.mechanism.mechanism import ReadableEvaluation, ReadableMechanism

@@ -30,8 +30,8 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.saturation import limited
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Passivity
-from hapticmech_ros.scene.document import Scene
 from oracles.local_model import FORCE, TWIST, displacement
 
 NO_WRENCH = np.zeros(6)

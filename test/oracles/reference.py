@@ -19,7 +19,7 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.projection import project
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from oracles.mechanism.integrators import local_rate
 
 # A segment starts on the closures, in local coordinates of its own. In between, closures keep their

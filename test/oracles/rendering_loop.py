@@ -15,7 +15,7 @@ from hapticmech_ros.control.clutch import Clutch
 from hapticmech_ros.control.measurements import ControlOutput
 from hapticmech_ros.control.rendering_controller import ControllerInput
 from hapticmech_ros.device.safety import safety_limits
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.times import nanoseconds
 from oracles.local_model import corrected
 from oracles.passivity import NO_WRENCH, PassivityController, passivity_for

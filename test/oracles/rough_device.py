@@ -10,7 +10,7 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from oracles.device.impedance_device import ReadableDevice
 
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from hapticmech_ros import Session
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample
 
 Array = np.ndarray

@@ -17,15 +17,10 @@ from typer.testing import CliRunner
 from benchmarks.accuracy import cases, n_four_bar
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
 from hapticmech_ros.plan.scene_plan import ScenePlan, plan_scene
-from hapticmech_ros.scene import (
-    Scene,
-    document_of,
-    load_scene,
-    scene_from_document,
-    shipped_scenes,
-)
+from hapticmech_ros.scene import Scene, document_of, scene_from_document
 from hapticmech_ros.session import Session
 from oracles.mechanism.mechanism import ReadableMechanism
 from oracles.mechanism.stepping import ReadableSimulator

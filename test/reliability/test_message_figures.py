@@ -18,7 +18,7 @@ from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.memory_growth import SAMPLES, MemoryGrowth, worst_growth
 from benchmarks.reliability.messages import Trial
 from benchmarks.reliability.wire_messages import GENTLE
-from hapticmech_ros.scene import load_scene
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.topics import TOPICS
 

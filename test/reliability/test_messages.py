@@ -19,11 +19,12 @@ from benchmarks.reliability.fake_graph import ACTORS, START_NS, FakeGraph, Host,
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.messages import Trial, run_in_process
 from hapticmech_ros.errors import InvalidInputError, OutputError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.failures import MOST_DEFECTS
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.messages import deserialized, set_stamp
 from hapticmech_ros.nodes.operating_state import COMMANDS
-from hapticmech_ros.scene import document_of, load_scene
+from hapticmech_ros.scene import document_of
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.wrench import decode_wrench
 

@@ -29,7 +29,8 @@ from rclpy.task import Future
 from ruamel.yaml import YAML
 
 from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_process
-from hapticmech_ros.scene import document_of, load_scene
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import document_of
 
 RELIABLE = QoSProfile(depth=1000)
 WAIT_S = 20.0

@@ -16,8 +16,8 @@ import pytest
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.graph import private_environment, stop_process
+from hapticmech_ros.loading import find_scene
 from hapticmech_ros.readiness import ADDRESS, Readiness
-from hapticmech_ros.scene.loader import find_scene
 from ros.harness import WAIT_S, Peer
 
 pytestmark = pytest.mark.ros

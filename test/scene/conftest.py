@@ -6,7 +6,8 @@ import copy
 
 import pytest
 
-from hapticmech_ros.scene import document_of, load_scene
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.scene import document_of
 
 
 @pytest.fixture(scope="session")

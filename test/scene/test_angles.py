@@ -9,9 +9,8 @@ import math
 import pytest
 
 from hapticmech_ros import SceneError, load_scene
-from hapticmech_ros.scene import scene_from_document
+from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.angles import angle_of, with_angles
-from hapticmech_ros.scene.loader import document_of
 
 
 @pytest.mark.parametrize(

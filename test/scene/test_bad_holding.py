@@ -7,8 +7,8 @@ import os
 import pytest
 
 from hapticmech_ros.errors import SceneError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import document_of, scene_from_document
-from hapticmech_ros.scene.loader import load_scene
 from hapticmech_ros.scene.script import FILE_SIZE_LIMIT
 
 HEADING = "time,fx,fy,fz,tx,ty,tz\n"

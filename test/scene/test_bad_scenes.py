@@ -8,8 +8,8 @@ import re
 import pytest
 
 from hapticmech_ros.errors import SceneError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.scene.loader import load_scene
 
 NAN, INF = math.nan, math.inf
 

@@ -7,7 +7,8 @@ import pytest
 
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
-from hapticmech_ros.scene import document_of, load_scene, scene_from_document, shipped_scenes
+from hapticmech_ros.loading import load_scene, shipped_scenes
+from hapticmech_ros.scene import document_of, scene_from_document
 
 
 def scene(device=None, connection=None, period=0.001, **joint):

@@ -5,8 +5,9 @@
 import pytest
 
 from hapticmech_ros.errors import SceneError
+from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.scene import document_of, load_scene, scene_from_document, shipped_scenes
+from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.limit_rules import check_limits
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.bounds import FIXED

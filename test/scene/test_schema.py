@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import SceneError
-from hapticmech_ros.scene import Scene, shipped_scenes
+from hapticmech_ros.loading import shipped_scenes
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.angles import angle_of
 from hapticmech_ros.scene.key_reference import examples, meanings, parts
 from hapticmech_ros.scene.mechanism import JointType

@@ -11,7 +11,8 @@ from ruamel.yaml import YAML
 
 from hapticmech_ros import Simulator, analyse
 from hapticmech_ros.errors import ClosureError, InvalidInputError, SceneError
-from hapticmech_ros.scene import document_of, load_scene, scene_from_document, shipped_scenes
+from hapticmech_ros.loading import load_scene, shipped_scenes
+from hapticmech_ros.scene import document_of, scene_from_document
 
 SCENES = sorted(shipped_scenes())
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import load_scene
+from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.plan.scene_check import check_scene
-from hapticmech_ros.scene import shipped_scenes
 from oracles.sessions import SessionRun
 
 SCENES = sorted(shipped_scenes())

@@ -9,8 +9,8 @@ import pytest
 from matplotlib import image
 
 from hapticmech_ros import load_scene
+from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.plan.scene_check import check_scene
-from hapticmech_ros.scene import shipped_scenes
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")

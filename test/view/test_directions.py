@@ -10,7 +10,7 @@ import pytest
 from hapticmech_ros import Mechanism, analyse, load_scene
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
-from hapticmech_ros.scene.validation import scene_from_document
+from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view.directions import directions, gathered
 from oracles.generator import random_mechanism
 

@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.scene import load_scene
-from hapticmech_ros.scene.validation import scene_from_document
+from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view import Placer, fixed_frames, moving_frames
 from hapticmech_ros.view.frames import frame_names
 from oracles.generator import random_mechanism

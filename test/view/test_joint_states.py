@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.scene.validation import scene_from_document
+from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view import JointStates
 from hapticmech_ros.view.joint_states import hinge_angles, hinge_rates
 from oracles.generator import blank, random_inertial, random_mechanism

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
-from hapticmech_ros.scene import shipped_scenes
+from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.view.mass_ellipsoid import felt_masses, mass_ellipsoid
 
 

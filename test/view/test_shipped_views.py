@@ -14,7 +14,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
-from hapticmech_ros.scene.loader import shipped_scenes
+from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS
 from hapticmech_ros.wire.topics import TOPICS
 

@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.scene import load_scene
-from hapticmech_ros.scene.loader import scene_from_document, shipped_scenes
+from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view import Placer, urdf_of
 from hapticmech_ros.view.joint_states import HINGES, hinge_angles
 from oracles.generator import random_mechanism

@@ -8,11 +8,11 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.control import PointMeasurement
 from hapticmech_ros.control.operational_model import operational_model_of
+from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.scene import shipped_scenes
 from hapticmech_ros.wire.layouts import (
     OPERATIONAL_MODEL_FIELDS,
     OperationalModelMessage,

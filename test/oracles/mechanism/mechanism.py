@@ -29,7 +29,7 @@ from hapticmech_ros.mechanism.tolerances import (
     RESOLVED,
     SOLVER_RANK_TOLERANCE,
 )
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from oracles.mechanism.closures import ReadableClosure
 from oracles.mechanism.elements import ReadableElements
 

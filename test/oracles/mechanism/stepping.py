@@ -33,7 +33,7 @@ from hapticmech_ros.mechanism.tolerances import (
     PASSING,
     UNFELT,
 )
-from hapticmech_ros.scene.document import Scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.simulation.latching import Latches
 from oracles.mechanism.integrators import INTEGRATORS, Springs

@@ -11,9 +11,9 @@ from pathlib import Path
 import yaml
 
 from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.loading.loader import find_scene, load_scene, with_own_paths
 from hapticmech_ros.scene.changes import with_changes
 from hapticmech_ros.scene.linkage import with_linkage
-from hapticmech_ros.scene.loader import find_scene, load_scene, with_own_paths
 from hapticmech_ros.scene.validation import written_document
 
 
@@ -32,7 +32,7 @@ def copy_scene(
         expanded: whether a ``linkage`` is written as the links and loops that it stands for.
 
     Raises:
-        SceneError: as :func:`~hapticmech_ros.scene.loader.load_scene`; or the file exists, or
+        SceneError: as :func:`~hapticmech_ros.loading.loader.load_scene`; or the file exists, or
             cannot be written.
     """
     load_scene(scene, changes=changes)

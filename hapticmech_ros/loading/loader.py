@@ -6,18 +6,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.files import is_file
 from hapticmech_ros.scene.changes import with_changes
 from hapticmech_ros.scene.contact_rules import with_mesh_paths
-from hapticmech_ros.scene.document import Scene
 from hapticmech_ros.scene.linkage import with_linkage
+from hapticmech_ros.scene.scene import Scene, scene_from_document
 from hapticmech_ros.scene.script import with_script_path
-from hapticmech_ros.scene.validation import scene_from_document, written_document
+from hapticmech_ros.scene.validation import written_document
 from hapticmech_ros.share import shared
 
 
@@ -48,8 +46,9 @@ def load_scene(
     document = _over_network(_at_rate(document, control_rate), network_delay)
     document = with_own_paths(with_linkage(document, str(path)), path)
     if isinstance(document, Mapping) and "model" in document:
-        found: Scene = import_module("hapticmech_ros.formats").scene_of(document, path)
-        return found
+        from hapticmech_ros.formats import expand  # Pinocchio, which other scenes need not load
+
+        document = expand(document, path)
     return scene_from_document(document, source=str(path))
 
 
@@ -107,22 +106,3 @@ def shipped_scenes() -> dict[str, Path]:
     if folder is None:
         return {}
     return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
-
-
-def changed_scene(scene: Scene, *changes: str) -> Scene:
-    """Return a scene like another one, with some keys set, validated anew.
-
-    Args:
-        scene: that stays as it is. Gains that a rule had filled in are kept.
-        changes: ``key=value`` each; see :func:`~hapticmech_ros.scene.changes.with_changes`.
-
-    Raises:
-        SceneError: a key that is none, or a rule that is broken.
-    """
-    document = with_changes(document_of(scene), changes, scene.name)
-    return scene_from_document(document, source=scene.name)
-
-
-def document_of(scene: Scene) -> dict[str, Any]:
-    """Return ``scene`` as plain dictionaries, lists and numbers (what a YAML file would say)."""
-    return scene.model_dump(mode="json")

@@ -1,0 +1,96 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A validated, frozen scene.
+
+It keeps every rule if it comes from :func:`scene_from_document`, :meth:`Scene.with_` or
+:func:`~hapticmech_ros.loading.load_scene`. Its keys are those of
+:class:`~hapticmech_ros.scene.document.SceneDocument`.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from hapticmech_ros.errors import InvalidInputError, nearest
+from hapticmech_ros.scene.changes import with_changes
+from hapticmech_ros.scene.document import SceneDocument
+from hapticmech_ros.scene.mechanism import OperationalPoint
+from hapticmech_ros.scene.part import Part
+from hapticmech_ros.scene.validation import validated
+
+
+class Scene(SceneDocument):
+    """One virtual mechanism, the device that renders it, the hand that moves it, and the gains."""
+
+    def __repr__(self) -> str:
+        points = ", ".join(point.name for point in self.operational_points)
+        return (
+            f"Scene {self.name}: {len(self.links)} links, {len(self.closures)} closures, held at "
+            f"{points}"
+        )
+
+    def with_(self, *changes: str, **keys: object) -> Scene:
+        """Return a scene like this one, with some keys set, validated anew.
+
+        ``scene.with_("device.mass=0.2", gravity=(0.0, 0.0, -9.81))``. Gains that a rule had filled
+        in are kept.
+
+        Args:
+            changes: ``key=value`` each, see :func:`~hapticmech_ros.scene.changes.with_changes`.
+            keys: of the scene's outermost level: numbers, texts, sequences, mappings, or parts.
+
+        Raises:
+            SceneError: a key that is none, or a rule that is broken.
+        """
+        written = [f"{key}={json.dumps(value, default=_plain)}" for key, value in keys.items()]
+        document = with_changes(document_of(self), [*changes, *written], self.name)
+        return scene_from_document(document, self.name)
+
+    def operational_point(self, name: str = "") -> OperationalPoint:
+        """Return the operational point ``name``; the first one if ``name`` is empty.
+
+        Raises:
+            InvalidInputError: no such point; the message lists those there are.
+        """
+        if not name:
+            return self.operational_points[0]
+        for point in self.operational_points:
+            if point.name == name:
+                return point
+        known = [point.name for point in self.operational_points]
+        rule = f"must be one of {known}{nearest(name, known)}"
+        raise InvalidInputError("operational point", name, rule)
+
+
+def scene_from_document(document: object, source: str = "<document>") -> Scene:
+    """Return the scene that plain dictionaries, lists and numbers describe, validated.
+
+    Args:
+        document: a mapping of the keys of a scene.
+        source: of it, for errors.
+
+    Raises:
+        SceneError: lists every broken rule with its key path and value.
+    """
+    return validated(Scene, document, source)
+
+
+def document_of(scene: Scene) -> dict[str, Any]:
+    """Return ``scene`` as plain dictionaries, lists and numbers (what a YAML file would say)."""
+    return scene.model_dump(mode="json")
+
+
+def _plain(value: object) -> object:
+    """Return parts of scenes and arrays as mappings, lists and numbers.
+
+    Raises:
+        TypeError: it is neither.
+    """
+    if isinstance(value, Part):
+        return value.model_dump(mode="json")
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"{value!r} cannot be written into a scene")
