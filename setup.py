@@ -21,6 +21,7 @@ EXECUTABLES = [
 
 DOCS = ["myst-parser>=4", "sphinx>=8"]
 LIVE = ["viser>=1.1"]
+CLUSTER = ["distributed>=2024.5"]
 
 HERE = Path(__file__).resolve().parent
 MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
@@ -111,6 +112,8 @@ setup(
             "iceoryx2>=0.10",
             "mujoco>=4",
         ],
+        # Processes of a cluster, for `--cluster`, which asks for the same version.
+        "cluster": CLUSTER,
         # The documentation as a site.
         "docs": DOCS,
         # Inertias of meshes in MJCF files, by MuJoCo's compiler.
@@ -131,6 +134,8 @@ setup(
             "mcap-ros2-support",
             # The documents are built as a site.
             *DOCS,
+            # A study is shared by a cluster on this machine.
+            *CLUSTER,
             # The live page is served to a browser.
             *LIVE,
             # Tests check that our motions equal its.

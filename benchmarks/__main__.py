@@ -22,6 +22,7 @@ COMMANDS = (
     "realtime",
     "session",
     "speed",
+    "study",
 )
 
 

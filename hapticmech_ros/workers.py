@@ -1,20 +1,53 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Processes that share work, and end with the one that started them."""
+"""Work shared by processes, which end with the one that started them, or by a cluster's."""
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
+from dataclasses import dataclass
+from itertools import islice
 from multiprocessing import connection, get_context, parent_process
-from typing import TypeVar
+from typing import Any, Generic, TypeVar
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
 
 Given = TypeVar("Given")
 Found = TypeVar("Found")
+# A number of processes, 1 being this one; one for each core if None; or an executor, of whatever
+# processes: one of concurrent.futures, or of Dask.
+Workers = int | Executor | None
+# Cases that are given to each process, or to an executor, before an answer has come.
+AHEAD, AHEAD_ELSEWHERE = 2, 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Lost(Generic[Given]):
+    """A case that has no answer: its worker ended, and so did the one that tried it once more.
+
+    Attributes:
+        case: that was given.
+    """
+
+    case: Given
+
+    def __str__(self) -> str:
+        return f"{self.case}: the process that worked at it was ended, twice"
+
+
+class LostError(HapticMechError):
+    """A case without which the others are worth nothing was lost."""
 
 
 def worker_pool(
@@ -48,24 +81,164 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
+class Crew:
+    """Shares cases among workers; a context, at the end of which no process of its own is left.
+
+    A worker that is killed, or out of memory, costs no case but its own: the others at work then
+    are tried once more, each by a process of its own. An executor that was given is left open, and
+    what it lost is lost: it may be that of a cluster, which tries again by itself.
+
+    Args:
+        workers: that share the cases.
+
+    Raises:
+        InvalidInputError: no process.
+    """
+
+    def __init__(self, workers: Workers = 1) -> None:
+        if isinstance(workers, int) and workers < 1:
+            raise InvalidInputError("processes", workers, "must be 1 or more")
+        self._workers = workers
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> Crew:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+    @property
+    def processes(self) -> int | None:
+        """How many processes share the work; None if an executor knows."""
+        if isinstance(self._workers, Executor):
+            return None
+        return self._workers or os.cpu_count() or 1
+
+    def completed(
+        self, work: Callable[[Given], Found], cases: Iterable[Given]
+    ) -> Iterator[tuple[int, Found | Lost[Given]]]:
+        """Yield the index of each case and what a function returns for it, as answers come.
+
+        Args:
+            work: a function of a module, and of nothing but its argument.
+            cases: that processes can be given.
+        """
+        if self._workers == 1:
+            yield from ((index, work(case)) for index, case in enumerate(cases))
+            return
+        left, again = enumerate(cases), deque[tuple[int, Given]]()
+        flying: dict[Future[Found], tuple[int, Given]] = {}
+        while True:
+            for index, case in islice(left, self._ahead - len(flying)):
+                try:
+                    flying[self._executor().submit(work, case)] = index, case
+                except BrokenExecutor:
+                    again.append((index, case))
+                    break
+            if not flying and not again:
+                return
+            done = wait(flying, return_when=FIRST_COMPLETED).done if flying else set()
+            if again or any(map(_is_lost, done)):
+                # A pool that lost a worker answers none of those that were given to it.
+                done = self._drained(flying) or done
+            for future in done:
+                index, case = flying.pop(future)
+                if _is_lost(future):
+                    again.append((index, case))
+                else:
+                    yield index, future.result()
+            while again:
+                index, case = again.popleft()
+                yield index, self._once_more(work, case)
+
+    def in_order(
+        self, work: Callable[[Given], Found], cases: Iterable[Given]
+    ) -> Iterator[Found | Lost[Given]]:
+        """Yield what :meth:`completed` does in the order of the cases."""
+        early: dict[int, Found | Lost[Given]] = {}
+        following = 0
+        for index, found in self.completed(work, cases):
+            early[index] = found
+            while following in early:
+                yield early.pop(following)
+                following += 1
+
+    def answers(self, work: Callable[[Given], Found], cases: Iterable[Given]) -> Iterator[Found]:
+        """Yield what a function returns for each case, in their order.
+
+        Raises:
+            LostError: a case was lost.
+        """
+        for found in self.in_order(work, cases):
+            if isinstance(found, Lost):
+                raise LostError(str(found))
+            yield found
+
+    @property
+    def _ahead(self) -> int:
+        processes = self.processes
+        return AHEAD_ELSEWHERE if processes is None else AHEAD * processes
+
+    def _executor(self) -> Executor:
+        if isinstance(self._workers, Executor):
+            return self._workers
+        if self._pool is None:
+            # Forked, a process would lack the threads that this one has.
+            self._pool = worker_pool(self.processes)
+        return self._pool
+
+    def _drained(self, flying: Collection[Future[Any]]) -> set[Future[Any]]:
+        """Return all that was given to a pool that broke, done, and forget the pool."""
+        if isinstance(self._workers, Executor):
+            return set()
+        found = wait(flying).done
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+        return found
+
+    def _once_more(self, work: Callable[[Given], Found], case: Given) -> Found | Lost[Given]:
+        if isinstance(self._workers, Executor):
+            return Lost(case)
+        with worker_pool(1) as pool:
+            try:
+                return pool.submit(work, case).result()
+            except BrokenExecutor:
+                return Lost(case)
+
+
+def _is_lost(future: Future[Any]) -> bool:
+    error = future.exception()
+    # KilledWorker is Dask's, which need not be installed.
+    return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
+
+
 def in_order(
-    work: Callable[[Given], Found], cases: Sequence[Given], processes: int | None = None
-) -> Iterator[Found]:
+    work: Callable[[Given], Found], cases: Iterable[Given], workers: Workers = None
+) -> Iterator[Found | Lost[Given]]:
     """Yield what a function returns for each case, in their order.
 
     Args:
         work: a function of a module, and of nothing but its argument.
         cases: that processes can be given.
-        processes: that share the cases; this one alone if 1, one for each core if None.
+        workers: that share the cases.
 
     Raises:
         InvalidInputError: no process.
     """
-    if processes is not None and processes < 1:
-        raise InvalidInputError("processes", processes, "must be 1 or more")
-    if processes == 1:
-        yield from map(work, cases)
-        return
-    # Forked, a process would lack the threads that this one has.
-    with worker_pool(processes) as pool:
-        yield from pool.map(work, cases)
+    with Crew(workers) as crew:
+        yield from crew.in_order(work, cases)
+
+
+def answers(
+    work: Callable[[Given], Found], cases: Iterable[Given], workers: Workers = None
+) -> Iterator[Found]:
+    """Yield what :func:`in_order` does, where no case may be lost.
+
+    Raises:
+        LostError: one was.
+        InvalidInputError: no process.
+    """
+    with Crew(workers) as crew:
+        yield from crew.answers(work, cases)

@@ -26,7 +26,7 @@ from benchmarks.oracle import oracle
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.simulation import Simulator
-from hapticmech_ros.workers import in_order
+from hapticmech_ros.workers import answers
 
 PERIODS = (1e-4, 2.5e-4, 5e-4, 1e-3, 2e-3, 4e-3)
 INTEGRATORS = ("rk4", "rk2", "semi_implicit_euler", "linearly_implicit")
@@ -239,7 +239,7 @@ def _passed(samples: int, seed: int, processes: int, out: Path) -> Tally:
         Block(seed, index, min(BLOCK, samples - first))
         for index, first in enumerate(range(0, samples, BLOCK))
     ]
-    for found in in_order(seen_in, blocks, processes):
+    for found in answers(seen_in, blocks, processes):
         tally.add(found)
         tally.write(out)
         for line in found.told:

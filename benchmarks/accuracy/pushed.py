@@ -26,7 +26,7 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator
-from hapticmech_ros.workers import in_order
+from hapticmech_ros.workers import answers
 
 HARDER, MINUTE = 10.0, 60.0
 # Share of what was exchanged by which an account may be off and say nothing.
@@ -132,7 +132,7 @@ def every_scene(
     )
     print("|---|" + "--:|" * 8 + "---|")
     found = []
-    for one in in_order(
+    for one in answers(
         partial(pushed, duration=duration), names or list(shipped_scenes()), processes
     ):
         whole = max(one.exchanged, 1e-300)

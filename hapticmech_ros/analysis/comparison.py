@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -48,7 +48,7 @@ from hapticmech_ros.experiment.figure_style import (
 )
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.workers import in_order
+from hapticmech_ros.workers import Lost, Workers, in_order
 
 FREQUENCIES_HZ = (2, 5, 10, 20)
 COLOURS = {FULL: BLUE, STIFF: SKY, FREE: GREY, PROXY: VERMILION, SOFT: ORANGE}
@@ -190,11 +190,23 @@ class RenderingComparison(Results):
 
     Attributes:
         columns: one for each scene, delay and method.
+        lost: scenes and delays without results, as their processes were ended.
     """
 
     NAME: ClassVar[str] = "comparison"
+    FAULT: ClassVar[str] = "a comparison was lost"
 
     columns: tuple[Column, ...]
+    lost: tuple[str, ...] = ()
+
+    @property
+    def sound(self) -> bool:
+        """Whether every scene was compared at every delay."""
+        return not self.lost
+
+    def notes(self) -> Iterable[str]:
+        """Return which comparisons were lost."""
+        return self.lost
 
     def document(self) -> list[object]:
         """Return a dictionary for each column."""
@@ -219,14 +231,14 @@ class RenderingComparison(Results):
 
 
 def compare(
-    scenes: Sequence[str], delays: Sequence[int], processes: int = 1, show: Show = silent
+    scenes: Sequence[str], delays: Sequence[int], workers: Workers = 1, show: Show = silent
 ) -> RenderingComparison:
     """Compare the rendering methods on every scene at each delay.
 
     Args:
         scenes: names or paths.
         delays: periods from measuring to acting, each 0 or more.
-        processes: number of processes; it does not affect the results.
+        workers: that share the scenes; they do not affect the results.
         show: called after each scene.
 
     Returns:
@@ -239,17 +251,29 @@ def compare(
     for delay in delays:
         if delay < 0:
             raise InvalidInputError("delay", delay, "must be 0 or more periods")
-    cases = [(load_scene(name), delay) for name in scenes for delay in delays]
+    cases = [_Case(load_scene(name), delay) for name in scenes for delay in delays]
     columns: list[Column] = []
-    for found in in_order(_compared, cases, processes):
-        show(f"{found[0].scene}, {found[0].delay} periods of delay")
-        columns += found
-    return RenderingComparison(tuple(columns))
+    lost: list[str] = []
+    for case, found in zip(cases, in_order(_compared, cases, workers), strict=True):
+        if isinstance(found, Lost):
+            lost.append(str(found))
+        else:
+            columns += found
+        show(str(case))
+    return RenderingComparison(tuple(columns), tuple(lost))
 
 
-def _compared(case: tuple[Scene, int]) -> list[Column]:
-    scene, delay = case
-    return side_by_side(scene, delay=delay)
+@dataclass(frozen=True, slots=True)
+class _Case:
+    scene: Scene
+    delay: int
+
+    def __str__(self) -> str:
+        return f"{self.scene.name}, {self.delay} periods of delay"
+
+
+def _compared(case: _Case) -> list[Column]:
+    return side_by_side(case.scene, delay=case.delay)
 
 
 def _row(row: Column) -> tuple[str, ...]:

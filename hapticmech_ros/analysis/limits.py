@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import ClassVar
@@ -22,7 +22,7 @@ from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.analysis.z_width import ZPoint, z_width
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.workers import in_order
+from hapticmech_ros.workers import Lost, Workers, in_order
 
 # Masses of hands fixed to the device, relative to the device's mass.
 SHARES = (1.0 / 3.0, 1.0, 3.0)
@@ -146,13 +146,25 @@ class Limits(Results):
         z_width: stiffest stable joint constraints.
         m_width: lightest and heaviest stable inertias.
         loads: penetration, and results of experiments.
+        lost: measurements without a result, as their processes were ended.
     """
 
     NAME: ClassVar[str] = "limits"
+    FAULT: ClassVar[str] = "a measurement was lost"
 
     z_width: tuple[ZPoint, ...]
     m_width: tuple[MPoint, ...]
     loads: tuple[Load, ...]
+    lost: tuple[str, ...] = ()
+
+    @property
+    def sound(self) -> bool:
+        """Whether every measurement has a result."""
+        return not self.lost
+
+    def notes(self) -> Iterable[str]:
+        """Return which measurements were lost."""
+        return self.lost
 
     def sheets(self) -> Iterator[Sheet]:
         """Yield a table for each kind of measurement."""
@@ -173,12 +185,12 @@ class Limits(Results):
         return found
 
 
-def limits(cases: Sequence[Case], processes: int = 1, show: Show = silent) -> Limits:
+def limits(cases: Sequence[Case], workers: Workers = 1, show: Show = silent) -> Limits:
     """Carry out all measurements.
 
     Args:
         cases: from :func:`cases_of`.
-        processes: number of processes; it does not affect the results.
+        workers: that share the cases; they do not affect the results.
         show: called after each case.
 
     Returns:
@@ -188,13 +200,18 @@ def limits(cases: Sequence[Case], processes: int = 1, show: Show = silent) -> Li
         InvalidInputError: no process.
     """
     found: list[Found] = []
-    for case, some in zip(cases, in_order(_measured, cases, processes), strict=True):
-        found += some
+    lost: list[str] = []
+    for case, some in zip(cases, in_order(_measured, cases, workers), strict=True):
+        if isinstance(some, Lost):
+            lost.append(str(some))
+        else:
+            found += some
         show(str(case))
     return Limits(
         tuple(one for one in found if isinstance(one, ZPoint)),
         tuple(one for one in found if isinstance(one, MPoint)),
         tuple(one for one in found if isinstance(one, Load)),
+        tuple(lost),
     )
 
 

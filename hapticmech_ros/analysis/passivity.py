@@ -8,7 +8,7 @@ library, moving during the whole trial.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, product
 from typing import ClassVar
@@ -27,7 +27,7 @@ from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.gain_rule import damping_for
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, Hand, Tremor, Waypoint
 from hapticmech_ros.session import Run, Session
-from hapticmech_ros.workers import in_order
+from hapticmech_ros.workers import Lost, Workers, in_order
 
 # Joint-constraint stiffness of every trial, N/m, instead of that by the rule.
 STIFFNESS = 2000.0
@@ -67,6 +67,11 @@ class Trial:
     local: bool = True
     control: bool = True
     seconds: float = 60.0
+
+    def __str__(self) -> str:
+        where = "device" if self.local else "controller"
+        delay = f"{1e3 * self.delay:g} ms"
+        return f"{self.scene}, {self.device}, {self.hand}, {delay}, loop in {where}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,17 +250,23 @@ class PassivityTrials(Results):
 
     Attributes:
         found: results of each trial, in order.
+        lost: trials without a result, as their processes were ended.
     """
 
     NAME: ClassVar[str] = "passivity"
-    FAULT: ClassVar[str] = "a trial was not passive"
+    FAULT: ClassVar[str] = "a trial was not passive, or lost"
 
     found: tuple[Found, ...]
+    lost: tuple[str, ...] = ()
 
     @property
     def sound(self) -> bool:
         """Whether all trials were passive."""
-        return all(one.passive for one in self.found)
+        return not self.lost and all(one.passive for one in self.found)
+
+    def notes(self) -> Iterable[str]:
+        """Return which trials were lost."""
+        return self.lost
 
     def document(self) -> list[object]:
         """Return a dictionary for each trial."""
@@ -312,14 +323,14 @@ def trials(
 
 
 def passivity(
-    asked: Sequence[Trial], show: Show = silent, processes: int | None = None
+    asked: Sequence[Trial], show: Show = silent, workers: Workers = None
 ) -> PassivityTrials:
     """Run trials.
 
     Args:
         asked: conditions of the trials.
         show: called after each trial.
-        processes: number of processes; one for each core if None.
+        workers: that share the trials; they load its scene themselves.
 
     Returns:
         Results of all trials.
@@ -330,11 +341,15 @@ def passivity(
     """
     for trial in {(trial.scene, trial.device, trial.hand): trial for trial in asked}.values():
         scene_of(trial)
-    found = []
-    for one in in_order(tried, asked, processes):
-        found.append(one)
-        show(_line(one))
-    return PassivityTrials(tuple(found))
+    found, lost = list[Found](), list[str]()
+    for one in in_order(tried, asked, workers):
+        if isinstance(one, Lost):
+            lost.append(str(one))
+            show(lost[-1])
+        else:
+            found.append(one)
+            show(_line(one))
+    return PassivityTrials(tuple(found), tuple(lost))
 
 
 def _key(found: Found) -> tuple[str, bool, float]:
@@ -342,10 +357,5 @@ def _key(found: Found) -> tuple[str, bool, float]:
 
 
 def _line(found: Found) -> str:
-    trial = found.trial
-    where = "device" if trial.local else "controller"
     verdict = "passive" if found.passive else f"NOT passive {found.ended}".rstrip()
-    return (
-        f"{trial.scene}, {trial.device}, {trial.hand}, {1e3 * trial.delay:g} ms, loop in {where}: "
-        f"{verdict}, {1e3 * found.lowest:.2f} mJ, {found.most_force:.1f} N"
-    )
+    return f"{found.trial}: {verdict}, {1e3 * found.lowest:.2f} mJ, {found.most_force:.1f} N"

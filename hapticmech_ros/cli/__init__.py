@@ -19,6 +19,7 @@ from hapticmech_ros.cli import (
     feel,
     graph,
     live,
+    parameter_study,
     replay,
     scene,
 )
@@ -56,6 +57,7 @@ app.command()(live.live)
 app.command()(graph.policy)
 app.command()(analyse.analyse)
 app.command()(analyse.sweep)
+app.command()(parameter_study.study)
 app.add_typer(feel.app, name="feel")
 bag.app.command()(replay.replay)
 app.add_typer(bag.app, name="bag")

@@ -19,6 +19,7 @@ from hapticmech_ros.cli.console import (
     console,
     progress,
 )
+from hapticmech_ros.cli.study import ClusterOption, ProcessesOption, workers_of
 from hapticmech_ros.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -76,7 +77,8 @@ def sweep(
     point: Annotated[
         str, typer.Option(help="operational point", show_default="the scene's first")
     ] = "",
-    processes: Annotated[int, typer.Option(help="number of processes", min=1)] = 2,
+    processes: ProcessesOption = 2,
+    cluster: ClusterOption = "",
     changes: ChangesOption = None,
     out: OutOption = Path("sweep"),
 ) -> None:
@@ -90,13 +92,13 @@ def sweep(
     loaded = load_scene(scene, changes=changes or ())
     begun = time.perf_counter()
     places = math.prod(len(one.values) for one in prescribed)
-    with progress() as bar:
+    with workers_of(processes, cluster) as workers, progress() as bar:
         task = bar.add_task("sweeping", total=places)
         found = run_sweep(
             loaded,
             prescribed,
             point,
-            processes,
+            workers,
             lambda done: bar.update(task, completed=done),
         )
     taken = time.perf_counter() - begun

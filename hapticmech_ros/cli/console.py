@@ -31,13 +31,13 @@ TransportOption = Annotated[
 ]
 
 
-def progress() -> Progress:
+def progress(where: Console = console) -> Progress:
     """Return a bar that vanishes when it is done."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f}%"),
-        console=console,
+        console=where,
         transient=True,
     )
 

@@ -10,7 +10,14 @@ from typing import Annotated
 import typer
 
 from hapticmech_ros.cli.console import ChangesOption, OutOption, with_changes, words
-from hapticmech_ros.cli.study import JsonOption, ProcessesOption, carry_out, numbers
+from hapticmech_ros.cli.study import (
+    ClusterOption,
+    JsonOption,
+    ProcessesOption,
+    carry_out,
+    numbers,
+    workers_of,
+)
 from hapticmech_ros.errors import InvalidInputError
 
 # A closed loop, a spatial one, contacts, and nothing but free directions.
@@ -72,6 +79,7 @@ def limits(
     device: Annotated[str, typer.Option(help="preset instead of the scenes' devices")] = "",
     everything: AllOption = False,
     processes: ProcessesOption = 2,
+    cluster: ClusterOption = "",
     changes: ChangesOption = None,
     out: OutOption = OUT,
     json_only: JsonOption = False,
@@ -89,7 +97,8 @@ def limits(
     if device:
         loaded = [with_device(scene, device) for scene in loaded]
     cases = cases_of(loaded, periods, hertz, words(what))
-    carry_out(lambda show: measured_limits(cases, processes, show), out, json_only)
+    with workers_of(processes, cluster) as workers:
+        carry_out(lambda show: measured_limits(cases, workers, show), out, json_only)
 
 
 @app.command()
@@ -98,6 +107,7 @@ def compare(
     delays: PeriodsOption = "1",
     everything: AllOption = False,
     processes: ProcessesOption = 2,
+    cluster: ClusterOption = "",
     changes: ChangesOption = None,
     out: OutOption = OUT,
     json_only: JsonOption = False,
@@ -107,7 +117,8 @@ def compare(
 
     periods = numbers("--delays", delays, int)
     chosen = with_changes(_sampled(scenes, everything), changes, out)
-    carry_out(lambda show: compare_renderings(chosen, periods, processes, show), out, json_only)
+    with workers_of(processes, cluster) as workers:
+        carry_out(lambda show: compare_renderings(chosen, periods, workers, show), out, json_only)
 
 
 @app.command()
@@ -121,6 +132,8 @@ def passivity(
     ] = "scene,firm",
     delays: Annotated[str, typer.Option(help="ms each way, with commas")] = "0,50",
     seconds: Annotated[float, typer.Option(help="s of each trial", min=0.1)] = 5.0,
+    processes: ProcessesOption = 2,
+    cluster: ClusterOption = "",
     changes: ChangesOption = None,
     out: OutOption = OUT,
     json_only: JsonOption = False,
@@ -133,7 +146,8 @@ def passivity(
     late = [1e-3 * delay for delay in numbers("--delays", delays, float)]
     chosen = with_changes(scenes or list(shipped_scenes()), changes, out)
     asked = trials(chosen, words(devices), words(hands), late, seconds)
-    carry_out(lambda show: try_passivity(asked, show), out, json_only)
+    with workers_of(processes, cluster) as workers:
+        carry_out(lambda show: try_passivity(asked, show, workers), out, json_only)
 
 
 def _sampled(scenes: list[str] | None, everything: bool) -> list[str]:

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -15,6 +16,7 @@ from hapticmech_ros.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from hapticmech_ros.analysis.study import Results, Show
+    from hapticmech_ros.workers import Workers
 
 Number = TypeVar("Number", int, float)
 
@@ -25,6 +27,25 @@ FigureOption = Annotated[
     Path | None, typer.Option(help="where the plot goes", show_default="in the folder")
 ]
 ProcessesOption = Annotated[int, typer.Option(help="number of processes", min=1)]
+ClusterOption = Annotated[
+    str, typer.Option(help="tcp://HOST:PORT of a Dask scheduler, in place of processes here")
+]
+
+
+@contextmanager
+def workers_of(processes: int, address: str) -> Iterator[Workers]:
+    """Yield who shares the work: processes of this machine, or of a cluster if it has an address.
+
+    Raises:
+        HapticMechError: as :func:`hapticmech_ros.cluster.cluster`.
+    """
+    if not address:
+        yield processes
+        return
+    from hapticmech_ros.cluster import cluster
+
+    with cluster(address) as executor:
+        yield executor
 
 
 def carry_out(
@@ -45,6 +66,20 @@ def carry_out(
     told = errors if json_only else console
     results = run(lambda line: told.print(line, highlight=False, markup=False, soft_wrap=True))
     results.write(out, figure)
+    report(results, out, json_only)
+
+
+def report(results: Results, out: Path, json_only: bool) -> None:
+    """Print results.
+
+    Args:
+        results: that were written.
+        out: folder in which they are.
+        json_only: print JSON and nothing else.
+
+    Raises:
+        typer.Exit: with 1, where the results are not sound.
+    """
     if json_only:
         import json
 

@@ -15,7 +15,7 @@ from hapticmech_ros.live.commands import HAND, Drag, LiveState
 from hapticmech_ros.live.drag_spring import DragSpring, drag_spring
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.operational import OperationalAnalysis
-from hapticmech_ros.view.mass_ellipsoid import felt_masses
+from hapticmech_ros.operational.felt_masses import felt_masses
 
 # Share of a link's mass that a grip on it moves at once, at least: a rod's end moves a quarter.
 _SHARE_MOVED, _LEAST_MASS = 0.25, 1e-3

@@ -44,6 +44,19 @@ def load_scene(
     path = find_scene(scene)
     document = with_changes(written_document(path), changes, str(path))
     document = _over_network(_at_rate(document, control_rate), network_delay)
+    return scene_as_written(document, path)
+
+
+def scene_as_written(document: object, path: Path) -> Scene:
+    """Return the scene of a document as its file has it: with links, ``linkage`` or ``model``.
+
+    Args:
+        document: as written.
+        path: of its file, beside which those are that it names.
+
+    Raises:
+        SceneError: as :func:`load_scene`.
+    """
     document = with_own_paths(with_linkage(document, str(path)), path)
     if isinstance(document, Mapping) and "model" in document:
         from hapticmech_ros.formats import expand  # Pinocchio, which other scenes need not load

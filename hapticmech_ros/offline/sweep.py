@@ -7,8 +7,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,7 @@ from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.offline.analysis import FeltStates, felt_states
 from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.workers import worker_pool
+from hapticmech_ros.workers import Crew, Workers
 
 # Longest step of prescribed joints (rad or m), so that loops stay on their branch.
 LONGEST_STEP = 0.02
@@ -31,6 +31,8 @@ CLOSED, ROUNDS = 1e-12, 20
 MOST_STARTS = 50
 # Least number of places at a time for which further processes save time.
 WORTH_SHARING = 16
+# Of them in one task.
+CHUNK = 16
 
 Show = Callable[[int], None]
 Place = tuple[int, ...]
@@ -71,7 +73,7 @@ def sweep(
     scene: Scene,
     prescribed: Sequence[PrescribedJoint],
     point: str = "",
-    processes: int = 1,
+    workers: Workers = 1,
     show: Show = lambda done: None,
 ) -> SweptStates:
     """Move joints over a grid from the scene's start, and analyse a point at each place.
@@ -84,8 +86,8 @@ def sweep(
         scene: of the mechanism.
         prescribed: joints and their values.
         point: name of the operational point; the scene's first one if empty.
-        processes: number of processes; the result is the same to the bit. With more than one, a
-            script that calls this has to guard it by ``if __name__ == "__main__"``.
+        workers: that share the places; the result is the same to the bit. A script that calls this
+            with several processes has to guard it by ``if __name__ == "__main__"``.
         show: called with the number of places reached.
 
     Returns:
@@ -94,20 +96,22 @@ def sweep(
     Raises:
         InvalidInputError: no joint, an unknown one, one with several degrees of freedom or named
             twice, no values or non-finite ones, or a grid without a reachable place.
+        LostError: the process that moved to some places was ended, twice.
     """
     mechanism = Mechanism(scene)
     columns = _columns(mechanism, prescribed)
     mechanism.point_index(point)
     reached = dict([_first(mechanism, prescribed, columns)])
     front = list(reached)
-    with _Workers(scene, mechanism, columns, processes) as workers:
+    with Crew(workers) as crew:
+        mover = _Mover(mechanism, columns, crew)
         while front:
             wanted = _beside(front, reached, prescribed)
             goals = [
                 (reached[parent], [one.values[k] for one, k in zip(prescribed, place, strict=True)])
                 for place, parent in wanted.items()
             ]
-            found = zip(wanted, workers.move(goals), strict=True)
+            found = zip(wanted, mover.move(goals), strict=True)
             front = []
             for place, q in found:
                 if q is not None:
@@ -152,44 +156,47 @@ def _beside(
     return wanted
 
 
-class _Workers:
-    """Moves a mechanism to places, in this process or, if there are many, in several."""
+class _Mover:
+    """Moves a mechanism to places: here if they are few, else by all who work at it."""
 
-    def __init__(
-        self, scene: Scene, mechanism: Mechanism, columns: list[int], processes: int
-    ) -> None:
-        self._scene, self._mechanism = scene, mechanism
-        self._columns, self._processes = columns, processes
-        self._pool: ProcessPoolExecutor | None = None
-
-    def __enter__(self) -> _Workers:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._pool is not None:
-            self._pool.shutdown()
+    def __init__(self, mechanism: Mechanism, columns: list[int], crew: Crew) -> None:
+        self._mechanism, self._columns, self._crew = mechanism, columns, crew
 
     def move(self, goals: list[Goal]) -> list[Array | None]:
-        """Return for each (q, goal) the configuration there, or None."""
-        if self._processes == 1 or len(goals) < WORTH_SHARING:
+        """Return for each (q, goal) the configuration there, or None.
+
+        Raises:
+            LostError: the process of some of them was ended, twice.
+        """
+        if self._crew.processes == 1 or len(goals) < WORTH_SHARING:
             return [_move(self._mechanism, q, self._columns, goal) for q, goal in goals]
-        if self._pool is None:
-            # Not forked: a forked process would lack this one's threads.
-            self._pool = worker_pool(self._processes, _prepare, self._scene, self._columns)
-        size = math.ceil(len(goals) / self._processes)
-        return list(self._pool.map(_move_prepared, goals, chunksize=size))
+        text = self._mechanism.scene.model_dump_json()
+        size = max(1, min(CHUNK, math.ceil(len(goals) / (self._crew.processes or 1))))
+        chunks = [goals[at : at + size] for at in range(0, len(goals), size)]
+        tasks = [_Task(text, self._columns, chunk) for chunk in chunks]
+        return [q for some in self._crew.answers(_move_there, tasks) for q in some]
 
 
-_PREPARED: list[tuple[Mechanism, list[int]]] = []
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """Places to move to, and all that another process needs to know for that."""
+
+    scene: str
+    columns: list[int]
+    goals: list[Goal]
+
+    def __str__(self) -> str:
+        return f"{len(self.goals)} places of a sweep"
 
 
-def _prepare(scene: Scene, columns: list[int]) -> None:
-    _PREPARED.append((Mechanism(scene), columns))
+@lru_cache(maxsize=1)
+def _mechanism(scene: str) -> Mechanism:
+    return Mechanism(Scene.model_validate_json(scene))
 
 
-def _move_prepared(goal: Goal) -> Array | None:
-    ((mechanism, columns),) = _PREPARED
-    return _move(mechanism, goal[0], columns, goal[1])
+def _move_there(task: _Task) -> list[Array | None]:
+    mechanism = _mechanism(task.scene)
+    return [_move(mechanism, q, task.columns, goal) for q, goal in task.goals]
 
 
 def _felt(

@@ -17,6 +17,7 @@ from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.mechanism.stiffness import stiff_elements
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import rigid_count
+from hapticmech_ros.operational.felt_masses import felt_masses
 from hapticmech_ros.plan.loop_check import connection_warning
 from hapticmech_ros.plan.step_accuracy import StepAccuracy, step_accuracy
 from hapticmech_ros.scene import Scene
@@ -124,10 +125,9 @@ def _points(simulator: Simulator, state: MechanismState) -> Iterator[PointCheck]
     terms, control = simulator.evaluate(state), ControlArchitecture(scene)
     for point in scene.operational_points:
         analysis = Analyser(simulator.mechanism, point.name).analyse(terms)
-        rows = [row for row in analysis.rows.tolist() if row < 3]
-        mobile = np.linalg.eigvalsh(analysis.inverse_inertia[np.ix_(rows, rows)])
-        moved = mobile[mobile > 1e-9 * max(float(mobile[-1]), 1e-300)]
-        masses = (1.0 / float(moved[-1]), 1.0 / float(moved[0])) if moved.size else None
+        felt, _ = felt_masses(analysis)
+        felt = felt[np.isfinite(felt)]
+        masses = (float(felt[0]), float(felt[-1])) if felt.size else None
         count = rigid_count(analysis.spectrum.s, scene.perception)
         model = operational_model_of(analysis)
         margins = loop_margins(control, model, analysis.rows, scene.simulation.period)

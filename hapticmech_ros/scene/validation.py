@@ -20,6 +20,7 @@ from hapticmech_ros.scene.rules import broken_rules
 from hapticmech_ros.yaml_text import document_in
 
 Kind = TypeVar("Kind", bound=SceneDocument)
+UNKNOWN_KEY = "unknown key"
 MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf")
 
 
@@ -107,7 +108,7 @@ def rule_of(item: ErrorDetails) -> str:
     if bounds.get("le") == LARGEST or bounds.get("ge") == -LARGEST:
         return f"must not be above {LARGEST:g} in size"
     if kind == "extra_forbidden":
-        return "unknown key"
+        return UNKNOWN_KEY
     if kind == "missing":
         return "required key is missing"
     if kind == "finite_number":

@@ -31,7 +31,7 @@ def five_bar():
 @pytest.fixture(scope="module")
 def swept(five_bar):
     told = []
-    found = sweep(five_bar, [WIDE, BENT], processes=1, show=told.append)
+    found = sweep(five_bar, [WIDE, BENT], workers=1, show=told.append)
     assert told[-1] == len(found.grid)
     return found
 
@@ -98,7 +98,7 @@ def test_it_is_the_analysis_of_each_place(five_bar, swept):
 
 
 def test_processes_share_the_work_and_change_nothing(five_bar, swept):
-    again = sweep(five_bar, [WIDE, BENT], processes=2)
+    again = sweep(five_bar, [WIDE, BENT], workers=2)
     assert again.q.tobytes() == swept.q.tobytes()
     assert again.grid.tolist() == swept.grid.tolist()
     assert again.inverse_inertia.tobytes() == swept.inverse_inertia.tobytes()
@@ -134,7 +134,7 @@ def test_an_open_chain_goes_everywhere():
 )
 def test_what_cannot_be_led_is_refused(five_bar, prescribed, rule):
     with pytest.raises(InvalidInputError, match=rule):
-        sweep(five_bar, prescribed, processes=1)
+        sweep(five_bar, prescribed, workers=1)
 
 
 def test_a_joint_of_several_degrees_of_freedom_is_refused():

@@ -1,0 +1,96 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Processes of a Dask cluster as an executor, for whatever shares its work among workers.
+
+Scheduler and workers are whoever's who started them: they run what they are sent, and their
+messages are not encrypted unless the address says ``tls://``.
+"""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Iterator, Mapping
+from concurrent.futures import CancelledError, Executor
+from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, version
+
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.installation import refuse_unmet
+
+# The extra ``cluster`` in setup.py says the same.
+DASK = "distributed>=2024.5"
+# s until a scheduler has answered, and has a worker.
+PATIENCE = 20.0
+
+
+class ClusterError(HapticMechError):
+    """A cluster that cannot be used: nobody answers, or its workers have other packages."""
+
+
+@contextmanager
+def cluster(address: str, patience: float = PATIENCE) -> Iterator[Executor]:
+    """Yield an executor whose workers are those of a Dask cluster.
+
+    Args:
+        address: of its scheduler, such as ``tcp://10.0.0.5:8786``.
+        patience: s, for the scheduler to answer, and for its first worker.
+
+    Raises:
+        InstallationError: Dask is not installed.
+        InvalidInputError: no address of a scheduler.
+        ClusterError: nobody answers, there is no worker, or one has another Python or another
+            version of what the results depend on; or the scheduler goes away.
+    """
+    refuse_unmet([DASK])
+    if not address.startswith(("tcp://", "tls://")):
+        raise InvalidInputError("cluster", address, "must be tcp://HOST:PORT, or tls://")
+    # Here, as it takes a second, and only clusters need it.
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=patience, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ClusterError(f"no scheduler of Dask answers at {address}: {error}") from None
+    with client:
+        end = time.monotonic() + patience
+        while not _can_work(client.run(versions, on_error="return"), address):
+            if time.monotonic() > end:
+                raise ClusterError(f"the scheduler at {address} has no worker")
+            time.sleep(0.1)
+        try:
+            yield client.get_executor()
+        except CancelledError:
+            raise ClusterError(f"the scheduler at {address} has gone") from None
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what results depend on, by package; of Python to its minor one."""
+    found = {"python": ".".join(platform.python_version_tuple()[:2])}
+    for name in ("hapticmech_ros", "numpy", "pin", "numba"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "none"
+    return found
+
+
+def _can_work(found: Mapping[str, object], address: str) -> bool:
+    """Return whether a worker answers, none of which has other packages than this process.
+
+    Raises:
+        ClusterError: one has.
+    """
+    own, answered = versions(), False
+    for worker, there in found.items():
+        # One that died a moment ago is still known to the scheduler.
+        if isinstance(there, OSError):
+            continue
+        if not isinstance(there, Mapping):
+            raise ClusterError(f"worker {worker} of {address} cannot take work: {there}")
+        other = [name for name in own if there[name] != own[name]]
+        if other:
+            said = "; ".join(f"{name} {there[name]}, not {own[name]}" for name in other)
+            raise ClusterError(f"worker {worker} of {address} has {said}")
+        answered = True
+    return answered

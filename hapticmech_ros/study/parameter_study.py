@@ -1,0 +1,369 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Measures a scene with its keys varied, thousands of times, shared among workers.
+
+Each row depends on its scene alone: results are the same to the bit with any number of workers, of
+this machine or of a cluster, and when a study was interrupted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
+
+from hapticmech_ros.analysis.study import Results, Sheet, plain
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import InvalidInputError, SceneError
+from hapticmech_ros.files import open_file
+from hapticmech_ros.installation import PACKAGE
+from hapticmech_ros.loading.loader import find_scene, scene_as_written
+from hapticmech_ros.scene import Scene, document_of
+from hapticmech_ros.scene.angles import angle_of
+from hapticmech_ros.scene.changes import with_changes
+from hapticmech_ros.scene.validation import UNKNOWN_KEY, written_document
+from hapticmech_ros.study.design import Design
+from hapticmech_ros.study.figure import study_figure
+from hapticmech_ros.study.journal import Journal, Rows
+from hapticmech_ros.study.measures import with_unit
+from hapticmech_ros.study.task import Numbers, Task, carry_out
+from hapticmech_ros.workers import Crew, Lost, Workers
+
+# Scenes of one task.
+CHUNK = 16
+# Bytes of a file that are hashed at a time.
+BLOCK = 1 << 20
+TABLE = "study.npz"
+# Reasons for failures that are told.
+REASONS_SHOWN = 5
+
+Show = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class ParameterStudy(Results):
+    """A study that came to its end.
+
+    Attributes:
+        scene: its name.
+        scene_sha256: of the scene before keys were varied, and of the files that it names.
+        design: which scenes.
+        columns: names of the m numbers.
+        index: (n,) numbers of the scenes that were measured, ascending.
+        numbers: (n, m) what was measured of them, in SI units.
+        failed: why others were not measured, by number.
+        lost: numbers of scenes whose worker was ended, twice; they are tried again next time.
+    """
+
+    NAME: ClassVar[str] = "summary"
+    FAULT: ClassVar[str] = "scenes were lost with their workers; the same command tries them again"
+
+    scene: str
+    scene_sha256: str
+    design: Design
+    columns: tuple[str, ...]
+    index: npt.NDArray[np.int64]
+    numbers: Array
+    failed: Mapping[int, str]
+    lost: tuple[int, ...]
+
+    @property
+    def sound(self) -> bool:
+        """Whether no scene was lost."""
+        return not self.lost
+
+    def values(self) -> dict[str, npt.NDArray[Any]]:
+        """Return the value of each variation in each scene that was measured, (n,) by its keys.
+
+        Angles written as text are in rad; values that are no numbers are texts.
+        """
+        rows = [self.design.values(number) for number in self.index.tolist()]
+        found = {}
+        for at, one in enumerate(self.design.variations):
+            texts = [row[at] for row in rows]
+            numbers = [_number(text) for text in texts]
+            known = [number for number in numbers if number is not None]
+            found[one.name] = np.array(known if len(known) == len(texts) else texts)
+        return found
+
+    def arrays(self) -> dict[str, Any]:
+        """Return ``index``, values by their keys and measured numbers by their names, (n,) each."""
+        measured = zip(self.columns, self.numbers.T, strict=True)
+        return {"index": self.index, **self.values(), **dict(measured)}
+
+    def to_dataframe(self) -> Any:
+        """Return :meth:`arrays` as a data frame, which writes itself as Parquet, for instance.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        pandas = import_module("pandas")
+        return pandas.DataFrame(self.arrays()).set_index("index")
+
+    def document(self) -> dict[str, object]:
+        """Return what was studied and how it is spread; the numbers are in ``study.npz``."""
+        return {
+            "scene": self.scene,
+            "scene_sha256": self.scene_sha256,
+            "scenes": len(self.design),
+            "measured": int(self.index.size),
+            "failed": len(self.failed),
+            "lost": list(self.lost),
+            "spread": {name: _spread(column) for name, column in self._measured()},
+        }
+
+    def sheets(self) -> Iterator[Sheet]:
+        """Yield how each number is spread over the scenes."""
+        rows = []
+        for name, column in self._measured():
+            spread = _spread(column)
+            shown = ("-" if one is None else f"{one:.4g}" for one in spread.values())
+            rows.append((with_unit(name), *shown))
+        yield Sheet(
+            f"{self.scene}: {self.index.size} of {len(self.design)} scenes measured",
+            ("number", "least", "median", "largest", "infinite"),
+            tuple(rows),
+        )
+
+    def notes(self) -> Iterator[str]:
+        """Yield why scenes failed, the most frequent reasons first."""
+        reasons = list(self.failed.values())
+        often = sorted(set(reasons), key=lambda why: (-reasons.count(why), why))
+        for why in often[:REASONS_SHOWN]:
+            yield f"{reasons.count(why)} failed: {why}"
+        if len(often) > REASONS_SHOWN:
+            yield f"and for {len(often) - REASONS_SHOWN} more reasons, see failures.jsonl"
+        if self.lost:
+            yield f"{len(self.lost)} lost: {', '.join(map(str, self.lost[:REASONS_SHOWN]))}"
+
+    def figures(self) -> Mapping[str, Figure]:
+        """Return each number over each key."""
+        if not self.index.size:
+            return {}
+        measured = dict(self._measured())
+        return {"study.png": study_figure(self.scene, self.values(), measured)}
+
+    def write(self, out: Path, figure: Path | None = None) -> None:
+        """Write the table besides; see :class:`~hapticmech_ros.analysis.study.Results`."""
+        super().write(out, figure)
+        with (out / TABLE).open("wb") as file:
+            np.savez(file, scene_sha256=np.array(self.scene_sha256), **self.arrays())
+
+    def _measured(self) -> Iterator[tuple[str, Array]]:
+        yield from zip(self.columns, self.numbers.T, strict=True)
+
+
+def run_study(
+    scene: str | os.PathLike[str] | Scene,
+    design: Design,
+    measures: Sequence[str] = ("felt",),
+    point: str = "",
+    changes: Sequence[str] = (),
+    folder: Path | None = None,
+    workers: Workers = 1,
+    show: Show = lambda done, total: None,
+) -> ParameterStudy:
+    """Measure a scene with its keys varied.
+
+    Args:
+        scene: a path, a shipped scene's name, or a scene. It has to run as it is: its numbers tell
+            which there are. Of a file, keys are those that are written in it, such as points of a
+            ``linkage``, and gains follow rules anew where it gives none; of a scene they are kept.
+        design: how its keys vary.
+        measures: what is measured; see :mod:`~hapticmech_ros.study.measures`.
+        point: operational point; the scene's first one if empty.
+        changes: ``key=value`` each, of all scenes.
+        folder: in which rows are kept as they come, and found again; None keeps them in memory.
+        workers: that share the scenes. A script that calls this with several processes has to guard
+            it by ``if __name__ == "__main__"``.
+        show: called with the number of scenes done and their total.
+
+    Returns:
+        All scenes' numbers, those of an earlier call in the same folder included.
+
+    Raises:
+        InvalidInputError: an unknown measure or point, one without numbers, or no process.
+        SceneError: keys that the scene has not.
+        HapticMechError: the scene itself cannot be measured.
+        StudyError: the folder has another study, or another process is at it.
+    """
+    if not measures:
+        raise InvalidInputError("measures", "none", "there must be at least one")
+    first = Task(*_written(scene, changes), tuple(measures), point)
+    base = first.scene(())
+    base.operational_point(point)
+    columns = tuple(first.measured(base))
+    _refuse_unknown_keys(first, design)
+    digest = _sha256(base)
+    definition = {
+        "format": "hapticmech-study/1",
+        "version": _version(),
+        "scene": base.name,
+        "scene_sha256": digest,
+        "variations": [plain(one) for one in design.variations],
+        "samples": design.samples,
+        "seed": design.seed,
+        "measures": list(measures),
+        "point": base.operational_point(point).name,
+    }
+    rows, lost = Rows(), list[int]()
+    if folder is None:
+        _fill(rows, lost, design, first, columns, workers, show, lambda more: None)
+    else:
+        with Journal(folder, definition, columns) as journal:
+            rows = journal.rows
+            _fill(rows, lost, design, first, columns, workers, show, journal.write)
+    index = np.array(sorted(rows.measured), dtype=np.int64)
+    numbers = np.array([rows.measured[one] for one in index.tolist()])
+    return ParameterStudy(
+        base.name,
+        digest,
+        design,
+        columns,
+        index,
+        numbers.reshape(index.size, len(columns)),
+        dict(sorted(rows.failed.items())),
+        tuple(sorted(lost)),
+    )
+
+
+def _written(scene: str | os.PathLike[str] | Scene, changes: Sequence[str]) -> tuple[object, Path]:
+    """Return the document that is varied, and its path.
+
+    Raises:
+        SceneError: not found, not readable, or keys that are none.
+    """
+    if isinstance(scene, Scene):
+        document: object = document_of(scene)
+        path = Path(scene.name)
+    else:
+        path = find_scene(scene).absolute()
+        document = written_document(path)
+    return with_changes(document, changes, str(path)), path
+
+
+def _fill(
+    rows: Rows,
+    lost: list[int],
+    design: Design,
+    first: Task,
+    columns: tuple[str, ...],
+    workers: Workers,
+    show: Show,
+    write: Callable[[Rows], None],
+) -> None:
+    """Measure the scenes that have no row yet, and write their rows as they come."""
+    total = len(design)
+    left = [index for index in range(total) if index not in rows]
+    show(total - len(left), total)
+    with Crew(workers) as crew:
+        chunks = [left[at : at + CHUNK] for at in range(0, len(left), CHUNK)]
+        while chunks:
+            alone = list[list[int]]()
+            tasks = (first.of(chunk, design) for chunk in chunks)
+            for at, found in crew.completed(carry_out, tasks):
+                if not isinstance(found, Lost):
+                    more = _rows_of(found, columns)
+                    write(more)
+                    rows.measured |= more.measured
+                    rows.failed |= more.failed
+                    show(len(rows), total)
+                elif len(chunks[at]) > 1:
+                    # One of them ended the worker: the others have nothing to do with it.
+                    alone += [[index] for index in chunks[at]]
+                else:
+                    lost += chunks[at]
+            chunks = alone
+
+
+def _rows_of(found: Numbers, columns: tuple[str, ...]) -> Rows:
+    rows = Rows()
+    for index, numbers in found:
+        if isinstance(numbers, str):
+            rows.failed[index] = numbers
+        elif tuple(numbers) != columns:
+            rows.failed[index] = f"has other numbers than the first scene: {', '.join(numbers)}"
+        else:
+            rows.measured[index] = np.array(list(numbers.values()))
+    return rows
+
+
+def _refuse_unknown_keys(task: Task, design: Design) -> None:
+    """Refuse keys that the scene has not, which would fail in each of thousands of scenes.
+
+    Raises:
+        SceneError: one is none; values may break rules.
+    """
+    for index in (0, len(design) - 1):
+        # A path that leads nowhere is refused here.
+        document = with_changes(task.document, design.changes(index), str(task.path))
+        try:
+            scene_as_written(document, task.path)
+        except SceneError as error:
+            if any(one.rule == UNKNOWN_KEY for one in error.problems):
+                raise
+
+
+def _sha256(scene: Scene) -> str:
+    """Return the hash of a scene's document and of the files that it names."""
+    document = document_of(scene)
+    digest = hashlib.sha256(json.dumps(document, sort_keys=True).encode())
+    for path in _files(document):
+        with open_file(path) as file:
+            while block := file.read(BLOCK):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def _files(value: object) -> Iterator[str]:
+    """Yield the paths of files in a scene's document."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            if key == "file" and isinstance(inner, str):
+                yield inner
+            else:
+                yield from _files(inner)
+    elif isinstance(value, list | tuple):
+        for inner in value:
+            yield from _files(inner)
+
+
+def _version() -> str:
+    try:
+        return version(PACKAGE)
+    except PackageNotFoundError:
+        return "source"
+
+
+def _number(text: str) -> float | None:
+    angle = angle_of(text)
+    if angle is not None:
+        return angle
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _spread(column: Array) -> dict[str, float | None]:
+    """Return least, median and largest of the finite numbers, and how many are infinite."""
+    finite = column[np.isfinite(column)]
+    infinite = float(np.isinf(column).sum())
+    if not finite.size:
+        return {"least": None, "median": None, "largest": None, "infinite": infinite}
+    return {
+        "least": float(finite.min()),
+        "median": float(np.median(finite)),
+        "largest": float(finite.max()),
+        "infinite": infinite,
+    }

@@ -1,0 +1,106 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of a study survive what ends it, each once."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros.study.journal import DEFINITION, FAILURES, ROWS, Journal, Rows, StudyError
+
+WHAT = {"scene": "five_bar", "seed": 3}
+
+
+def opened(folder, definition=WHAT, columns=("a", "b")):
+    return Journal(folder, definition, columns)
+
+
+def row(*numbers):
+    return np.array(numbers, dtype=float)
+
+
+def filled(folder):
+    with opened(folder) as journal:
+        journal.write(Rows({4: row(1.5, np.inf), 0: row(-0.0, np.nan)}, {2: "loops open"}))
+        journal.write(Rows({1: row(1e-300, 2.0)}))
+    return folder
+
+
+def check(rows):
+    assert sorted(rows.measured) == [0, 1, 4]
+    assert rows.measured[4].tolist() == [1.5, np.inf]
+    assert np.signbit(rows.measured[0][0])
+    assert np.isnan(rows.measured[0][1])
+    assert rows.failed == {2: "loops open"}
+    assert 2 in rows
+    assert 3 not in rows
+    assert len(rows) == 4
+
+
+def test_rows_are_found_again_to_the_bit(tmp_path):
+    with opened(filled(tmp_path)) as journal:
+        check(journal.rows)
+
+
+@pytest.mark.parametrize("cut", [1, 8, 39])
+def test_a_record_that_was_not_written_to_its_end_is_cut_off(tmp_path, cut):
+    path = filled(tmp_path) / ROWS
+    whole = path.read_bytes()
+    assert len(whole) == 4 * 40
+    path.write_bytes(whole + whole[:cut])
+    with opened(tmp_path) as journal:
+        check(journal.rows)
+        journal.write(Rows({7: row(3.0, 4.0)}))
+    with opened(tmp_path) as journal:
+        assert journal.rows.measured[7].tolist() == [3.0, 4.0]
+        assert len(journal.rows) == 5
+
+
+def test_no_damaged_record_is_believed_nor_what_follows_it(tmp_path):
+    path = filled(tmp_path) / ROWS
+    data = bytearray(path.read_bytes())
+    data[40 + 17] ^= 1
+    path.write_bytes(data)
+    with opened(tmp_path) as journal:
+        assert sorted(journal.rows.measured) == [4]
+    assert path.stat().st_size == 40
+
+
+def test_reasons_may_be_damaged_without_harm(tmp_path):
+    path = filled(tmp_path) / FAILURES
+    path.write_text(path.read_text()[:-5] + "\n[1]\n{}\n\x00", encoding="utf-8")
+    with opened(tmp_path) as journal:
+        assert journal.rows.failed == {2: ""}
+
+
+@pytest.mark.parametrize(
+    ("definition", "columns", "what"),
+    [
+        ({**WHAT, "seed": 4}, ("a", "b"), "seed"),
+        ({**WHAT, "more": 1}, ("a", "b"), "more"),
+        ({"seed": 3}, ("a", "b"), "scene"),
+        (WHAT, ("a", "c"), "columns"),
+    ],
+)
+def test_another_study_is_refused_by_what_differs(tmp_path, definition, columns, what):
+    filled(tmp_path)
+    before = (tmp_path / ROWS).read_bytes()
+    with pytest.raises(StudyError, match=f"differs in {what}:"):
+        opened(tmp_path, definition, columns)
+    assert (tmp_path / ROWS).read_bytes() == before
+
+
+def test_two_processes_are_not_at_one_study(tmp_path):
+    with opened(tmp_path), pytest.raises(StudyError, match="another process is at this study"):
+        opened(tmp_path)
+    with opened(tmp_path):
+        pass
+
+
+def test_a_folder_with_rows_of_nobody_knows_what_is_refused(tmp_path):
+    filled(tmp_path)
+    (tmp_path / DEFINITION).write_text("[1, 2", encoding="utf-8")
+    with pytest.raises(StudyError, match="is no definition"):
+        opened(tmp_path)
+    (tmp_path / DEFINITION).unlink()
+    with pytest.raises(StudyError, match="has rows of a study, but no"):
+        opened(tmp_path)

@@ -1,0 +1,189 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Work shared by a Dask cluster on this machine: same results, and clear words where it cannot."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from socket import socket
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from hapticmech_ros.cli import app
+from hapticmech_ros.cluster import ClusterError, cluster, versions
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.study import Design, Variation, run_study
+from study.counting import FOLDER
+
+pytestmark = pytest.mark.skipif(
+    find_spec("distributed") is None, reason="distributed, of the extra cluster, is not installed"
+)
+HERE = Path(__file__).parent
+
+
+def free_port() -> int:
+    with closing(socket()) as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+@contextmanager
+def process(*arguments: str, **environment: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a process of Dask with our modules, and end it."""
+    path = os.pathsep.join([str(HERE), *filter(None, sys.path)])
+    found = subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli." + arguments[0], *arguments[1:]],
+        env={**os.environ, "PYTHONPATH": path, **environment},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        cwd="/",
+        start_new_session=True,
+    )
+    try:
+        yield found
+    finally:
+        os.killpg(found.pid, signal.SIGKILL)
+        found.wait(30.0)
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    port = free_port()
+    address = f"tcp://127.0.0.1:{port}"
+    options = ("--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+    with process("dask_scheduler", *options):
+        end = time.monotonic() + 60.0
+        while time.monotonic() < end:
+            with closing(socket()) as one:
+                if one.connect_ex(("127.0.0.1", port)) == 0:
+                    break
+            time.sleep(0.05)
+        yield address
+
+
+@pytest.fixture
+def workers(scheduler, tmp_path) -> Iterator[str]:
+    """Yield the address of a cluster of two workers, whose tasks may end one of them."""
+    asked = tmp_path / "asked"
+    asked.mkdir()
+    options = ("--nworkers", "2", "--nthreads", "1", "--no-dashboard")
+    where = ("--local-directory", str(tmp_path / "dask"))
+    with process("dask_worker", scheduler, *options, *where, **{FOLDER: str(asked)}):
+        yield scheduler
+
+
+def of(*texts, **more):
+    return Design(tuple(map(Variation.read, texts)), **more)
+
+
+def test_rows_are_those_of_this_process_to_the_bit(workers, tmp_path):
+    design = of("links[0].inertial.mass=0.05:0.5", "device.mass=0.1:0.4", samples=40, seed=1)
+    here = run_study("five_bar", design, ("felt", "limits"))
+    with cluster(workers) as executor:
+        found = run_study("five_bar", design, ("felt", "limits"), workers=executor)
+    assert np.array_equal(found.index, here.index)
+    assert found.numbers.tobytes() == here.numbers.tobytes()
+
+
+def test_a_worker_that_dies_costs_its_scene_alone(workers, tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER, str(tmp_path / "asked"))
+    with cluster(workers) as executor:
+        found = run_study(
+            "two_link",
+            of("device.mass=0.1,0.2,0.3,0.4,0.5,0.6"),
+            ("study.counting:deadly",),
+            workers=executor,
+        )
+    assert found.lost == (1,)
+    assert found.index.tolist() == [0, 2, 3, 5]
+    assert found.failed == {4: "half a kilogram"}
+
+
+def test_commands_take_a_cluster(workers, tmp_path):
+    out = str(tmp_path / "out")
+    vary = ["--vary", "device.mass=0.1:0.4:3"]
+    command = ["study", "two_link", *vary, "--cluster", workers, "--json", "-o", out]
+    said = CliRunner().invoke(app, command)
+    assert said.exit_code == 0, said.output
+    assert json.loads(said.stdout)["measured"] == 3
+    joints = ["--joint", "joint1=-0.5:0.5:9", "--joint", "joint2=1:1.8:9"]
+    for where, more in (("here", ["--processes", "1"]), ("there", ["--cluster", workers])):
+        command = ["sweep", "five_bar", *joints, *more, "-o", str(tmp_path / where)]
+        said = CliRunner().invoke(app, command)
+        assert said.exit_code == 0, said.output
+    here, there = (np.load(tmp_path / where / "sweep.npz") for where in ("here", "there"))
+    assert here["q"].tobytes() == there["q"].tobytes()
+    assert len(here["q"]) > 16
+    feel = ["feel", "passivity", "two_link", "--seconds", "0.2", "--delays", "0", "--json"]
+    said = CliRunner().invoke(app, [*feel, "--cluster", workers, "-o", out])
+    assert said.exit_code == 0, said.output
+    assert len(json.loads(said.stdout)) == 4
+
+
+def test_a_cluster_that_cannot_be_used_is_refused_in_a_sentence(scheduler):
+    with pytest.raises(InvalidInputError, match="tcp://HOST:PORT"), cluster("localhost:8786"):
+        pass
+    nobody = f"tcp://127.0.0.1:{free_port()}"
+    with pytest.raises(ClusterError, match="no scheduler of Dask answers"), cluster(nobody, 1.0):
+        pass
+    with pytest.raises(ClusterError, match="has no worker"), cluster(scheduler, 1.0):
+        pass
+
+
+def test_a_worker_without_this_package_is_refused(scheduler, tmp_path):
+    where = ("--local-directory", str(tmp_path / "dask"), "--no-dashboard", "--nthreads", "1")
+    hidden = tmp_path / "hidden"
+    (hidden / "hapticmech_ros").mkdir(parents=True)
+    (hidden / "hapticmech_ros" / "__init__.py").write_text("raise ImportError('not here')\n")
+    with (
+        process("dask_worker", scheduler, *where, PYTHONPATH=str(hidden)),
+        pytest.raises(ClusterError, match=r"cannot take work.*not here"),
+        cluster(scheduler),
+    ):
+        pass
+
+
+def test_workers_with_other_packages_are_refused(workers, monkeypatch):
+    monkeypatch.setattr(
+        "hapticmech_ros.cluster.version", lambda name: "9.9" if name == "pin" else "1"
+    )
+    assert versions()["pin"] == "9.9"
+    with pytest.raises(ClusterError, match=r"pin .*, not 9\.9"), cluster(workers):
+        pass
+
+
+def test_a_cluster_that_goes_away_ends_the_study_which_keeps_its_rows(scheduler, tmp_path):
+    port = free_port()
+    address, out = f"tcp://127.0.0.1:{port}", tmp_path / "out"
+    design = of("device.mass=0.1:0.5:4000")
+    options = ("--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+    where = ("--local-directory", str(tmp_path / "dask"), "--no-dashboard", "--nthreads", "1")
+
+    def end_it(done: int, total: int) -> None:
+        if done >= 64:
+            os.killpg(boss.pid, signal.SIGKILL)
+
+    with (
+        process("dask_scheduler", *options) as boss,
+        process("dask_worker", address, *where),
+        pytest.raises(ClusterError, match="has gone"),
+        cluster(address) as executor,
+    ):
+        run_study("two_link", design, folder=out, workers=executor, show=end_it)
+    left = Design((Variation.read("device.mass=0.1:0.5:4000"),))
+    with pytest.raises(KeyboardInterrupt):
+        run_study("two_link", left, folder=out, show=_stop_after_one)
+
+
+def _stop_after_one(done: int, total: int) -> None:
+    assert 64 <= done < total
+    raise KeyboardInterrupt
