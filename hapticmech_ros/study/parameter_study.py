@@ -40,7 +40,7 @@ from hapticmech_ros.study.task import Numbers, Task, carry_out
 from hapticmech_ros.workers import Crew, Lost, Workers
 
 # Scenes of one task.
-CHUNK = 16
+CHUNK = 64
 # Bytes of a file that are hashed at a time.
 BLOCK = 1 << 20
 TABLE = "study.npz"
