@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -28,6 +28,7 @@ pytestmark = pytest.mark.skipif(
     find_spec("distributed") is None, reason="distributed, of the extra cluster, is not installed"
 )
 HERE = Path(__file__).parent
+WAIT_S = 90.0
 
 
 def free_port() -> int:
@@ -55,18 +56,40 @@ def process(*arguments: str, **environment: str) -> Iterator[subprocess.Popen[by
         found.wait(30.0)
 
 
+@contextmanager
+def boss(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """Run a scheduler, and yield where it is."""
+    told = folder / "scheduler.json"
+    options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    with process("dask_scheduler", *options, "--scheduler-file", str(told)) as found:
+        wait_until(told.is_file)
+        yield json.loads(told.read_text(encoding="utf-8"))["address"], found
+
+
+@contextmanager
+def crew(address: str, folder: Path, number: int, **environment: str) -> Iterator[None]:
+    """Run workers of a scheduler, and wait until it knows them, and that they have gone."""
+    options = ("--nworkers", str(number), "--nthreads", "1", "--no-dashboard")
+    where = ("--local-directory", str(folder / "dask"))
+    from distributed import Client
+
+    with Client(address, timeout=WAIT_S, set_as_default=False) as client:
+        with process("dask_worker", address, *options, *where, **environment):
+            client.wait_for_workers(number, timeout=WAIT_S)
+            yield
+        wait_until(lambda: not client.scheduler_info()["workers"])
+
+
+def wait_until(true: Callable[[], object]) -> None:
+    end = time.monotonic() + WAIT_S
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
 @pytest.fixture(scope="module")
-def scheduler() -> Iterator[str]:
-    port = free_port()
-    address = f"tcp://127.0.0.1:{port}"
-    options = ("--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
-    with process("dask_scheduler", *options):
-        end = time.monotonic() + 60.0
-        while time.monotonic() < end:
-            with closing(socket()) as one:
-                if one.connect_ex(("127.0.0.1", port)) == 0:
-                    break
-            time.sleep(0.05)
+def scheduler(tmp_path_factory) -> Iterator[str]:
+    with boss(tmp_path_factory.mktemp("scheduler")) as (address, _):
         yield address
 
 
@@ -75,9 +98,7 @@ def workers(scheduler, tmp_path) -> Iterator[str]:
     """Yield the address of a cluster of two workers, whose tasks may end one of them."""
     asked = tmp_path / "asked"
     asked.mkdir()
-    options = ("--nworkers", "2", "--nthreads", "1", "--no-dashboard")
-    where = ("--local-directory", str(tmp_path / "dask"))
-    with process("dask_worker", scheduler, *options, *where, **{FOLDER: str(asked)}):
+    with crew(scheduler, tmp_path, 2, **{FOLDER: str(asked)}):
         yield scheduler
 
 
@@ -140,12 +161,11 @@ def test_a_cluster_that_cannot_be_used_is_refused_in_a_sentence(scheduler):
 
 
 def test_a_worker_without_this_package_is_refused(scheduler, tmp_path):
-    where = ("--local-directory", str(tmp_path / "dask"), "--no-dashboard", "--nthreads", "1")
     hidden = tmp_path / "hidden"
     (hidden / "hapticmech_ros").mkdir(parents=True)
     (hidden / "hapticmech_ros" / "__init__.py").write_text("raise ImportError('not here')\n")
     with (
-        process("dask_worker", scheduler, *where, PYTHONPATH=str(hidden)),
+        crew(scheduler, tmp_path, 1, PYTHONPATH=str(hidden)),
         pytest.raises(ClusterError, match=r"cannot take work.*not here"),
         cluster(scheduler),
     ):
@@ -161,27 +181,19 @@ def test_workers_with_other_packages_are_refused(workers, monkeypatch):
         pass
 
 
-def test_a_cluster_that_goes_away_ends_the_study_which_keeps_its_rows(scheduler, tmp_path):
-    port = free_port()
-    address, out = f"tcp://127.0.0.1:{port}", tmp_path / "out"
-    design = of("device.mass=0.1:0.5:4000")
-    options = ("--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+def test_a_cluster_that_goes_away_ends_the_study_which_keeps_its_rows(tmp_path):
+    out, design = tmp_path / "out", of("device.mass=0.1:0.5:4000")
     where = ("--local-directory", str(tmp_path / "dask"), "--no-dashboard", "--nthreads", "1")
+    with boss(tmp_path) as (address, own), process("dask_worker", address, *where):
 
-    def end_it(done: int, total: int) -> None:
-        if done >= 64:
-            os.killpg(boss.pid, signal.SIGKILL)
+        def end_it(done: int, total: int) -> None:
+            if done >= 64:
+                os.killpg(own.pid, signal.SIGKILL)
 
-    with (
-        process("dask_scheduler", *options) as boss,
-        process("dask_worker", address, *where),
-        pytest.raises(ClusterError, match="has gone"),
-        cluster(address) as executor,
-    ):
-        run_study("two_link", design, folder=out, workers=executor, show=end_it)
-    left = Design((Variation.read("device.mass=0.1:0.5:4000"),))
+        with pytest.raises(ClusterError, match="has gone"), cluster(address, WAIT_S) as executor:
+            run_study("two_link", design, folder=out, workers=executor, show=end_it)
     with pytest.raises(KeyboardInterrupt):
-        run_study("two_link", left, folder=out, show=_stop_after_one)
+        run_study("two_link", design, folder=out, show=_stop_after_one)
 
 
 def _stop_after_one(done: int, total: int) -> None:

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.control import ControlArchitecture
+from hapticmech_ros.analysis.scene_variants import with_loop
+from hapticmech_ros.control import ControlArchitecture, control_for
+from hapticmech_ros.control.clutch import pose_error
+from hapticmech_ros.control.flat import device_of
+from hapticmech_ros.control.prediction import point_ahead
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice, device_for
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.run import CONTROL
@@ -242,6 +247,65 @@ def test_a_law_of_ones_own_is_asked_for_each_sample_with_the_gains_of_the_time()
     session.tune(scene.controller.model_copy(update={"position_channel": position, "gain_ramp": 0}))
     session.run(2)
     assert seen[-1][1] == 50.0 != seen[0][1]
+
+
+class Spring(ControlArchitecture):
+    """A spring and damper between device and operational point, all by hand."""
+
+    STIFFNESS, DAMPING = np.array([200.0] * 3 + [1.0] * 3), np.array([4.0] * 3 + [0.01] * 3)
+
+    def answer(self, time, clutch, device, operational_model, ahead, in_flight=None):
+        own, point = device_of(device), point_ahead(operational_model, ahead, in_flight)
+        error = self.task * pose_error(point.pose, clutch.mapped(own.pose))
+        rate = self.task * (own.twist - point.twist)
+        pull = clutch.ramp(time) * (self.STIFFNESS * error + self.DAMPING * rate)
+        wrenches = np.zeros((6, 6))
+        wrenches[0] = self.joined(time, clutch, limited(-pull, *self.limits))
+        wrenches[1] = limited(pull, *self.limits)
+        wrenches[5] = error
+        return wrenches
+
+
+@pytest.mark.parametrize("scene", [load_scene("five_bar"), connected("five_bar")])
+def test_a_law_as_a_function_is_the_subclass_of_the_same_law(scene):
+    """In a scene whose device closes nothing by itself, and in one where the law sees to that."""
+
+    def law(seen):
+        pull = Spring.STIFFNESS * seen.error + Spring.DAMPING * seen.rate
+        return -pull, pull
+
+    expected = Session(with_loop(scene, False), control=Spring(with_loop(scene, False)))
+    own = Session(scene, control=control_for(scene, law))
+    expected, run = expected.run(400, hand_wrench=PUSH), own.run(400, hand_wrench=PUSH)
+    for name in ("on_hand", "on_mechanism", "q", "pose_error", "stored"):
+        assert np.abs(run[name] - expected[name]).max() < 1e-12, name
+    assert np.abs(run["on_hand"]).max() > 0.01
+
+
+def test_a_law_s_wrenches_are_limited_and_what_is_none_is_refused():
+    scene = load_scene("two_link")
+    seen, given = [], [(np.full(6, 1e6), np.full(6, -1e6))]
+
+    def law(one):
+        seen.append(one)
+        return given[0]
+
+    session = Session(scene, control=control_for(scene, law))
+    run = session.run(600)
+    commands = run["mechanism_command"]
+    limit, most = scene.device.force_limit, np.linalg.norm(commands[:, :3], axis=1)
+    assert np.abs(most[-1] / limit - 1.0) < 1e-12
+    # In the plane, and not at once.
+    assert not commands[:, 2:5].any()
+    assert most[0] == 0.0
+    assert seen[0].model.inverse_inertia.shape == (6, 6)
+    assert np.array_equal(seen[0].error[2:5], np.zeros(3))
+    for wrong in ((np.zeros(6), np.full(6, np.nan)), np.zeros(6), (np.zeros(3), np.zeros(3))):
+        given[0] = wrong
+        begun = session.time
+        with pytest.raises(InvalidInputError, match="two finite wrenches"):
+            session.tick()
+        assert session.time == begun
 
 
 def own_hand(scene, calls):

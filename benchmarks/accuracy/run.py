@@ -261,7 +261,9 @@ class Watch:
             off = sum(self._mechanism.energy(state.q, state.v)) - self._case.energy
             self.energy_error = max(self.energy_error, abs(off))
         if number in self._wanted:
-            self._found[number] = [self._read(output, state) for output in self._case.outputs]
+            self._found[number] = [
+                read_output(self._mechanism, output, state) for output in self._case.outputs
+            ]
 
     def errors(self) -> dict[str, float]:
         """Return the error of each output by its name, m or rad, once all samples were seen."""
@@ -279,13 +281,15 @@ class Watch:
             not (np.abs(singular - time) <= 1.001 * self._step).any() for time, _ in self.ranks[1:]
         )
 
-    def _read(self, output: Output, state: MechanismState) -> list[float]:
-        tree = self._mechanism.tree
-        if output.kind == "joint":
-            place = tree.position_slice(tree.joint_names.index(output.name))
-            return [float(state.q[place][k]) for k in output.components]
-        pose = self._mechanism.frame_pose(state.q, output.name)
-        return [float(pose.translation[k]) for k in output.components]
+
+def read_output(mechanism: Mechanism, output: Output, state: MechanismState) -> list[float]:
+    """Return an output's components at a state, m or rad."""
+    tree = mechanism.tree
+    if output.kind == "joint":
+        place = tree.position_slice(tree.joint_names.index(output.name))
+        return [float(state.q[place][k]) for k in output.components]
+    pose = mechanism.frame_pose(state.q, output.name)
+    return [float(pose.translation[k]) for k in output.components]
 
 
 def _number(time: float, step: float) -> int:

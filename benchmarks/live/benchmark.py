@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark of the live page: pictures a second of every scene, and from mouse to force."""
+"""The benchmark of the live page: pictures a second, and from mouse to force, in a graph too."""
 
 from __future__ import annotations
 
@@ -67,6 +67,8 @@ class LiveResults(MachineResults):
         from_mouse: p50 and p95, ms, from when the mouse moved.
         from_page: likewise, from when the browser, which waits for its frames, told the page.
         moves: of the mouse.
+        graph_mouse, graph_page: likewise, until the wrench arrives in a running graph.
+        jumps: of the mouse there.
     """
 
     NAME: ClassVar[str] = "bench_live"
@@ -75,6 +77,9 @@ class LiveResults(MachineResults):
     from_mouse: tuple[float, float]
     from_page: tuple[float, float]
     moves: int
+    graph_mouse: tuple[float, float]
+    graph_page: tuple[float, float]
+    jumps: int
 
     def sheets(self) -> Iterator[Sheet]:
         """Yield pictures by scene, then the times."""
@@ -94,17 +99,27 @@ class LiveResults(MachineResults):
             ),
             caption=f"{self.moves} moves",
         )
+        yield Sheet(
+            f"from a jump of the mouse to its wrench in a graph, {DRAGGED}",
+            ("from", "p50, ms", "p95, ms"),
+            (
+                ("the mouse", *(number(value, ".0f") for value in self.graph_mouse)),
+                ("the page's event", *(number(value, ".0f") for value in self.graph_page)),
+            ),
+            caption=f"{self.jumps} jumps",
+        )
 
 
 def run_benchmark(
-    scenes: Sequence[str], rounds: int, seconds: float, show: Show = silent
+    scenes: Sequence[str], rounds: int, seconds: float, jumps: int, show: Show = silent
 ) -> LiveResults:
-    """Look at every scene, then drag one.
+    """Drag a scene, look at every one, then drag one in a graph.
 
     Args:
         scenes: by name.
         rounds: of drags.
         seconds: for which each scene is looked at.
+        jumps: of the mouse in the graph.
         show: called with what is being done.
 
     Raises:
@@ -114,6 +129,7 @@ def run_benchmark(
     refuse_unmet([VISER])
     # Here, as they need viser and what it brings.
     from benchmarks.live.browser import Browser
+    from benchmarks.live.over_graph import drag_in_steps, running
     from benchmarks.live.served import Served
 
     names = list(dict.fromkeys((DRAGGED, *scenes)))
@@ -129,8 +145,27 @@ def run_benchmark(
             seen = [_look(page, served, name, seconds, show) for name in scenes]
         finally:
             browser.close()
+    with tempfile.TemporaryDirectory() as folder, running(DRAGGED, Path(folder)) as (place, heard):
+        browser = Browser(Path(folder))
+        try:
+            page = browser.page()
+            page.prepare(_LISTENING)
+            page.open(place)
+            show(f"dragging {DRAGGED} in a graph")
+            in_graph = drag_in_steps(page, heard, DRAGGED, jumps)
+        finally:
+            browser.close()
     mouse, told = (np.concatenate([one[k] for one in drags]) for k in (0, 1))
-    return LiveResults(machine(), tuple(seen), _shares(mouse), _shares(told), mouse.size)
+    return LiveResults(
+        machine(),
+        tuple(seen),
+        _shares(mouse),
+        _shares(told),
+        mouse.size,
+        _shares(in_graph[0]),
+        _shares(in_graph[1]),
+        jumps,
+    )
 
 
 def _shares(taken: Array) -> tuple[float, float]:
@@ -197,12 +232,13 @@ def live(
     scenes: Annotated[list[str] | None, typer.Argument(help="all shipped ones if none")] = None,
     rounds: Annotated[int, typer.Option(min=1, help="drags of 150 moves")] = 4,
     seconds: Annotated[float, typer.Option(min=0.5, help="s that each scene is looked at")] = 5.0,
-    quick: Annotated[bool, typer.Option(help="one drag, and each scene for a second")] = False,
+    jumps: Annotated[int, typer.Option(min=1, help="jumps of the mouse in a graph")] = 200,
+    quick: Annotated[bool, typer.Option(help="one drag, each scene a second, few jumps")] = False,
     out: OutOption = Path("bench"),
     json_only: JsonOption = False,
 ) -> None:
     """Count pictures of the live page, and time from the mouse to its force; needs Chromium."""
     if quick:
-        rounds, seconds = 1, 1.0
+        rounds, seconds, jumps = 1, 1.0, 10
     chosen = scenes or list(shipped_scenes())
-    carry_out(lambda show: run_benchmark(chosen, rounds, seconds, show), out, json_only)
+    carry_out(lambda show: run_benchmark(chosen, rounds, seconds, jumps, show), out, json_only)

@@ -37,6 +37,16 @@ SETTINGS: tuple[Setting, ...] = (
 )
 # Of the proximal solver: with a smaller μ redundant closures lose digits.
 SOFTNESS, ACCURACY, ITERATIONS = 1e-8, 1e-11, 5
+# Articulated bodies lose digits with this already; with a larger one they take more iterations.
+MU = "proximal μ"
+ARTICULATED_SETTINGS: tuple[Setting, ...] = tuple(
+    {**setting, MU: mu} for mu in (1e-6, 1e-4) for setting in SETTINGS
+)
+ARTICULATED_ITERATIONS = 20
+# What computes v̇ with closures: a factorisation of the Delassus matrix, or articulated bodies.
+DELASSUS, ARTICULATED = "constraintDynamics", "lcaba"
+# What computes v̇ without closures is aba in both.
+LOOPS = "rk4 lcaba"
 NAME = "pinocchio"
 # A revolute closure is two points of its axis on each other: five independent rows out of six.
 AXIS_POINTS = (0.0, 0.2)
@@ -44,10 +54,10 @@ WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
 class PinocchioPeer:
-    """Pinocchio by ``constraintDynamics`` or ``aba``, which are C++; the rule is Python."""
+    """Pinocchio by ``constraintDynamics``, ``lcaba`` or ``aba``, in C++; the rule is Python."""
 
     name = NAME
-    methods = (Method("rk4", 4, SETTINGS),)
+    methods = Method("rk4", 4, SETTINGS), Method(LOOPS, 4, ARTICULATED_SETTINGS)
 
     def missing(self) -> str:
         """Return why it cannot run here: this package needs it anyway."""
@@ -57,13 +67,20 @@ class PinocchioPeer:
         self, scene: Scene, start: State, method: Method, step: float, setting: Setting
     ) -> Contender:
         """Return the scene ready to run."""
-        return _Pinocchio(scene, start, step, setting)
+        algorithm = ARTICULATED if method.name == LOOPS else DELASSUS
+        if algorithm == ARTICULATED and not any(closure.active for closure in scene.closures):
+            raise UnsuitableError(NAME, scene.name, f"no loop for {ARTICULATED}: as rk4")
+        return _Pinocchio(scene, start, step, setting, algorithm)
 
 
 class _Pinocchio:
-    def __init__(self, scene: Scene, start: State, step: float, setting: Setting) -> None:
+    def __init__(
+        self, scene: Scene, start: State, step: float, setting: Setting, algorithm: str
+    ) -> None:
         pull = setting.get(RATE, 0.0) + setting.get(GAIN, 0.0) / step
-        self._dynamics = PinocchioDynamics(scene, pull, SOFTNESS, ACCURACY, ITERATIONS)
+        iterations = ITERATIONS if algorithm == DELASSUS else ARTICULATED_ITERATIONS
+        solver = setting.get(MU, SOFTNESS), ACCURACY, iterations
+        self._dynamics = PinocchioDynamics(scene, pull, *solver, algorithm)
         self._start, self._step = start, step
         model = self._dynamics.model
         # Only then are coordinates numbers that add up.
@@ -143,7 +160,7 @@ def local_rates(tree: TreeModel, theta: Array, speed: Array) -> Array:
 
 
 class PinocchioDynamics:
-    """v̇ at (q, v): ``constraintDynamics``, or ``aba`` for a scene without closures.
+    """v̇ at (q, v): ``constraintDynamics`` or ``lcaba``; ``aba`` for a scene without closures.
 
     Args:
         scene: what to convert; springs, dampers and efforts become joint forces.
@@ -151,6 +168,7 @@ class PinocchioDynamics:
         softness: of the proximal solver, its μ.
         accuracy: of the proximal solver.
         iterations: of the proximal solver, at most.
+        algorithm: :data:`DELASSUS` or :data:`ARTICULATED`.
 
     Attributes:
         tree: our tree, whose model Pinocchio computes with.
@@ -160,7 +178,13 @@ class PinocchioDynamics:
     """
 
     def __init__(
-        self, scene: Scene, pull: float, softness: float, accuracy: float, iterations: int
+        self,
+        scene: Scene,
+        pull: float,
+        softness: float,
+        accuracy: float,
+        iterations: int,
+        algorithm: str = DELASSUS,
     ) -> None:
         refuse_what_no_peer_has(scene, NAME)
         self.tree: TreeModel = build_tree(scene)
@@ -184,10 +208,14 @@ class PinocchioDynamics:
                 self._add(scene.name, closure, pull)
         self._data = self.model.createData()
         self._settings = pin.ProximalSettings(accuracy, softness, iterations)
+        self._solve = pin.constraintDynamics
         if len(self._constraints):
-            pin.initConstraintDynamics(
-                self.model, self._data, self._constraints, self._constraint_data
-            )
+            loops = self.model, self._data, self._constraints
+            if algorithm == ARTICULATED:
+                self._solve = pin.lcaba
+                pin.computeJointMinimalOrdering(*loops)
+            else:
+                pin.initConstraintDynamics(*loops, self._constraint_data)
         self._effort, self._stiffness, self._rest = self._joint_laws()
         damping = self.tree.damping
         self._damping = damping if damping.any() else None
@@ -197,7 +225,7 @@ class PinocchioDynamics:
         """Return (nv,) v̇, valid until the next call."""
         force = self._force(q, v) if self._passive else self._effort
         if len(self._constraints):
-            found: Array = pin.constraintDynamics(
+            found: Array = self._solve(
                 self.model,
                 self._data,
                 q,

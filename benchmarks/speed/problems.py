@@ -13,6 +13,7 @@ from typing import Literal
 from benchmarks.accuracy.cases import Output
 from benchmarks.accuracy.cases import cases as accuracy_cases
 from benchmarks.accuracy.n_four_bar import n_four_bar
+from benchmarks.speed.linkages import jansen_leg, spatial_four_bar
 from benchmarks.speed.platform import stewart_platform
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
@@ -182,6 +183,26 @@ ASKED = (
         (0.5, 1.0, 2.0),
         "point",
         ("rim",),
+        (0, 1, 2),
+        unit=5e-4,
+    ),
+    Asked(
+        "jansen_leg",
+        "walking machine's leg, eight bars",
+        jansen_leg,
+        (0.5, 1.0, 2.0),
+        "point",
+        ("foot",),
+        (0, 1),
+        unit=5e-4,
+    ),
+    Asked(
+        "spatial_four_bar",
+        "spatial four-bar, two balls",
+        spatial_four_bar,
+        (0.5, 1.0, 2.0),
+        "point",
+        ("foot",),
         (0, 1, 2),
         unit=5e-4,
     ),

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -31,7 +31,7 @@ from hapticmech_ros.analysis.rendering_methods import (
     variants,
 )
 from hapticmech_ros.analysis.scene_variants import at_once, held_by_nobody
-from hapticmech_ros.analysis.study import NOTHING, Results, Sheet, Show, plain, silent
+from hapticmech_ros.analysis.study import NOTHING, SharedResults, Sheet, Show, plain, silent
 from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
@@ -185,28 +185,16 @@ def _column(name: str, variant: Variant) -> Column:
 
 
 @dataclass(frozen=True)
-class RenderingComparison(Results):
+class RenderingComparison(SharedResults):
     """Results of all rendering methods.
 
     Attributes:
         columns: one for each scene, delay and method.
-        lost: scenes and delays without results, as their processes were ended.
     """
 
     NAME: ClassVar[str] = "comparison"
-    FAULT: ClassVar[str] = "a comparison was lost"
 
     columns: tuple[Column, ...]
-    lost: tuple[str, ...] = ()
-
-    @property
-    def sound(self) -> bool:
-        """Whether every scene was compared at every delay."""
-        return not self.lost
-
-    def notes(self) -> Iterable[str]:
-        """Return which comparisons were lost."""
-        return self.lost
 
     def document(self) -> list[object]:
         """Return a dictionary for each column."""
@@ -260,7 +248,7 @@ def compare(
         else:
             columns += found
         show(str(case))
-    return RenderingComparison(tuple(columns), tuple(lost))
+    return RenderingComparison(tuple(columns), lost=tuple(lost))
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import ClassVar
@@ -17,7 +17,7 @@ from hapticmech_ros.analysis.limits_figure import m_width_figure, z_width_figure
 from hapticmech_ros.analysis.m_width import MPoint, m_width
 from hapticmech_ros.analysis.penetration import Yield, penetration
 from hapticmech_ros.analysis.scene_variants import at_rate, with_loop
-from hapticmech_ros.analysis.study import NOTHING, Results, Sheet, Show, number, silent
+from hapticmech_ros.analysis.study import NOTHING, SharedResults, Sheet, Show, number, silent
 from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.analysis.z_width import ZPoint, z_width
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
@@ -139,32 +139,20 @@ def _measured(case: Case) -> list[Found]:
 
 
 @dataclass(frozen=True)
-class Limits(Results):
+class Limits(SharedResults):
     """All results.
 
     Attributes:
         z_width: stiffest stable joint constraints.
         m_width: lightest and heaviest stable inertias.
         loads: penetration, and results of experiments.
-        lost: measurements without a result, as their processes were ended.
     """
 
     NAME: ClassVar[str] = "limits"
-    FAULT: ClassVar[str] = "a measurement was lost"
 
     z_width: tuple[ZPoint, ...]
     m_width: tuple[MPoint, ...]
     loads: tuple[Load, ...]
-    lost: tuple[str, ...] = ()
-
-    @property
-    def sound(self) -> bool:
-        """Whether every measurement has a result."""
-        return not self.lost
-
-    def notes(self) -> Iterable[str]:
-        """Return which measurements were lost."""
-        return self.lost
 
     def sheets(self) -> Iterator[Sheet]:
         """Yield a table for each kind of measurement."""
@@ -211,7 +199,7 @@ def limits(cases: Sequence[Case], workers: Workers = 1, show: Show = silent) -> 
         tuple(one for one in found if isinstance(one, ZPoint)),
         tuple(one for one in found if isinstance(one, MPoint)),
         tuple(one for one in found if isinstance(one, Load)),
-        tuple(lost),
+        lost=tuple(lost),
     )
 
 

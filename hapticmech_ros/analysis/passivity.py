@@ -8,7 +8,7 @@ library, moving during the whole trial.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, product
 from typing import ClassVar
@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.analysis.scene_variants import LOOPS
-from hapticmech_ros.analysis.study import Results, Sheet, Show, plain, silent
+from hapticmech_ros.analysis.study import SharedResults, Sheet, Show, plain, silent
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.loading import load_scene
@@ -245,28 +245,22 @@ HANDS: dict[str, Callable[[Scene, float], Hand]] = {
 
 
 @dataclass(frozen=True)
-class PassivityTrials(Results):
+class PassivityTrials(SharedResults):
     """Results of trials.
 
     Attributes:
         found: results of each trial, in order.
-        lost: trials without a result, as their processes were ended.
     """
 
     NAME: ClassVar[str] = "passivity"
     FAULT: ClassVar[str] = "a trial was not passive, or lost"
 
     found: tuple[Found, ...]
-    lost: tuple[str, ...] = ()
 
     @property
     def sound(self) -> bool:
         """Whether all trials were passive."""
-        return not self.lost and all(one.passive for one in self.found)
-
-    def notes(self) -> Iterable[str]:
-        """Return which trials were lost."""
-        return self.lost
+        return super().sound and all(one.passive for one in self.found)
 
     def document(self) -> list[object]:
         """Return a dictionary for each trial."""
@@ -349,7 +343,7 @@ def passivity(
         else:
             found.append(one)
             show(_line(one))
-    return PassivityTrials(tuple(found), tuple(lost))
+    return PassivityTrials(tuple(found), lost=tuple(lost))
 
 
 def _key(found: Found) -> tuple[str, bool, float]:

@@ -14,17 +14,12 @@ import numpy as np
 
 from hapticmech_ros.analysis.frontier import FINE, frontier
 from hapticmech_ros.analysis.linear_loop import Law
-from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.architecture import ControlArchitecture, device_inertia
-from hapticmech_ros.control.clutch import Clutch, pose_error
-from hapticmech_ros.control.flat import device_of
+from hapticmech_ros.control.architecture import device_inertia
+from hapticmech_ros.control.law import LawControl, LawInput
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
-from hapticmech_ros.control.measurements import ControlOutput
-from hapticmech_ros.control.prediction import InFlight, point_ahead
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.operational import OperationalAnalysis
-from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene import Scene
 
 # Gain margin of the chosen gains.
@@ -33,7 +28,7 @@ GAIN_MARGIN = 2.0
 RATIOS = np.geomspace(0.5, 8.0, 17)
 
 
-class ProxyControl(ControlArchitecture):
+class ProxyControl(LawControl):
     """A spring and damper between device and operational point.
 
     Args:
@@ -46,46 +41,16 @@ class ProxyControl(ControlArchitecture):
     """
 
     def __init__(self, scene: Scene, stiffness: float, damping: float) -> None:
-        super().__init__(with_loop(scene, False))
+        super().__init__(scene, self._pulled)
         for name, value in (("stiffness", stiffness), ("damping", damping)):
             if not (np.isfinite(value) and value >= 0.0):
                 raise InvalidInputError(f"proxy's {name}", value, "must be 0 or more")
         self.spring = stiffness * self.device_inertia
         self.damper = damping * self.device_inertia
 
-    def answer(
-        self,
-        time: float,
-        clutch: Clutch,
-        device: Array,
-        operational_model: Array,
-        ahead: float,
-        in_flight: InFlight | None = None,
-    ) -> Array:
-        """Return the wrenches for measurements, (6, 6): rows and units of :class:`ControlOutput`.
-
-        Args:
-            time: s.
-            clutch: that connects the two poses.
-            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
-            ahead: s, from the time of ``operational_model`` to that of ``device``.
-            in_flight: commands to the mechanism that have not acted yet.
-        """
-        own, point = device_of(device), point_ahead(operational_model, ahead, in_flight)
-        error = self.task * pose_error(point.pose, clutch.mapped(own.pose))
-        rate = self.task * (own.twist - point.twist)
-        ramp = clutch.ramp(time)
-        pull = ramp * (self.spring @ error + self.damper @ rate)
-        none = np.zeros(6)
-        return ControlOutput(
-            device=self.joined(time, clutch, limited(-pull, *self.limits)),
-            mechanism=limited(pull, *self.limits),
-            impedance=none,
-            joint_constraint=none,
-            four_channel=-pull,
-            error=error,
-        ).rows()
+    def _pulled(self, seen: LawInput, /) -> tuple[Array, Array]:
+        pull = self.spring @ seen.error + self.damper @ seen.rate
+        return -pull, pull
 
     def law(self) -> Law:
         """Return the linear law of this controller."""

@@ -80,11 +80,7 @@ def without_channel(scene: Scene) -> Scene:
 
 def with_loop(scene: Scene, local: bool) -> Scene:
     """Return a scene whose device closes force channel and joint constraint if ``local``."""
-    force = scene.controller.force_channel.model_copy(update={"local": local})
-    joint = scene.controller.joint_constraint.model_copy(update={"local": local})
-    changed = {"force_channel": force, "joint_constraint": joint}
-    controller = scene.controller.model_copy(update=changed)
-    return scene.model_copy(update={"controller": controller})
+    return scene.model_copy(update={"controller": scene.controller.closed_in_device(local)})
 
 
 def with_device(scene: Scene, preset: str) -> Scene:

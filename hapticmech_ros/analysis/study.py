@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -204,6 +204,28 @@ class Results(ABC):
         for name, drawn in self.figures().items():
             save(drawn, figure or out / name)
             figure = None
+
+
+@dataclass(frozen=True)
+class SharedResults(Results):
+    """Results of cases that were shared among workers.
+
+    Attributes:
+        lost: cases without a result, as their processes were ended.
+    """
+
+    FAULT: ClassVar[str] = "a case was lost with its process"
+
+    lost: tuple[str, ...] = field(default=(), kw_only=True)
+
+    @property
+    def sound(self) -> bool:
+        """Whether every case has a result."""
+        return not self.lost
+
+    def notes(self) -> Iterable[str]:
+        """Return which cases were lost."""
+        return self.lost
 
 
 def plain(value: object) -> Any:

@@ -4,6 +4,7 @@
 
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.clutch import Clutch
+from hapticmech_ros.control.law import ControlLaw, LawInput, control_for
 from hapticmech_ros.control.measurements import (
     ControlOutput,
     DeviceMeasurement,
@@ -14,8 +15,11 @@ from hapticmech_ros.control.measurements import (
 __all__ = [
     "Clutch",
     "ControlArchitecture",
+    "ControlLaw",
     "ControlOutput",
     "DeviceMeasurement",
+    "LawInput",
     "OperationalModel",
     "PointMeasurement",
+    "control_for",
 ]

@@ -47,12 +47,12 @@ class ControlArchitecture:
     pass to the new ones, see :meth:`tune`. Measurements are flat arrays, see
     :mod:`~hapticmech_ros.control.flat`.
 
-    A control law of one's own is a subclass that overrides :meth:`answer`; ``super().answer`` is
-    the scene's. Who has a control (:class:`~hapticmech_ros.session.session.Session`,
-    the rendering controller) then calls it in Python
-    for each sample that the controllers get, and does the rest as always: account, passivity,
-    connection, and the loops that the device closes, which correct the answer by the scene's gains
-    unless these say that nothing is local. Such a law
+    A control law of one's own is a function (:func:`~hapticmech_ros.control.law.control_for`), or,
+    for more, a subclass that overrides :meth:`answer`; ``super().answer`` is the scene's. Who has a
+    control (:class:`~hapticmech_ros.session.session.Session`, the rendering controller) then calls
+    it in Python for each sample that the controllers get, and does the rest as always: account,
+    passivity, connection, and the loops that the device closes, which correct the answer by the
+    scene's gains unless these say that nothing is local. Such a law
 
     - takes arrays that it does not change, and returns wrenches (6, 6), rows as in
       :class:`ControlOutput`: the first acts on the hand, the second on the mechanism, the account

@@ -8,12 +8,12 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import yaml
 
 from hapticmech_ros.errors import SceneError, SceneProblem
-from hapticmech_ros.loading.loader import find_scene, load_scene, with_own_paths
+from hapticmech_ros.loading.loader import find_scene, load_scene, with_links, with_own_paths
 from hapticmech_ros.scene.changes import with_changes
-from hapticmech_ros.scene.linkage import with_linkage
 from hapticmech_ros.scene.validation import written_document
 
 
@@ -29,7 +29,8 @@ def copy_scene(
         scene: path, or name of a shipped scene.
         out: file to make.
         changes: see :func:`~hapticmech_ros.scene.changes.with_changes`.
-        expanded: whether a ``linkage`` is written as the links and loops that it stands for.
+        expanded: whether a ``linkage`` or ``model`` is written as the links and loops that it
+            stands for.
 
     Raises:
         SceneError: as :func:`~hapticmech_ros.loading.loader.load_scene`; or the file exists, or
@@ -37,9 +38,9 @@ def copy_scene(
     """
     load_scene(scene, changes=changes)
     path = find_scene(scene)
-    document = with_own_paths(with_changes(written_document(path), changes, str(path)), path)
-    if expanded:
-        document = with_linkage(document, str(path))
+    document = with_changes(written_document(path), changes, str(path))
+    resolve = with_links if expanded else with_own_paths
+    document = _plain(resolve(document, path))
     if isinstance(document, Mapping) and "model" in document:
         model = document["model"]
         part = {"file": model} if isinstance(model, str) else dict(model)
@@ -55,3 +56,14 @@ def copy_scene(
     except OSError as error:
         rule = f"cannot be written: {error.strerror}"
         raise SceneError(str(out), [SceneProblem("file", str(out), rule)]) from None
+
+
+def _plain(value: object) -> object:
+    """Return a document with lists and numbers as YAML has them."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return value

@@ -57,12 +57,25 @@ def scene_as_written(document: object, path: Path) -> Scene:
     Raises:
         SceneError: as :func:`load_scene`.
     """
+    return scene_from_document(with_links(document, path), source=str(path))
+
+
+def with_links(document: object, path: Path) -> object:
+    """Return a scene's document with links in place of ``linkage`` or ``model``, and whole paths.
+
+    Args:
+        document: as written.
+        path: of its file, beside which those are that it names.
+
+    Raises:
+        SceneError: a linkage, or a model, that breaks rules.
+    """
     document = with_own_paths(with_linkage(document, str(path)), path)
     if isinstance(document, Mapping) and "model" in document:
         from hapticmech_ros.formats import expand  # Pinocchio, which other scenes need not load
 
-        document = expand(document, path)
-    return scene_from_document(document, source=str(path))
+        return expand(document, path)
+    return document
 
 
 def with_own_paths(document: object, path: Path) -> object:

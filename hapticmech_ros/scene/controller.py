@@ -124,6 +124,12 @@ class Controller(Part):
         """Whether the device is to correct commands by itself; see docs/passivity.md."""
         return self.force_channel.local or self.joint_constraint.local
 
+    def closed_in_device(self, local: bool) -> Controller:
+        """Return gains with force channel and joint constraint closed in the device, or not."""
+        force = self.force_channel.model_copy(update={"local": local})
+        joint = self.joint_constraint.model_copy(update={"local": local})
+        return self.model_copy(update={"force_channel": force, "joint_constraint": joint})
+
 
 class Connection(Part):
     """What lies between device and controller, beside the graph itself: none by default.

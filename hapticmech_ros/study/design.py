@@ -52,7 +52,7 @@ class Variation:
         keys = tuple(key.strip() for key in written.split(","))
         if not sign or not all(keys) or not values.strip():
             raise InvalidInputError("variation", text, RULE)
-        if ":" not in values or values.lstrip().startswith(("[", "{", '"', "'")):
+        if ":" not in values or set(values) & set(",[{'\""):
             return cls(keys, tuple(_choices(text, values)))
         parts = [part.strip() for part in values.split(":")]
         logarithmic = parts[-1] == LOGARITHMIC

@@ -27,7 +27,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError, SceneError
 from hapticmech_ros.files import open_file
 from hapticmech_ros.installation import PACKAGE
-from hapticmech_ros.loading.loader import find_scene, scene_as_written
+from hapticmech_ros.loading.loader import find_scene, scene_as_written, with_links
 from hapticmech_ros.scene import Scene, document_of
 from hapticmech_ros.scene.angles import angle_of
 from hapticmech_ros.scene.changes import with_changes
@@ -178,7 +178,8 @@ def run_study(
     Args:
         scene: a path, a shipped scene's name, or a scene. It has to run as it is: its numbers tell
             which there are. Of a file, keys are those that are written in it, such as points of a
-            ``linkage``, and gains follow rules anew where it gives none; of a scene they are kept.
+            ``linkage``, or of the links that its ``model`` stands for; gains follow rules anew
+            where it gives none. Of a scene they are kept.
         design: how its keys vary.
         measures: what is measured; see :mod:`~hapticmech_ros.study.measures`.
         point: operational point; the scene's first one if empty.
@@ -199,7 +200,7 @@ def run_study(
     """
     if not measures:
         raise InvalidInputError("measures", "none", "there must be at least one")
-    first = Task(*_written(scene, changes), tuple(measures), point)
+    first = Task(*_written(scene, changes, design), tuple(measures), point)
     base = first.scene(())
     base.operational_point(point)
     columns = tuple(first.measured(base))
@@ -237,7 +238,9 @@ def run_study(
     )
 
 
-def _written(scene: str | os.PathLike[str] | Scene, changes: Sequence[str]) -> tuple[object, Path]:
+def _written(
+    scene: str | os.PathLike[str] | Scene, changes: Sequence[str], design: Design
+) -> tuple[object, Path]:
     """Return the document that is varied, and its path.
 
     Raises:
@@ -249,7 +252,12 @@ def _written(scene: str | os.PathLike[str] | Scene, changes: Sequence[str]) -> t
     else:
         path = find_scene(scene).absolute()
         document = written_document(path)
-    return with_changes(document, changes, str(path)), path
+    document = with_changes(document, changes, str(path))
+    keys = [key.partition(".")[0] for one in design.variations for key in one.keys]
+    if isinstance(document, Mapping) and "model" in document and "model" not in keys:
+        # The file is read once, and its links have keys.
+        document = with_links(document, path)
+    return document, path
 
 
 def _fill(

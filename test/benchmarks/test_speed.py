@@ -28,7 +28,7 @@ from benchmarks.speed.contender import (
 from benchmarks.speed.equality import Check, check
 from benchmarks.speed.mujoco_peer import MujocoPeer, MujocoScene
 from benchmarks.speed.own_peer import OwnPeer
-from benchmarks.speed.pinocchio_peer import PinocchioDynamics, PinocchioPeer
+from benchmarks.speed.pinocchio_peer import LOOPS, PinocchioDynamics, PinocchioPeer
 from benchmarks.speed.platform import stewart_platform
 from benchmarks.speed.problems import ASKED, NAMES, Problem, problems
 from benchmarks.speed.result import numbers_of, run_once
@@ -53,10 +53,19 @@ def of(problem: Problem, peer: Peer, method: str) -> Check:
 @pytest.mark.parametrize("name", SMALL)
 @pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
 def test_all_simulators_compute_the_same_motion(peer: Peer, name: str) -> None:
-    found = [check(PROBLEMS[name], peer, method) for method in peer.methods]
-    assert any(one.passed for one in found), [one.reason for one in found]
+    found = {one.method: one for one in (check(PROBLEMS[name], peer, m) for m in peer.methods)}
+    if (peer.name, name) == ("exudyn", "spatial_four_bar"):
+        # Its tree has no spherical joints, its bodies are in the plane.
+        assert not any(one.suitable for one in found.values())
+        return
+    assert any(one.passed for one in found.values()), [one.reason for one in found.values()]
+    # lcaba needs loops, and does not give the accelerations of a rod on a ball.
+    lcaba = found.pop(LOOPS, None)
+    if lcaba is not None:
+        loops = any(closure.active for closure in PROBLEMS[name].scene.closures)
+        assert lcaba.passed == (loops and name != "spatial_four_bar"), lcaba.reason
     # Of Exudyn's two forms of a mechanism one is enough: it does not do all in both.
-    assert peer.name == "exudyn" or all(one.passed for one in found)
+    assert peer.name == "exudyn" or all(one.passed for one in found.values())
 
 
 def test_by_the_same_rule_we_and_others_have_the_same_error() -> None:

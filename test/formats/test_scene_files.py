@@ -4,17 +4,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 
 from formats.imports import Read
 from formats.test_urdf import inertial_of
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
+from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
 
+ROOT = Path(__file__).resolve().parents[2]
 # Rounding of transforms of a few metres, of angles taken from rotations and put in again.
 SAME = 1e-13
 # A post in the world, an arm of three: names as files have them, two with a frame of their own.
@@ -147,3 +152,12 @@ def test_the_point_held_is_the_tip_where_the_scene_is_silent(scene_of):
 def test_links_cannot_be_said_twice(scene_of):
     with pytest.raises(SceneError, match="links come from the model"):
         scene_of("links: []\n")
+
+
+@pytest.mark.parametrize("name", ["pantograph.yaml", "pantograph.urdf"])
+def test_a_scene_with_a_model_can_be_written_out(tmp_path, name):
+    """Into another folder, without its model: the same scene to the bit."""
+    path, copy = ROOT / "examples" / name, tmp_path / "copy.yaml"
+    copy_scene(path, copy, ["device.mass=0.2"], expanded=True)
+    assert "model" not in yaml.safe_load(copy.read_text(encoding="utf-8"))
+    assert load_scene(copy) == load_scene(path, changes=["device.mass=0.2"])

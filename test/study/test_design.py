@@ -40,6 +40,7 @@ def test_ends_may_be_angles_and_values_anything_of_yaml():
         "[0, 0, 0]",
     )
     assert Variation.read("controller.passivity.control=true,false").choices == ("true", "false")
+    assert Variation.read("model=a.urdf,{file: b.urdf}").choices == ("a.urdf", "{file: b.urdf}")
 
 
 def test_several_keys_get_the_same_value():

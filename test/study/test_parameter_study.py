@@ -25,6 +25,7 @@ from study.counting import FOLDER
 MASSES = "device.mass=0.1,0.2,0.3,0.4,0.5,0.6"
 HEADING = "time,fx,fy,fz,tx,ty,tz\n"
 BARS = Path(__file__).resolve().parents[2] / "examples" / "four_bar.yaml"
+PANTOGRAPH = BARS.with_name("pantograph.yaml")
 
 
 def of(*texts, **more):
@@ -84,6 +85,29 @@ def test_a_linkage_is_varied_by_its_points_and_gains_follow_the_rule():
         scene = load_scene(BARS, changes=design.changes(index))
         alone = run_study(scene, of("hand.start_delay=0.0"), ("felt", "limits"))
         assert np.array_equal(alone.numbers[0], found.numbers[index])
+
+
+def test_links_of_a_urdf_are_varied_like_any_others_and_read_once(monkeypatch):
+    from hapticmech_ros.formats import reading
+
+    read = []
+    original = reading.read_model
+    monkeypatch.setattr(
+        reading, "read_model", lambda *given: (read.append(given), original(*given))[1]
+    )
+    found = run_study(PANTOGRAPH, of("links.left_lower.inertial.mass=0.05:0.4:6"))
+    assert len(read) == 1
+    assert not found.failed
+    scene = load_scene(PANTOGRAPH)
+    for value, row in zip(
+        found.values()["links.left_lower.inertial.mass"], found.numbers, strict=True
+    ):
+        changed = scene.with_(f"links.left_lower.inertial.mass={float(value)!r}")
+        alone = run_study(changed, of("hand.start_delay=0.0"))
+        assert np.array_equal(alone.numbers[0], row)
+    parts = "{file: pantograph.urdf, joints: {left_elbow: {armature: 0.01}}}"
+    joints = run_study(PANTOGRAPH, of(f"model=pantograph.urdf,{parts}"))
+    assert joints.arrays()["mass_x"][0] < joints.arrays()["mass_x"][1]
 
 
 def test_an_experiment_has_its_figures():

@@ -1,0 +1,213 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Solutions of A01 to A05 as the IFToMM library of computational benchmark problems takes them.
+
+``python -m benchmarks.accuracy.submission``: for each problem a text file of its results, and what
+the library's form asks for: accuracy, CPU time, processor, operating system, method.
+"""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from benchmarks.accuracy.cases import Case, cases
+from benchmarks.accuracy.run import Watch, read_output
+from benchmarks.machine import machine
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.cli import run_app
+from hapticmech_ros.cli.console import OutOption, console
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.simulation import MechanismState, Simulator
+
+# s of each problem, and of them between two rows of its results.
+DURATIONS = {"A01": 10.0, "A02": 10.0, "A03": 0.05, "A04": 10.0, "A05": 10.0}
+ROWS = 1000
+METHOD = (
+    "Relative coordinates of a spanning tree; loops by closure rows, whose forces act by the "
+    "dynamically consistent inverse of the joint-space inertia, with rank decided at every step; "
+    "position and velocity projected in the mass metric after each step. Integrator {integrator}, "
+    "step {step} s. hapticmech_ros {version} (Apache-2.0), Python with kernels compiled by Numba, "
+    "one thread."
+)
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """A problem's solution.
+
+    Attributes:
+        case: that was solved.
+        integrator, step: by which; s.
+        columns: names of the numbers of a row, with their units.
+        rows: (n, m) time, s, outputs, m or rad, and mechanical energy less the work of constant
+            efforts, J.
+        energy_error: largest change of that energy, J; None where it is dissipated.
+        position_error: largest difference from the reference at its times, m or rad; NaN if none.
+        cpu_s: CPU time of all steps, s.
+    """
+
+    case: Case
+    integrator: str
+    step: float
+    columns: tuple[str, ...]
+    rows: Array
+    energy_error: float | None
+    position_error: float
+    cpu_s: float
+
+    @property
+    def name(self) -> str:
+        """Of its files."""
+        return f"{self.case.problem}_{self.case.name}"
+
+    def results(self) -> str:
+        """Return the results file: a heading, then rows of numbers with tabs between them."""
+        lines = ["\t".join(self.columns)]
+        lines += ["\t".join(f"{number:.10e}" for number in row) for row in self.rows.tolist()]
+        return "\n".join(lines) + "\n"
+
+    def form(self) -> str:
+        """Return what the form asks for, in Markdown."""
+        about = machine()
+        method = METHOD.format(
+            integrator=self.integrator, step=f"{self.step:g}", version=version("hapticmech_ros")
+        )
+        error = (
+            f"{self.position_error:.2e} (largest difference from the reference)"
+            if self.energy_error is None
+            else f"{self.energy_error:.2e} J (largest change of the mechanical energy);"
+            f" {self.position_error:.1e} from the reference positions"
+        )
+        told = (
+            ("Problem", f"{self.case.problem}, {self.case.title}"),
+            ("Simulated", f"{self.rows[-1, 0]:g} s"),
+            ("Accuracy", error),
+            ("CPU time", f"{self.cpu_s:.4f} s"),
+            ("CPU / GPU", f"{about['processor']}, one core"),
+            (
+                "Operating system",
+                f"{platform.system()} {about['kernel']}, Python {about['python']}",
+            ),
+            ("Method description", method),
+            ("Results file", f"{self.name}.txt"),
+        )
+        return "".join(f"- **{key}**: {value}\n" for key, value in told)
+
+
+def solved(case: Case, duration: float) -> Solution:
+    """Solve a problem by the integrator and step of its scene.
+
+    Args:
+        case: to solve.
+        duration: s; output times of the reference beyond it are not compared.
+
+    Raises:
+        HapticMechError: a step that failed.
+    """
+    simulator, looked = Simulator(case.scene), Mechanism(case.scene)
+    simulation = looked.scene.simulation
+    steps = round(duration / simulation.period)
+    every = max(1, steps // ROWS)
+    watch = Watch(_until(case, duration), simulation.period, looked)
+    nothing = np.zeros((len(simulator.mechanism.point_names), 6))
+    state = start = simulator.initial_state()
+    for _ in range(every):
+        simulator.step(state, nothing)
+    rows, energies, cpu_s = [_row(case, looked, start, 0.0)], [], 0.0
+    watch.record(0, start)
+    for first in range(0, steps, every):
+        states = []
+        begun = time.process_time()
+        for _ in range(min(every, steps - first)):
+            state = simulator.step(state, nothing)
+            states.append(state)
+        cpu_s += time.process_time() - begun
+        for number, seen in enumerate(states, first + 1):
+            watch.record(number, seen)
+            energies.append(_energy(looked, seen))
+        rows.append(_row(case, looked, state, (first + len(states)) * simulation.period))
+    dissipates = any(link.joint.damping for link in looked.scene.links) or any(
+        spring.damping for spring in looked.scene.springs
+    )
+    begun_with = _energy(looked, start)
+    return Solution(
+        case,
+        simulation.integrator,
+        simulation.period,
+        tuple(_columns(case)),
+        np.array(rows),
+        None if dissipates else float(np.abs(np.array(energies) - begun_with).max()),
+        max(watch.errors().values(), default=np.nan),
+        cpu_s,
+    )
+
+
+def _until(case: Case, duration: float) -> Case:
+    """Return a case that is compared up to a time, s."""
+    outputs = []
+    for output in case.outputs:
+        kept = [k for k, at in enumerate(output.times) if at <= duration]
+        times = tuple(output.times[k] for k in kept)
+        values = tuple(output.values[k] for k in kept)
+        if times:
+            outputs.append(replace(output, times=times, values=values))
+    return replace(case, outputs=tuple(outputs))
+
+
+def _columns(case: Case) -> Iterator[str]:
+    yield "time (s)"
+    for output in case.outputs:
+        if output.kind == "joint":
+            yield f"{output.name} (rad)"
+        else:
+            yield from (f"{output.name} {'xyz'[axis]} (m)" for axis in output.components)
+    yield "energy (J)"
+
+
+def _row(case: Case, mechanism: Mechanism, state: MechanismState, at: float) -> list[float]:
+    """Return a row of results at a time, s."""
+    found = [at]
+    for output in case.outputs:
+        found += read_output(mechanism, output, state)
+    return [*found, _energy(mechanism, state)]
+
+
+def _energy(mechanism: Mechanism, state: MechanismState) -> float:
+    """Return the mechanical energy less the work of constant efforts since a coordinate's zero."""
+    efforts = {link.joint.name: link.joint.effort for link in mechanism.scene.links}
+    tree, work = mechanism.tree, 0.0
+    for index, name in enumerate(tree.joint_names):
+        if efforts.get(name):
+            work += efforts[name] * float(state.q[tree.position_slice(index)][0])
+    return float(sum(mechanism.energy(state.q, state.v))) - work
+
+
+@app.command()
+def submission(
+    names: Annotated[list[str] | None, typer.Argument(help="of cases; all if none")] = None,
+    out: OutOption = Path("iftomm"),
+) -> None:
+    """Solve the problems, and write their results files and forms."""
+    out.mkdir(parents=True, exist_ok=True)
+    for case in cases():
+        if names and case.name not in names:
+            continue
+        found = solved(case, DURATIONS[case.problem])
+        (out / f"{found.name}.txt").write_text(found.results(), encoding="utf-8")
+        (out / f"{found.name}.md").write_text(found.form(), encoding="utf-8")
+        console.print(f"{found.name}\n{found.form()}", highlight=False, markup=False)
+
+
+if __name__ == "__main__":
+    run_app(app)

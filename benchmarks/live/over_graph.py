@@ -1,0 +1,145 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From the mouse to a force in a running graph: ``hapticmech run --live``, dragged in a browser."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import WrenchStamped
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from benchmarks.children import BenchError
+from benchmarks.live.browser import Page, wait_until
+from benchmarks.live.served import drag, sight
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.graph import private_environment, stop_process
+from hapticmech_ros.live.commands import HAND
+from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
+
+PORT = 8790
+# The mouse jumps so far, px, and is still for so long, s, until the hand has come there.
+JUMP, STILL_S = 40, 0.5
+# Of a jump's force, what has to have come; N, of which a jump has more.
+SHARE, LEAST_N = 0.5, 0.02
+
+
+class _Forces:
+    """Hears the wrenches that the page sends to the device: arrival, monotonic s, and N."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[float, float, float]] = []
+        rclpy.init()
+        self._node = rclpy.create_node("watch")
+        topic = "device/hand_cf/live_page"
+        self._node.create_subscription(WrenchStamped, topic, self._heard, STREAM_PUBLISHER)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._spin)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return
+
+    def _heard(self, message: WrenchStamped) -> None:
+        force = message.wrench.force
+        self.rows.append((time.monotonic(), force.x, force.y))
+
+    def close(self) -> None:
+        """Hear no more."""
+        rclpy.shutdown()
+        self._thread.join()
+
+
+@contextmanager
+def running(scene: str, folder: Path) -> Iterator[tuple[str, _Forces]]:
+    """Run a graph with a page, and yield its address and what is heard of its forces."""
+    environment = private_environment(73)
+    os.environ.update(environment)
+    command = [sys.executable, "-m", "hapticmech_ros", "run", scene, "--live"]
+    command += ["-p", "haptic_device.hand=commanded", "-p", f"live_page.port={PORT}"]
+    output = folder / "graph.log"
+    with output.open("w") as stream:
+        process = subprocess.Popen(
+            command, env=environment, stdout=stream, stderr=subprocess.STDOUT, text=True
+        )
+        try:
+            found = wait_until(
+                lambda: re.findall(r"\[live_page\]: (http\S+)", output.read_text("utf-8")),
+                "the page's address",
+            )
+            forces = _Forces()
+            try:
+                yield found[0], forces
+            finally:
+                forces.close()
+        finally:
+            stop_process(process)
+
+
+def drag_in_steps(page: Page, forces: _Forces, scene: str, jumps: int) -> tuple[Array, Array]:
+    """Let the mouse jump, and return how long its force took each time, s.
+
+    Args:
+        page: of a running graph.
+        forces: that are heard of it.
+        scene: that it renders, a planar one.
+        jumps: how many.
+
+    Returns:
+        (jumps,) from when the mouse moved, and from when the browser told the page.
+
+    Raises:
+        BenchError: a jump without a force.
+    """
+    wait_until(lambda: "Hz" in page.text("live-rate"), "the graph's rate on the page")
+    # A drag begins with the first moves.
+    x, y = drag(page, sight(page, scene).hand, float(JUMP))
+    page.wait_for_text("live-dragged", HAND)
+    page.ask("window.moves.length = 0")
+    sent = np.zeros(jumps)
+    for jump in range(jumps):
+        time.sleep(STILL_S)
+        sent[jump] = time.monotonic()
+        # To and fro: it stays where it can be reached.
+        page.mouse("mouseMoved", x - JUMP * (1 - jump % 2), y, pressed=True)
+    time.sleep(STILL_S)
+    page.mouse("mouseReleased", x, y)
+    told = np.array([one[0] for one in page.ask("window.moves")])[:jumps]
+    told = 1e-3 * told + (time.monotonic() - time.time())
+    came = _arrivals(np.array(forces.rows), sent)
+    return came - sent, came - told
+
+
+def _arrivals(rows: Array, sent: Array) -> Array:
+    """Return when the force of each jump came first, s.
+
+    Args:
+        rows: (n, 3) arrivals, s, and forces, N.
+        sent: (jumps,) when the mouse jumped, s.
+
+    Raises:
+        BenchError: a jump without a force.
+    """
+    found = np.zeros(sent.size)
+    for jump, begun in enumerate(sent.tolist()):
+        before = rows[rows[:, 0] <= begun][-1]
+        after = rows[(rows[:, 0] > begun) & (rows[:, 0] < begun + STILL_S)]
+        changed = np.hypot(*(after[:, 1:] - before[1:]).T) if len(after) else np.zeros(0)
+        if not changed.size or changed.max() < LEAST_N:
+            raise BenchError(f"jump {jump} of the mouse had no force")
+        found[jump] = after[np.argmax(changed > SHARE * changed.max()), 0]
+    return found
