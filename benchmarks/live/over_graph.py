@@ -120,11 +120,11 @@ def drag_in_steps(page: Page, forces: _Forces, scene: str, jumps: int) -> tuple[
     page.mouse("mouseReleased", x, y)
     told = np.array([one[0] for one in page.ask("window.moves")])[:jumps]
     told = 1e-3 * told + (time.monotonic() - time.time())
-    came = _arrivals(np.array(forces.rows), sent)
+    came = arrivals(np.array(forces.rows), sent)
     return came - sent, came - told
 
 
-def _arrivals(rows: Array, sent: Array) -> Array:
+def arrivals(rows: Array, sent: Array) -> Array:
     """Return when the force of each jump came first, s.
 
     Args:
