@@ -126,12 +126,17 @@ def test_ticks_leave_nothing_behind(make: Callable[[Scene], Tick], scene: Scene)
     arrays = arrays_now()
     gc.collect()
     objects = len(gc.get_objects())
-    before, _ = tracemalloc.get_traced_memory()
-    for _ in range(TICKS):
-        tick()
-    gc.collect()
-    after, _ = tracemalloc.get_traced_memory()
-    assert after - before < LEFT_BEHIND
+    # A table of the interpreter grows once, for whatever test came before; what ticks leave behind
+    # they leave behind again.
+    left = []
+    for _ in range(2):
+        before, _ = tracemalloc.get_traced_memory()
+        for _ in range(TICKS):
+            tick()
+        gc.collect()
+        after, _ = tracemalloc.get_traced_memory()
+        left.append(after - before)
+    assert min(left) < LEFT_BEHIND, left
     assert len(gc.get_objects()) - objects < OBJECTS
     assert arrays_now() <= arrays
 

@@ -95,6 +95,34 @@ def test_a_node_needs_nothing_of_the_commands(tmp_path):
     assert not OF_COMMANDS & set(ran.stdout.split())
 
 
+def test_nodes_of_small_scenes_start_without_scipy():
+    """It takes a tenth of a second to load, which a node that starts again does not have.
+
+    Orders of a sparse factorisation and hulls of meshes need it.
+    """
+    program = (
+        "import sys\nimport hapticmech_ros.nodes.runtime\n"
+        "from hapticmech_ros import Simulator\n"
+        "from hapticmech_ros.device import device_for\n"
+        "from hapticmech_ros.control import ControlArchitecture\n"
+        "from hapticmech_ros.loading import load_scene\n"
+        "from hapticmech_ros.operational import Analyser\n"
+        "for name in ('door', 'five_bar', 'four_bar_closing', 'slider_crank_engine', 'ur5e'):\n"
+        "    scene = load_scene(name)\n"
+        "    simulator, _ = Simulator(scene), (device_for(scene), ControlArchitecture(scene))\n"
+        "    state = simulator.initial_state()\n"
+        "    analyser = Analyser(simulator.mechanism)\n"
+        "    analyser.observe(state.q, state.v, state.active)\n"
+        "    print(name, 'scipy.linalg' in sys.modules)\n"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
+    )
+    started = dict(line.split() for line in ran.stdout.splitlines())
+    assert len(started) == 5
+    assert set(started.values()) == {"False"}, started
+
+
 def test_every_requirement_has_a_lowest_version():
     assert len(NEEDED) > 10
     for one in NEEDED:

@@ -24,7 +24,7 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import Active, LoopClosure
-from hapticmech_ros.mechanism.constraint_space import Closing, solve_lower
+from hapticmech_ros.mechanism.constraint_space import Closing
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
 from hapticmech_ros.mechanism.model import TreeModel, authored_state, se3
 from hapticmech_ros.mechanism.tolerances import RESOLVED, SOLVER_RANK_TOLERANCE
@@ -216,7 +216,8 @@ class _Fitting:
     def _at(self, mechanism: _Fittable, q: Array) -> _At:
         closing = mechanism.closing_terms(q, self._active)
         parts, units = closing.dense.parts, self._units
-        columns = solve_lower(parts.factor, (parts.jacobian / units[:, None]).T)
+        # Not by BLAS's trsm: nodes come here as they start, and SciPy takes a tenth of a second.
+        columns = np.linalg.solve(parts.factor, (parts.jacobian / units[:, None]).T)
         right, sigma, left = np.linalg.svd(columns)
         return _At(
             q,
