@@ -15,6 +15,7 @@ import typer
 from hapticmech_ros.cli.console import (
     ChangesOption,
     OutOption,
+    PointOption,
     SceneArgument,
     console,
     progress,
@@ -29,9 +30,7 @@ if TYPE_CHECKING:
 def analyse(
     bag: Annotated[Path, typer.Argument(help="bag folder, or one .mcap or .db3 file")],
     scene: Annotated[str, typer.Option(help="shipped scene, or path of a YAML file")] = "five_bar",
-    point: Annotated[
-        str, typer.Option(help="operational point", show_default="the scene's first")
-    ] = "",
+    point: PointOption = "",
     topic: Annotated[
         str,
         typer.Option(
@@ -74,9 +73,7 @@ def sweep(
     joint: Annotated[
         list[str], typer.Option(help="NAME=FROM:TO:NUMBER, rad or m; once per prescribed joint")
     ],
-    point: Annotated[
-        str, typer.Option(help="operational point", show_default="the scene's first")
-    ] = "",
+    point: PointOption = "",
     processes: ProcessesOption = 2,
     cluster: ClusterOption = "",
     changes: ChangesOption = None,

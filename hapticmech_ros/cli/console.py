@@ -24,6 +24,9 @@ ChangesOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="key of the scene, any number of them"),
 ]
+PointOption = Annotated[
+    str, typer.Option(help="operational point", show_default="the scene's first")
+]
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="folder for the results")]
 ComposedOption = Annotated[bool, typer.Option(help="all four nodes in one process")]
 TransportOption = Annotated[

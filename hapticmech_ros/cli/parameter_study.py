@@ -12,6 +12,7 @@ import typer
 from hapticmech_ros.cli.console import (
     ChangesOption,
     OutOption,
+    PointOption,
     SceneArgument,
     errors,
     progress,
@@ -36,9 +37,7 @@ def study(
     measure: Annotated[
         str, typer.Option(help="felt, limits, experiment, or module:function, with commas")
     ] = "felt",
-    point: Annotated[
-        str, typer.Option(help="operational point", show_default="the scene's first")
-    ] = "",
+    point: PointOption = "",
     processes: ProcessesOption = 2,
     cluster: ClusterOption = "",
     changes: ChangesOption = None,

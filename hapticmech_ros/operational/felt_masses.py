@@ -14,7 +14,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.operational.results import OperationalAnalysis
 
 # Responses below this share of the largest one are rounding.
-_RIGID = 1e-9
+RIGID = 1e-9
 
 
 def felt_masses(analysis: OperationalAnalysis) -> tuple[Array, Array]:
@@ -26,7 +26,7 @@ def felt_masses(analysis: OperationalAnalysis) -> tuple[Array, Array]:
     response, vectors = np.linalg.eigh(analysis.inverse_inertia[np.ix_(rows, rows)])
     response, vectors = response[::-1], vectors[:, ::-1]
     masses = np.full(rows.size, np.inf)
-    felt = response > _RIGID * max(float(response[0]), 0.0)
+    felt = response > RIGID * max(float(response[0]), 0.0)
     masses[felt] = 1.0 / response[felt]
     directions = np.zeros((3, rows.size))
     directions[rows] = vectors

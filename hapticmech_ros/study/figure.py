@@ -19,6 +19,8 @@ from hapticmech_ros.study.measures import with_unit
 MOST_ROWS = 6
 # Of a number that varies more than so many times, the axis is logarithmic.
 WIDE = 100.0
+# A number that varies less is zero up to rounding, such as s of a rigid direction.
+ROUNDING = 1e-12
 CAPTION = (
     "Numbers of a study over the keys that were varied (SI units), one dot a scene; infinite ones, "
     "where a direction is rigid, are not drawn."
@@ -55,7 +57,7 @@ def study_figure(
 
 def _varies(column: Array) -> bool:
     finite = column[np.isfinite(column)]
-    return finite.size > 1 and bool(np.ptp(finite) > 1e-9 * np.abs(finite).max())
+    return finite.size > 1 and bool(np.ptp(finite) > max(1e-9 * np.abs(finite).max(), ROUNDING))
 
 
 def _is_wide(column: Array) -> bool:

@@ -63,7 +63,7 @@ class Journal:
         columns: names of the numbers of each row.
 
     Attributes:
-        rows: all that are there.
+        rows: those that were there when it was opened.
 
     Raises:
         StudyError: the folder has another study, or another process is at it.
@@ -111,8 +111,6 @@ class Journal:
         left = memoryview(records.tobytes())
         while left:
             left = left[os.write(self._file, left) :]
-        self.rows.measured |= rows.measured
-        self.rows.failed |= rows.failed
 
     def _crc(self, record: Any) -> int:
         return zlib.crc32(record.tobytes()[: -self._record["crc"].itemsize])

@@ -12,8 +12,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib import import_module
-from math import nan
+from math import inf, nan
 from typing import Protocol
+
+import numpy as np
 
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import loop_margins
@@ -21,7 +23,7 @@ from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError, nearest
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.counter import rigid_count
-from hapticmech_ros.operational.felt_masses import felt_masses
+from hapticmech_ros.operational.felt_masses import RIGID, felt_masses
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import Simulator
 
@@ -42,23 +44,24 @@ class Measure(Protocol):
         ...
 
 
-def _at_the_start(scene: Scene, point: str) -> OperationalAnalysis:
+def _at_the_start(scene: Scene, point: str) -> tuple[OperationalAnalysis, float]:
+    """Return the analysis of a point at the scene's start, and the mechanism's length, m."""
     simulator = Simulator(scene)
     terms = simulator.evaluate(simulator.initial_state())
-    return Analyser(simulator.mechanism, point).analyse(terms)
+    return Analyser(simulator.mechanism, point).analyse(terms), simulator.mechanism.length
 
 
 def felt(scene: Scene, point: str) -> dict[str, float]:
     """Return what is felt at the start, at rest.
 
-    ``count`` of joint constraints; least and largest mass (kg) felt in any direction, infinite
-    where it is rigid; ``mass_x`` and so on, 1 / X_ii (kg), and ``inertia_z`` and so on (kg m²); the
-    spectrum s = √μ, ``s1`` the largest.
+    ``count`` of joint constraints; least and largest mass (kg) felt in any direction; ``mass_x``
+    and so on, 1 / X_ii (kg), and ``inertia_z`` and so on (kg m²); all of these infinite where it is
+    rigid. The spectrum s = √μ, ``s1`` the largest.
 
     Raises:
         HapticMechError: loops that do not close, or a joint that moves no mass.
     """
-    analysis = _at_the_start(scene, point)
+    analysis, length = _at_the_start(scene, point)
     masses = felt_masses(analysis)[0].tolist()
     found = {
         "count": float(rigid_count(analysis.spectrum.s, scene.perception)),
@@ -66,9 +69,12 @@ def felt(scene: Scene, point: str) -> dict[str, float]:
         "mass_largest": masses[-1],
     }
     names = [*(f"mass_{axis}" for axis in "xyz"), *(f"inertia_{axis}" for axis in "xyz")]
-    response = analysis.inverse_inertia.diagonal().tolist()
+    response = analysis.inverse_inertia.diagonal()
+    # 1/kg: of a turn, at the mechanism's length from its axis.
+    comparable = response * np.repeat((1.0, length**2), 3)
+    felt_there = comparable > RIGID * comparable[analysis.rows].max()
     for row in analysis.rows.tolist():
-        found[names[row]] = 1.0 / response[row] if response[row] > 0.0 else float("inf")
+        found[names[row]] = float(1.0 / response[row]) if felt_there[row] else inf
     spectrum = analysis.spectrum.s.tolist()
     return found | {f"s{number}": s for number, s in enumerate(spectrum, 1)}
 
@@ -82,7 +88,7 @@ def limits(scene: Scene, point: str) -> dict[str, float]:
     Raises:
         HapticMechError: as :func:`felt`.
     """
-    analysis = _at_the_start(scene, point)
+    analysis, _ = _at_the_start(scene, point)
     model = operational_model_of(analysis)
     control = ControlArchitecture(scene)
     margins = loop_margins(control, model, analysis.rows, scene.simulation.period)

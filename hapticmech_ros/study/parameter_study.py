@@ -14,7 +14,6 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -24,6 +23,7 @@ from matplotlib.figure import Figure
 
 from hapticmech_ros.analysis.study import Results, Sheet, plain
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.cluster import versions
 from hapticmech_ros.errors import InvalidInputError, SceneError
 from hapticmech_ros.files import open_file
 from hapticmech_ros.installation import PACKAGE
@@ -208,7 +208,7 @@ def run_study(
     digest = _sha256(base)
     definition = {
         "format": "hapticmech-study/1",
-        "version": _version(),
+        "version": versions()[PACKAGE],
         "scene": base.name,
         "scene_sha256": digest,
         "variations": [plain(one) for one in design.variations],
@@ -344,13 +344,6 @@ def _files(value: object) -> Iterator[str]:
     elif isinstance(value, list | tuple):
         for inner in value:
             yield from _files(inner)
-
-
-def _version() -> str:
-    try:
-        return version(PACKAGE)
-    except PackageNotFoundError:
-        return "source"
 
 
 def _number(text: str) -> float | None:

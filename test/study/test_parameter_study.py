@@ -70,6 +70,12 @@ def test_the_mass_felt_is_that_of_the_closed_form():
     assert np.isinf(numbers["mass_y"]).all()
     assert np.isinf(numbers["mass_largest"]).all()
     assert (numbers["count"] == 2).all()
+    # A rail that is turned by a right angle: across it there is rounding, which is no mass.
+    turned = of("links.block.joint.origin={rpy: [0, 0, 1.5707963267948966]}")
+    rows = run_study(scene_from_document(rail), turned).arrays()
+    assert abs(rows["mass_y"][0] - 1.0) < 1e-14
+    assert np.isinf(rows["mass_x"][0])
+    assert np.isinf(rows["inertia_z"][0])
 
 
 def test_a_linkage_is_varied_by_its_points_and_gains_follow_the_rule():
